@@ -16,8 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats.qmc import LatinHypercube
 
-from optim.calibration.misfit import REPLICAS, Linearised, Misfit
-from optim.calibration.uncertainty import Uncertainty, uncertainty
+from optim.calibration.misfit import REPLICAS, Linearised, Misfit, Uncertainty, uncertainty
 from robots.calibration import BOUNDS, KINDS, NAMES, Drag, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
 
@@ -30,25 +29,15 @@ _NEAR_BOUND = 0.01  # of the logarithm
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What was found.
+    """What was found."""
 
-    Attributes:
-        before: properties that the search began with.
-        after: those found.
-        names: of the properties that were fitted, K.
-        uncertainty: of their logarithms.
-        predictions: of all points before and after, shape (2, N).
-        misfit: root mean square residual before and after, in standard deviations.
-        at_bound: names of properties that ended at a bound.
-    """
-
-    before: Properties
-    after: Properties
-    names: tuple[str, ...]
-    uncertainty: Uncertainty
-    predictions: Floats
-    misfit: tuple[float, float]
-    at_bound: tuple[str, ...]
+    before: Properties  # properties that the search began with
+    after: Properties  # those found
+    names: tuple[str, ...]  # of the properties that were fitted, K
+    uncertainty: Uncertainty  # of their logarithms
+    predictions: Floats  # of all points before and after, shape (2, N)
+    misfit: tuple[float, float]  # root mean square residual before and after, in standard deviations
+    at_bound: tuple[str, ...]  # names of properties that ended at a bound
 
     @property
     def intervals(self) -> Floats:
@@ -64,14 +53,7 @@ def calibrate(
     bounds: Mapping[str, tuple[float, float]] = BOUNDS,
     progress: Told | None = None,
 ) -> Calibration:
-    """Fit properties to experiments, beginning with those of the laboratory's robot.
-
-    Args:
-        experiments: what was measured.
-        laboratory: how it is simulated; stiff enough for the bounds.
-        names: of the properties to fit.
-        bounds: of the properties.
-        progress: called with the fraction done, roughly, and what was found.
+    """Fit properties to experiments, beginning with those of the laboratory's robot, stiff enough for the bounds.
 
     Raises:
         ValueError: for unknown names, too few points, and properties that the data cannot tell.
@@ -87,8 +69,7 @@ def calibrate(
 def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None:
     """Check, before anything is simulated, that experiments may tell these properties.
 
-    Raises:
-        ValueError: for unknown names, too few points, and properties that act in no experiment.
+    Raises ValueError for unknown names, too few points, and properties that act in no experiment.
     """
     if unknown := [name for name in names if name not in NAMES]:
         raise ValueError(f"fit: {unknown[0]!r} is unknown; choose of {', '.join(NAMES)}")

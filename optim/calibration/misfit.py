@@ -1,10 +1,16 @@
-"""How far simulated experiments are from measured ones, as a function of the logarithms of some properties."""
+"""How far simulated experiments are from measured ones, by the logarithms of some properties, and how sure these are.
+
+Standard errors of weighted nonlinear least squares (Seber & Wild, "Nonlinear Regression", 1989, ch. 2 and 5), for
+errors of two kinds: the noise of the measurement, and what contact makes of a start that no one knows to a micrometre,
+which is correlated along a track.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import norm, t
 
 from robots.calibration import Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Bools, Floats
@@ -17,19 +23,12 @@ FAR_OFF = 1e3  # residual of what diverges
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The misfit at a point, and around it.
+    """The misfit at a point, and around it."""
 
-    Attributes:
-        predictions: of all points, the mean of the replicas, shape (N,).
-        residuals: (prediction - measurement) / standard deviation, shape (N,).
-        slopes: derivatives of the residuals by the logarithms of the properties, shape (N, K).
-        scatter: covariance of one replica's residuals by noise on its start, shape (N, N).
-    """
-
-    predictions: Floats
-    residuals: Floats
-    slopes: Floats
-    scatter: Floats
+    predictions: Floats  # of all points, the mean of the replicas, shape (N,)
+    residuals: Floats  # (prediction - measurement) / standard deviation, shape (N,)
+    slopes: Floats  # derivatives of the residuals by the logarithms of the properties, shape (N, K)
+    scatter: Floats  # covariance of one replica's residuals by noise on its start, shape (N, N)
 
     def weighted(self, factors: Floats) -> "Linearised":
         """The same in other standard deviations: residuals times factors of shape (N,)."""
@@ -39,21 +38,13 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Residuals of experiments.
+    """Residuals of experiments."""
 
-    Attributes:
-        experiments: with what was measured.
-        laboratory: in which they are simulated.
-        names: of the properties that change, K.
-        start: the other properties.
-        bounds: of all properties that change.
-    """
-
-    experiments: Sequence[Experiment]
-    laboratory: Laboratory
-    names: tuple[str, ...]
-    start: Properties
-    bounds: Mapping[str, tuple[float, float]]
+    experiments: Sequence[Experiment]  # with what was measured
+    laboratory: Laboratory  # in which they are simulated
+    names: tuple[str, ...]  # of the properties that change, K
+    start: Properties  # the other properties
+    bounds: Mapping[str, tuple[float, float]]  # of all properties that change
 
     @cached_property
     def measured(self) -> Floats:
@@ -119,3 +110,39 @@ class Misfit:
         scatter = np.cov((here / self.deviations).T).reshape(len(middle), -1)
         residuals = np.nan_to_num((middle - self.measured) / self.deviations, nan=FAR_OFF)
         return Linearised(middle, residuals, slopes, np.nan_to_num(scatter))
+
+
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """How sure K properties are."""
+
+    errors: Floats  # standard errors of the logarithms, which are relative standard errors, shape (K,)
+    reach: Floats  # half widths of the 95 % confidence intervals of the logarithms, shape (K,)
+    correlation: Floats  # between the errors, shape (K, K)
+    chaos: Floats  # part of each error's variance that is the simulator's scatter, shape (K,)
+    noise: float  # root mean square of the residuals, in standard deviations, for the degrees of freedom left
+
+
+def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
+    """Uncertainty of a fit that ended at a point.
+
+    Variances that are assumed, of points that are not ``given``, shape (N,), are scaled by what the residuals say. So
+    are given ones if the residuals are larger than these allow, never if they are smaller. The simulator's scatter
+    counts once for the rig, whose one run is as chaotic, and once for the mean of the replicas. ``share`` is that of
+    the measurement in the variance that each residual is weighted by, shape (N,).
+    """
+    slopes, freedom = found.slopes, found.slopes.shape[0] - found.slopes.shape[1]
+    scale = float(found.residuals @ found.residuals) / freedom
+    solve = np.linalg.pinv(slopes)
+    measured = share * np.where(given, max(scale, 1.0), scale)
+    noise = (solve * measured) @ solve.T
+    chaos = solve @ (found.scatter * (1 + 1 / REPLICAS)) @ solve.T
+    covariance = noise + chaos
+    errors = np.sqrt(np.diag(covariance))
+    safe = np.where(errors > 0, errors, 1.0)
+    level = (1 + CONFIDENCE) / 2
+    reach = errors * float(norm.ppf(level) if given.all() else t.ppf(level, freedom))
+    return Uncertainty(errors, reach, covariance / np.outer(safe, safe), np.diag(chaos) / safe**2, scale**0.5)

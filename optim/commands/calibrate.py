@@ -91,7 +91,7 @@ def _fit(args: argparse.Namespace) -> Report:
         result = calibrate(found.experiments, laboratory, names, bounds, update)
     record, text = document(result, found.geometry), table(result)
     if args.out is not None:
-        from optim.plots.calibration import save_calibration
+        from optim.calibration.report import save_calibration
 
         args.out.mkdir(parents=True, exist_ok=True)
         write_record(args.out / "calibration.json", CALIBRATION_FORMAT, record)

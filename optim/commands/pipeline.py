@@ -57,7 +57,7 @@ def _make(args: argparse.Namespace) -> Report:
 
 
 def _replay(args: argparse.Namespace) -> Report:
-    from optim.pipeline.replay import replay_package
+    from optim.pipeline.machine import replay_package
 
     with shown_progress("replay", 1.0, args.quiet) as update:
         found = replay_package(args.replay, update, args.threads)

@@ -14,8 +14,7 @@ from optim.wording import counted
 if TYPE_CHECKING:
     from optim.measures.statistics import Correlation
     from optim.studies.chapter3.sweep_table import SweepTable
-    from optim.studies.chapter4.training import Training
-    from optim.studies.chapter4.training_table import TrainingTable
+    from optim.studies.chapter4.training import Training, TrainingTable
 
 COMMAND = Command(
     "train",
@@ -59,7 +58,7 @@ def run(args: argparse.Namespace) -> Report:
     table.write(args.out / "runs.csv")
     files = ["runs.csv"]
     if sweep and args.figures:
-        from optim.studies.chapter4.training_study import save_training
+        from optim.studies.chapter4.training import save_training
 
         save_training(table, sweep, args.out / "training.png")
         files += ["training.png"]
@@ -84,7 +83,7 @@ def _sweep(args: argparse.Namespace, settings: "Training", designs: list[int]) -
 
 def _report(table: "TrainingTable", sweep: "SweepTable | None", out: Path, files: list[str]) -> Report:
     from optim.studies.chapter3.sensor_placement import correlation_of_metrics
-    from optim.studies.chapter4.training_table import metric_correlations
+    from optim.studies.chapter4.training import metric_correlations
 
     methods = [
         {"method": method, "runs": solved.size, "solved": int(solved.sum()), "mean_evaluations": float(spent.mean())}

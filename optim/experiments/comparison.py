@@ -18,12 +18,8 @@ def compare(
 ) -> list[dict[str, Any]]:
     """Mann-Whitney tests of pairs of samples, corrected for their number (Bonferroni).
 
-    The normal approximation with corrections for ties and continuity is used, as ties are common.
-
-    Args:
-        samples: by name, each of shape (n,).
-        pairs: names of two samples each; with ``"less"`` the first tends to be less than the second.
-        alternative: alternative of the test.
+    The normal approximation with corrections for ties and continuity is used, as ties are common. Samples have shape
+    (n,); with ``"less"`` the first of a pair tends to be less than the second.
 
     Returns:
         For each pair: names and sizes, medians, U of the first (pairs of values in which it is the larger, ties
@@ -86,11 +82,8 @@ def differences(speeds: Mapping[str, Floats], starts: Mapping[str, Sequence[floa
     """Compare every two searches by what their runs found, with p adjusted for the number of pairs (Holm).
 
     Searches whose runs begin with the same gaits, seed by seed, are compared by the differences of these pairs (the
-    paired t-test), others by Welch's t-test.
-
-    Args:
-        speeds: by search, the speed that the run with each seed found, NaN if none, shape (S,).
-        starts: by search, a number for each run that is equal if first generations are equal.
+    paired t-test), others by Welch's t-test. Speeds have shape (S,), NaN of runs that found none; ``starts`` has a
+    number for each run that is equal if first generations are equal.
     """
     rows: list[dict[str, Any]] = []
     for first, second in combinations(speeds, 2):

@@ -51,20 +51,12 @@ STYLE: Any = MappingProxyType(
 def figure(
     path: Path, width: float, height: float, letters: bool = True, **panels: Any
 ) -> "Iterator[tuple[Figure, np.ndarray[Any, Any]]]":
-    """Give a figure and its panels to draw on, and write it to ``path`` afterwards.
+    """Give a figure of some size [in] and its panels, shape (rows, columns), to draw on, and write it afterwards.
 
     Args:
-        path: its name ends in one of ``PICTURES``.
-        width: [in].
-        height: [in].
+        path: its name ends in one of ``PICTURES``; raises ValueError for another, or if it cannot be written.
         letters: whether several panels have the letters a, b, c, ..., see :func:`letter`.
         panels: keyword arguments of ``Figure.subplots``: rows, columns, shared axes.
-
-    Yields:
-        The figure, and its axes, shape (rows, columns).
-
-    Raises:
-        ValueError: for another kind of file, or one that cannot be written.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure

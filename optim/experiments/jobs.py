@@ -27,10 +27,8 @@ def run_parallel(
     """Do parts of a study in several processes, before the study gathers their results; one job does nothing here.
 
     Args:
-        tasks: names and functions; each can be pickled, and leaves its result where the study looks for it.
-        jobs: number of tasks at a time; they start in order.
+        tasks: names and functions that can be pickled, and leave their results where the study looks for them.
         where: options of simulations; without ``threads``, each process has its part of the machine's.
-        progress: called with the fraction done of all.
 
     Raises:
         ValueError: for fewer than one job.

@@ -1,40 +1,32 @@
-"""Tools for the results of studies: budgets, parts that are computed once, progress, and summaries."""
+"""Results of studies in their folders: parts that are computed once, tables that stand alone, summaries, costs."""
 
 import json
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
-from optim.experiments.tables import write_records
-from taichi_sim.base import checks, files
+from numpy.typing import NDArray
+
+from optim.experiments.tables import read_records, write_records
+from taichi_sim.base import files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
-Progress = Callable[[float], None] | None
-Budget = Literal["small", "medium", "full"]  # to see that a study works; hours, where offered; all of it
-_Settings = TypeVar("_Settings")
-
-
-def scale_of(budget: str, scales: Mapping[Budget, _Settings]) -> _Settings:
-    """Settings of a study for a budget; raises ValueError for a budget that it does not have."""
-    checks.choice("budget", budget, scales)
-    return next(settings for name, settings in scales.items() if name == budget)
+Progress = Callable[[float], None] | None  # called with the fraction done
+Part = Callable[[Progress], Arrays]
+Key = TypeVar("Key", str, int)
+RAW = "runs"  # folder of raw results
 
 
 def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
     """Check that a folder is free for a study, or belongs to it, before the study fills it.
 
-    Args:
-        folder: the study's folder, which may be new.
-        names: names of all files and folders that the study puts there.
-        kind: kind of study, kept in a file of the folder if names alone do not tell it.
-
-    Raises:
-        ValueError: for a file, a folder that holds anything else, or one that cannot be made.
+    It may be new, or hold files and folders of these ``names``, and the file of its ``kind`` if names alone do not tell
+    it. Raises ValueError for a file, a folder that holds anything else, or one that cannot be made.
     """
-
     known = {*names, f"{kind}.json"}
 
     def other(path: Path) -> bool:
@@ -47,13 +39,37 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
         files.write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 
-def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
-    """Load the arrays of a part of a study from the folder, or compute and keep them there.
+def read_alone(
+    folder: Path, kind: str, tables: Sequence[str], names: Sequence[str], settings: Mapping[str, Any]
+) -> list[list[dict[str, Any]]]:
+    """Check a folder as :func:`check_folder`, and read the records of its tables if the runs behind these are missing.
 
-    Args:
-        folder: None keeps nothing.
-        name: name of the part, without hyphens, which end names in a folder.
-        compute: called if the folder does not have the part, or only a damaged one.
+    Settings are those asked for, by their names in ``summary.json``. Without such tables there are no records. Raises
+    ValueError if the folder holds something else, or tables whose summary tells of other settings.
+    """
+    check_folder(folder, names, kind)
+    if (folder / RAW).exists() or not all((folder / name).is_file() for name in tables):
+        return []
+    path = folder / "summary.json"
+    known = json.loads(files.read_text(path)) if path.is_file() else {}
+    for name, value in settings.items():
+        if name in known and known[name] != value:
+            raise ValueError(
+                f"out: {folder} holds tables of another study ({name}: {known[name]!r}, not {value!r}) without its "
+                "runs; name another folder"
+            )
+    return [read_records(folder / name) for name in tables]
+
+
+def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
+    """Make the progress of a part of ``length`` after ``done`` of ``total`` work; None for None."""
+    return progress and (lambda fraction: progress((done + length * fraction) / total))
+
+
+def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
+    """Load the arrays of a part of a study from the folder, or compute and keep them there; without one, just compute.
+
+    What is damaged is computed again. Names have no hyphens, which end names in a folder.
     """
     for arrays in folder.load(name) if folder else ():
         return arrays
@@ -63,9 +79,31 @@ def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays
     return found
 
 
-def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
-    """Make the progress of a part of ``length`` after ``done`` of ``total`` work; None for None."""
-    return progress and (lambda fraction: progress((done + length * fraction) / total))
+def computed(
+    folder: ResultsFolder | None, parts: Mapping[Key, Part], progress: Progress = None, name: str = "{}"
+) -> dict[Key, Arrays]:
+    """Load or compute the parts of a study one after the other; a kill loses at most one; see :func:`cached`.
+
+    Parts are kept by ``name``, in which their key stands for ``{}``.
+    """
+    found = {}
+    for number, (key, compute) in enumerate(parts.items()):
+        found[key] = cached(folder, name.format(key), partial(compute, part_of(progress, number, len(parts))))
+        if progress:
+            progress((number + 1) / len(parts))
+    return found
+
+
+def computed_arrays(
+    folder: ResultsFolder, key: str, parts: Mapping[str, Callable[[Progress], NDArray[Any]]], progress: Progress
+) -> list[NDArray[Any]]:
+    """Load or compute parts of a single array each, which files call ``key``; see :func:`computed`."""
+
+    def named(compute: Callable[[Progress], NDArray[Any]], progress: Progress) -> Arrays:
+        return {key: compute(progress)}
+
+    found = computed(folder, {name: partial(named, compute) for name, compute in parts.items()}, progress)
+    return [arrays[key] for arrays in found.values()]
 
 
 def write_json(path: Path, record: Mapping[str, Any]) -> None:
@@ -74,14 +112,7 @@ def write_json(path: Path, record: Mapping[str, Any]) -> None:
 
 
 def write_summary(folder: Path, name: str, summary: Mapping[str, Any], page: str = "") -> None:
-    """Write the results of a study: its rows as CSV, a page of Markdown if given, and ``summary.json``.
-
-    Args:
-        folder: folder of the study.
-        name: name of the table and the page.
-        summary: all numbers; ``rows`` are those of the table, by column, at least one.
-        page: Markdown; none if empty.
-    """
+    """Write ``summary.json``, its ``rows``, at least one, as a table, and a page of Markdown if given, both by name."""
     write_records(folder / f"{name}.csv", summary["rows"])
     if page:
         files.write_text(folder / f"{name}.md", page)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
+from optim.experiments.results import Progress
 from optim.problem import Evaluation, Request
 from optim.runs.requests import join_requests, part_of
 from optim.search.method import Method
@@ -38,11 +39,8 @@ def run_side_by_side(
 ) -> None:
     """Let searches take turns until all are done; those with the fewest completed turns move first.
 
-    Args:
-        searches: the searches.
-        judge: evaluates the requests of the searches of a round, in their order. A search is told each evaluation
-            before the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
-        after_round: called after each round.
+    ``judge`` evaluates the requests of the searches of a round, in their order. A search is told each evaluation before
+    the next one is asked for: a generator loses at most the evaluation at hand when it is interrupted.
     """
     active = [search for search in searches if not search.done]
     while active:
@@ -62,16 +60,10 @@ def judge_together(
     judge: Callable[[Sequence[AnySearch], Request], Evaluation],
     kind: Callable[[AnySearch], Hashable] = lambda search: None,
 ) -> Iterator[Evaluation]:
-    """Evaluate the requests of several searches in as few batches as possible.
+    """Evaluate the requests of several searches in as few batches as possible; yield their evaluations in order.
 
-    Args:
-        searches: S of them.
-        requests: request of each search; a point's evaluation must not depend on the points beside it.
-        judge: called with the search of each point, and the points of one batch.
-        kind: requests go into one batch if this is equal for their searches, and they want the same.
-
-    Yields:
-        The evaluation of each request, in order.
+    ``judge`` is called with the search of each point, and the points of one batch; a point's evaluation must not depend
+    on those beside it. One batch takes requests of searches of an equal ``kind`` that want the same.
     """
     batches: dict[Hashable, list[int]] = {}
     for number, (search, request) in enumerate(zip(searches, requests, strict=True)):
@@ -89,25 +81,15 @@ def judge_together(
 
 @dataclass(eq=False)
 class BudgetedSearch:
-    """A search in memory that ends when its budget of evaluations is spent, or when its observer says so.
+    """A search in memory that ends when its budget of evaluations is spent, or when its observer says so."""
 
-    Attributes:
-        name: its name for the observer, such as a number.
-        method: the method, not yet used.
-        budget: evaluations of the search; those of its last turn beyond the budget are not observed.
-        observe: called with the name, new points and their evaluation, in order; returns whether to end.
-        turns: number of turns so far.
-        spent: evaluations so far, those of the last turn beyond the budget included.
-        done: whether the budget is spent, or the observer has ended the search.
-    """
-
-    name: int
-    method: Method
-    budget: int
-    observe: Callable[[int, Floats, Evaluation], bool]
-    turns: int = 0
-    spent: int = 0
-    done: bool = False
+    name: int  # its name for the observer, such as a number
+    method: Method  # the method, not yet used
+    budget: int  # evaluations of the search; those of its last turn beyond the budget are not observed
+    observe: Callable[[int, Floats, Evaluation], bool]  # called with the name and what is new; returns whether to end
+    turns: int = 0  # number of turns so far
+    spent: int = 0  # evaluations so far, those of the last turn beyond the budget included
+    done: bool = False  # whether the budget is spent, or the observer has ended the search
 
     def ask(self) -> Request:
         """Points that the method wants evaluated next."""
@@ -127,16 +109,9 @@ def run_with_budget(
     budget: int,
     judge: Callable[[Sequence[BudgetedSearch], Request], Evaluation],
     observe: Callable[[int, Floats, Evaluation], bool],
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> None:
-    """Run searches in memory side by side, and judge their points together.
-
-    Args:
-        methods: of the searches, which are called by their numbers from 0.
-        budget, observe: see :class:`BudgetedSearch`.
-        judge: see :func:`judge_together`.
-        progress: called with the fraction of the searches that have ended.
-    """
+    """Run searches in memory side by side, see :class:`BudgetedSearch`, and judge their points together."""
     searches = [BudgetedSearch(number, method, budget, observe) for number, method in enumerate(methods)]
 
     def after_round() -> None:

@@ -1,12 +1,32 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from inspect import signature
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from optim.experiments.results import Budget, Progress, scale_of
+from optim.experiments.results import Progress
+from taichi_sim.base import checks
+
+# Types of fields: whole numbers of at least 0, 1 and 2.
+Whole = Annotated[int, partial(checks.integer, low=0)]
+Count = Annotated[int, partial(checks.integer, low=1)]
+Several = Annotated[int, partial(checks.integer, low=2)]
+WHERE = ("device", "threads")  # fields that change no result
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Settings of a study, whose fields say by their types what is allowed, and on which all results depend."""
+
+    def __post_init__(self) -> None:
+        checks.check_fields(self)
+
+    def describe(self) -> dict[str, Any]:
+        """Describe all that results depend on, for JSON."""
+        return {name: value for name, value in asdict(self).items() if name not in WHERE}
 
 
 @dataclass(frozen=True)
@@ -22,24 +42,17 @@ class Study:
     * ``threads``, where ``run`` takes it, are CPU threads, all available if None; they change no result.
 
     It writes ``summary.json`` or a table, and figures; where it returns anything, that is what ``summary.json`` holds.
-    If ``run`` takes ``sweep_folder``, it reads bodies from a sweep there; if it takes ``jobs``, so many of its parts go
-    on at the same time.
-
-    Attributes:
-        title: the question of the study, in a line.
-        source: where that was published, such as ``"chapter 4"``.
-        scales: settings by budget; ``"small"`` and ``"full"`` at least.
-        run: does the study.
-        writes: files in its folder, beside raw results.
-        cost: what ``"full"`` takes, where that is hours.
+    If ``run`` takes ``sweep_folder``, it reads bodies from a sweep there, which may be new, instead of one beside the
+    results; if it takes ``jobs``, so many of its parts go on at the same time, each in a process of its own.
     """
 
-    title: str
-    source: str
-    scales: Mapping[Budget, Any]
-    run: Callable[..., Any]
-    writes: tuple[str, ...]
-    cost: str = ""
+    title: str  # the question of the study, in a line
+    source: str  # where that was published, such as ``"chapter 4"``
+    # Settings by budget: "small", to see that it works; "medium", hours, where offered; and "full".
+    scales: Mapping[str, Any]
+    run: Callable[..., Any]  # does the study
+    writes: tuple[str, ...]  # files in its folder, beside raw results
+    cost: str = ""  # what ``"full"`` takes, where that is hours
 
     @property
     def options(self) -> set[str]:
@@ -47,63 +60,35 @@ class Study:
         return {"sweep_folder", "jobs"} & set(signature(self.run).parameters)
 
     def reproduce(self, folder: Path, budget: str = "full", progress: Progress = None, **options: Any) -> None:
-        """Run the study, or continue it where its folder ended.
+        """Run the study, or continue it where its folder ended, with some of :attr:`options`.
 
-        Args:
-            folder: new, or that of the same study.
-            budget: ``"small"``, to see that it works, ``"full"``, or ``"medium"``, where the study has that.
-            progress: called with the fraction done.
-            options: some of :attr:`options`, by name.
-
-        Raises:
-            ValueError: if the study does not have the budget, or the folder holds something else.
+        Raises ValueError if the study does not have the budget, or the folder holds something else.
         """
-        self.run(folder, scale_of(budget, self.scales), progress, **options)
+        self.run(folder, self.scales[checks.choice("budget", budget, self.scales)], progress, **options)
 
 
 @dataclass(frozen=True)
 class StudySection:
-    """A part of what a report tells of a study: a table, pictures, or both.
+    """A part of what a report tells of a study: a table, pictures, or both."""
 
-    Attributes:
-        title: heading.
-        caption: of the table.
-        header: names of the table's columns.
-        rows: of the table; the first cell of each is its name.
-        digits: of the table's numbers.
-        note: what its columns mean.
-        charts: functions that draw on axes of matplotlib, by what they show.
-        size: width and height of the charts [in].
-        pictures: PNG files, by what they show.
-    """
-
-    title: str
-    caption: str = ""
-    header: Sequence[str] = ()
-    rows: Sequence[Sequence[str | int | float | None]] = ()
-    digits: int = 4
-    note: str = ""
-    charts: Mapping[str, Callable[[Any], None]] = field(default_factory=dict)
-    size: tuple[float, float] = (3.7, 3.0)
-    pictures: Mapping[str, Path] = field(default_factory=dict)
+    title: str  # heading
+    caption: str = ""  # of the table
+    header: Sequence[str] = ()  # names of the table's columns
+    rows: Sequence[Sequence[str | int | float | None]] = ()  # of the table; the first cell of each is its name
+    digits: int = 4  # of the table's numbers
+    note: str = ""  # what its columns mean
+    charts: Mapping[str, Callable[[Any], None]] = field(default_factory=dict)  # that draw on axes, by what they show
+    size: tuple[float, float] = (3.7, 3.0)  # width and height of the charts [in]
+    pictures: Mapping[str, Path] = field(default_factory=dict)  # PNG files, by what they show
 
 
 @dataclass(frozen=True)
 class StudyReport:
-    """What a report tells of a study's folder.
+    """What a report tells of a study's folder."""
 
-    Attributes:
-        kind: what the study is, in a word.
-        lead: what was done, in a sentence.
-        counts: what matters most, by name.
-        settings: of the study, by name.
-        sections: tables and pictures.
-        document: more for machines, beside kind and counts.
-    """
-
-    kind: str
-    lead: str
-    counts: Mapping[str, int]
-    settings: Mapping[str, Any]
-    sections: Sequence[StudySection]
-    document: Mapping[str, Any] = field(default_factory=dict)
+    kind: str  # what the study is, in a word
+    lead: str  # what was done, in a sentence
+    counts: Mapping[str, int]  # what matters most, by name
+    settings: Mapping[str, Any]  # of the study, by name
+    sections: Sequence[StudySection]  # tables and pictures
+    document: Mapping[str, Any] = field(default_factory=dict)  # more for machines, beside kind and counts

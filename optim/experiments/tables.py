@@ -1,4 +1,4 @@
-"""Read and write tables as CSV files, compressed or not."""
+"""Tables: records, which are rows by column, as CSV files, compressed or not, and on pages of Markdown."""
 
 import ast
 import csv
@@ -9,7 +9,29 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_bytes
+
+Record = Mapping[str, Any]
+MISSING = "–"
+
+
+def where(records: Iterable[Record], **values: Any) -> list[Record]:
+    """Choose the records that have these values."""
+    return [record for record in records if all(record[name] == value for name, value in values.items())]
+
+
+def distinct(records: Iterable[Record], name: str) -> list[Any]:
+    """List the different values of a column, in the order in which they first come."""
+    return list(dict.fromkeys(record[name] for record in records))
+
+
+def column(records: Iterable[Record], name: str) -> Floats:
+    """Gather a column of numbers, NaN where it is None, shape (N,)."""
+    return np.array([record[name] for record in records], float)
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -22,31 +44,39 @@ def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]
     write_bytes(path, gzip.compress(content, mtime=0) if path.suffix == ".gz" else content)
 
 
-def write_records(path: Path, records: Sequence[Mapping[str, Any]]) -> None:
+def write_records(path: Path, records: Sequence[Record]) -> None:
     """Write records, at least one, as the rows of a CSV file; the first one's keys are its columns."""
     header = tuple(records[0])
     write_table(path, header, [tuple(record[name] for name in header) for record in records])
 
 
-def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -> list[str]:
-    """Format the lines of a Markdown table.
+def write_columns(path: Path, columns: Mapping[str, ArrayLike | Sequence[Any]]) -> None:
+    """Write columns of equal length as a CSV file."""
+    values = (np.asarray(each).tolist() if isinstance(each, np.ndarray) else each for each in columns.values())
+    write_table(path, tuple(columns), zip(*values, strict=True))
 
-    Args:
-        header: names of the columns.
-        align: alignment of each column: ``l`` for left, ``r`` for right.
-        rows: cells of each row.
+
+def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Read header and rows of a CSV file, compressed if its name ends in ``.gz``.
+
+    Raises ValueError if it cannot be read or is empty.
     """
-    rules = [{"l": "---", "r": "---:"}[side] for side in align]
-    return [f"| {' | '.join(map(str, cells))} |" for cells in (header, rules, *rows)]
+    try:
+        content = path.read_bytes()
+        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode()
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or "it is damaged"
+        raise ValueError(f"{path}: cannot be read ({reason})") from None
+    lines = list(csv.reader(io.StringIO(text)))
+    if not lines:
+        raise ValueError(f"{path}: is empty")
+    return lines[0], lines[1:]
 
 
 def read_records(path: Path) -> list[dict[str, Any]]:
-    """Read the rows of a CSV file as records by column; numbers, truth values and lists get their types back.
+    """Read the rows of a CSV file as records; numbers, truth values and lists get their types back, empty cells None.
 
-    Empty cells become None.
-
-    Raises:
-        ValueError: if the file cannot be read, is empty, or has rows of another length than its header.
+    Raises ValueError if the file cannot be read, is empty, or has rows of another length than its header.
     """
     header, rows = read_table(path)
     if any(len(row) != len(header) for row in rows):
@@ -63,19 +93,18 @@ def _value(cell: str) -> Any:
         return cell
 
 
-def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
-    """Read header and rows of a CSV file, compressed if its name ends in ``.gz``.
+def page(*parts: str | Sequence[str]) -> str:
+    """Join paragraphs, and tables given by their lines; empty ones are left out."""
+    texts = (part if isinstance(part, str) else "\n".join(part) for part in parts)
+    return "\n\n".join(text for text in texts if text) + "\n"
 
-    Raises:
-        ValueError: if it cannot be read or is empty.
-    """
-    try:
-        content = path.read_bytes()
-        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode()
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
-        reason = (error.strerror if isinstance(error, OSError) else None) or "it is damaged"
-        raise ValueError(f"{path}: cannot be read ({reason})") from None
-    lines = list(csv.reader(io.StringIO(text)))
-    if not lines:
-        raise ValueError(f"{path}: is empty")
-    return lines[0], lines[1:]
+
+def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -> list[str]:
+    """Format the lines of a Markdown table; ``align`` has a letter a column: ``l`` for left, ``r`` for right."""
+    rules = [{"l": "---", "r": "---:"}[side] for side in align]
+    return [f"| {' | '.join(map(str, cells))} |" for cells in (header, rules, *rows)]
+
+
+def cell(value: float | None, form: str = ".4f", missing: str = MISSING) -> str:
+    """Format a number of a table; ``missing`` for None."""
+    return missing if value is None else format(value, form)

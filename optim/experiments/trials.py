@@ -1,46 +1,37 @@
 """Trials: all evaluations of searches with several seeds, in order, and when they found solutions."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from optim.experiments.results import Progress, computed
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation, Judging, Request, judge
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.results_folder import ResultsFolder
 
 NOTHING = -1  # where a trial has ended, or has found nothing yet
 
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """Evaluations of R searches, at most B each; -1 or NaN beyond the last.
+    """Evaluations of R searches, at most B each; -1 or NaN beyond the last."""
 
-    Attributes:
-        points: shape (R, B, D).
-        objectives: maximised, shape (R, B, K); NaN for failures, too.
-        solved: environments that each point solves, shape (R, B).
-        with_gradient: whether the gradient was asked for, shape (R, B).
-    """
-
-    points: Floats
-    objectives: Floats
-    solved: NDArray[np.int8]
-    with_gradient: Bools
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Trials":
-        """Build trials from arrays by name, as :attr:`arrays` gives them."""
-        return cls(**{f.name: arrays[f.name] for f in fields(cls)})
+    points: Floats  # shape (R, B, D)
+    objectives: Floats  # maximised, shape (R, B, K); NaN for failures, too
+    solved: NDArray[np.int8]  # environments that each point solves, shape (R, B)
+    with_gradient: Bools  # whether the gradient was asked for, shape (R, B)
 
     @property
     def arrays(self) -> Arrays:
-        """Arrays of the trials by name, to be saved in a file."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        """Arrays of the trials by name, to be saved in a file; ``Trials(**arrays)`` are the same again."""
+        return dict(vars(self))
 
     @property
     def evaluations(self) -> Ints:
@@ -82,11 +73,6 @@ class Trials:
         taken = np.take_along_axis(values, np.maximum(chosen, 0), axis=1)
         return np.where(chosen == NOTHING, missing, taken)
 
-    @property
-    def runs(self) -> int:
-        """Number R of trials."""
-        return len(self.points)
-
 
 def first_time(happens: Bools) -> Ints:
     """Number, counted from 1, of the first true value in each row; -1 if there is none."""
@@ -102,20 +88,9 @@ def record_trials(
     *,
     environments: int = 4,
     until_solved: bool = False,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress = None,
 ) -> Trials:
-    """Run searches of several seeds side by side.
-
-    Args:
-        problem: the problem to search; its details say how many environments each point has ``solved``.
-        method: its name in ``METHODS``.
-        settings: settings of the method, but for the seed.
-        seeds: R, one for each search.
-        budget: B, evaluations of each.
-        environments: how many there are to be solved.
-        until_solved: whether a search ends when a point solves all of them.
-        progress: called with the fraction of the searches that have ended.
-    """
+    """Run a search with each seed, side by side; details of the problem say how many environments points ``solved``."""
     size = len(seeds), budget
     points, solved = np.full((*size, problem.space.size), np.nan), np.full(size, NOTHING, np.int8)
     with_gradient, objectives = np.zeros(size, bool), list[Floats]()
@@ -136,3 +111,15 @@ def record_trials(
     methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
     run_with_budget(methods, budget, evaluate, observe, progress)
     return Trials(points, objectives[0], solved, with_gradient)
+
+
+def computed_trials(
+    folder: ResultsFolder | None, arms: Mapping[str, Callable[..., Trials]], progress: Progress
+) -> dict[str, Trials]:
+    """Load or run the trials of every arm of a study, each :func:`record_trials` with all but ``progress``."""
+
+    def arrays(run: Callable[..., Trials], progress: Progress) -> Arrays:
+        return run(progress=progress).arrays
+
+    found = computed(folder, {name: partial(arrays, run) for name, run in arms.items()}, progress, "trials_{}")
+    return {name: Trials(**arrays) for name, arrays in found.items()}

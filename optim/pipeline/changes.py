@@ -1,6 +1,10 @@
-"""Changes of shape between two gaits: ways to do it, tried one after the other until one goes well."""
+"""Changes of shape between two gaits, and of terrain with these.
 
-from collections.abc import Sequence
+Ways to change shape are tried one after the other until one goes well. From one terrain to the next the robot then goes
+in one simulation: with the state machine, and with the best single gait.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -12,10 +16,10 @@ from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import State, Trials
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.journeys import Leg
+from robots.inflatable.journeys import JourneyResult, Leg
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
 from robots.world import Terrain
-from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.arrays import Arrays, Floats
 
 RECORD_EVERY = 4000  # time steps between the poses that are looked at for contact
 # Whether the bladders empty while the core changes, and whether the feet grip.
@@ -24,23 +28,14 @@ WAYS = ((False, 1.0), (True, 1.0), (False, 0.0))
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of shape between two gaits, simulated.
+    """A change of shape between two gaits, simulated."""
 
-    Attributes:
-        terrain: where the shape changes.
-        design: what the robot does.
-        way: the same in words.
-        judgement: of the worst of several noisy runs, number by number.
-        next_speed: mean speed of the next gait from there, per its mean speed from a new start.
-        faults: limits that it exceeds, a line each; none if it went well.
-    """
-
-    terrain: Terrain
-    design: InflatableDesign
-    way: str
-    judgement: TransitionJudgement
-    next_speed: float
-    faults: tuple[str, ...]
+    terrain: Terrain  # where the shape changes
+    design: InflatableDesign  # what the robot does
+    way: str  # the same in words
+    judgement: TransitionJudgement  # of the worst of several noisy runs, number by number
+    next_speed: float  # mean speed of the next gait from there, per its mean speed from a new start
+    faults: tuple[str, ...]  # limits that it exceeds, a line each; none if it went well
 
 
 def find_change(before: State, after: State, trials: Trials, progress: Progress = None) -> Change:
@@ -48,12 +43,6 @@ def find_change(before: State, after: State, trials: Trials, progress: Progress 
 
     The shape changes where the robot comes from, or where it goes to. Into water and out of it, it changes there, and
     the gait before is not simulated: the robot is put there in its shape.
-
-    Args:
-        before: terrain and gait that the robot comes from.
-        after: terrain and gait that follow.
-        trials: simulate; their task says what is well.
-        progress: called with the fraction done.
     """
     task, both = trials.task, (before, after)
     apart = before.terrain.is_fluid != after.terrain.is_fluid
@@ -119,3 +108,49 @@ def _judged(ground: Terrain, design: InflatableDesign, way: str, found: Arrays, 
     if not judgement.diverged and not ratio >= task.limits.next_speed:
         faults.append(f"the next gait reaches {ratio:.0%} of its speed, less than {task.limits.next_speed:.0%}")
     return Change(ground, design, way, judgement, ratio, tuple(faults))
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A change of terrain mid-way."""
+
+    legs: Sequence[Leg]  # what the state machine has the robot do
+    shown: JourneyResult  # one run of it, with frames
+    machine: Floats  # speeds on the first terrain and the second [body lengths/s], shape (R, 2)
+    single: Floats  # the same of the best single gait, shape (R, 2)
+    gait: str  # name of that gait
+
+    @property
+    def survived(self) -> tuple[bool, bool]:
+        """Whether the robot gets ahead on both terrains: with the state machine, with the single gait."""
+        return bool((self.machine.mean(axis=0) > 0).all()), bool((self.single.mean(axis=0) > 0).all())
+
+
+def cross(
+    states: tuple[State, State],
+    change: Change | None,
+    single: tuple[str, InflatableDesign],
+    trials: Trials,
+    progress: Progress = None,
+) -> Crossing:
+    """Simulate a change of terrain and perhaps of shape; both terrains are ground, or both fluids."""
+    first, last = (Leg(state.design, state.terrain, state.name) for state in states)
+    between = [] if change is None else [Leg(change.design, change.terrain, "change of shape")]
+    legs = [first, *between, last]
+    alone = [Leg(single[1], state.terrain, state.name) for state in states]
+
+    def play() -> Arrays:
+        machine, lone = (trials.journey(each, part_of(progress, n, 3)) for n, each in enumerate((legs, alone)))
+        return {"machine": machine.speeds[:, [0, -1]], "single": lone.speeds, "steps": machine.steps}
+
+    way = "" if change is None else f"{slug(change.terrain)} {change.way}"
+    key = f"crossing {[f'{state.name} {state.gait}' for state in states]} {way} {single[0]}"
+    played = cached(trials.folder, part_name(key), play)
+    shown = trials.shown(legs, int(played["steps"].sum()), part_of(progress, 2, 3))
+    return Crossing(legs, shown, played["machine"], played["single"], single[0])
+
+
+def best_single_gait(speeds: Mapping[str, Floats]) -> str:
+    """The gait that is fastest on its worst terrain; speeds as of ``speeds_of``."""
+    worst = {name: float(np.nan_to_num(each.mean(axis=1), nan=-np.inf).min()) for name, each in speeds.items()}
+    return max(worst, key=lambda name: worst[name])

@@ -1,17 +1,23 @@
-"""The state machine of shapes and terrains: what a controller does where, as JSON, and back."""
+"""The state machine of shapes and terrains, as JSON and back; and its tables played: are they as fast as designed?"""
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from optim.experiments.results import Progress, part_of
 from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import State
-from robots.calibration import Properties
+from robots.calibration import Properties, robot_of
+from robots.hardware import read_design
+from robots.inflatable import simulation
 from robots.inflatable.body import NAMED_GEOMETRIES
+from robots.inflatable.robustness import NOISE
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text
@@ -31,13 +37,7 @@ RULES = (
 def machine_document(
     states: Sequence[State], changes: Mapping[tuple[str, str], Change | None], task: PipelineTask
 ) -> dict[str, Any]:
-    """The state machine as JSON.
-
-    Args:
-        states: one per terrain; the first is the initial one.
-        changes: of shape from state to state; None where the shape stays.
-        task: what it was made for.
-    """
+    """The state machine as JSON; the first state is the initial one, and changes are None where the shape stays."""
     simulated = {
         "geometry": task.geometry,
         "precision": task.precision,
@@ -87,11 +87,7 @@ def _change(pair: tuple[str, str], change: Change | None) -> dict[str, Any]:
 
 
 def read_machine(folder: Path) -> dict[str, Any]:
-    """The state machine of a package.
-
-    Raises:
-        ValueError: for a folder that has none, or a damaged one.
-    """
+    """The state machine of a package; raises ValueError for a folder that has none, or a damaged one."""
     path = folder / MACHINE
     if not path.is_file():
         raise ValueError(f"package: {folder} holds none; there is no {MACHINE}")
@@ -131,3 +127,41 @@ def _check_state(state: Mapping[str, Any]) -> None:
     number("speed_bl_per_s", state["speed_bl_per_s"])
     if not isinstance(state["name"], str):
         raise ValueError(f"name: {state['name']!r} is not allowed; it must be a text")
+
+
+TOLERANCE = 0.05
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A gait of a package."""
+
+    name: str  # of the state
+    designed: float  # mean speed that the package says [body lengths/s]
+    replayed: float  # the same from the rows of its table
+
+    @property
+    def holds(self) -> bool:
+        """Whether both agree within ``TOLERANCE``."""
+        return bool(abs(self.replayed - self.designed) <= TOLERANCE * abs(self.designed))
+
+
+def replay_package(folder: Path, progress: Progress = None, threads: int | None = None) -> list[Replayed]:
+    """Play every gait of a package from the rows of its table, with the noise with which it was measured."""
+    machine = read_machine(folder)
+    states, simulated, found = machine["states"], machine["simulated"], []
+    geometry, actuation = robot_of(simulated["geometry"], "published", properties_of(simulated))
+    for n, state in enumerate(states):
+        run = simulation.simulate(
+            [read_design(folder / state["table"], from_rows=True)] * simulated["runs"],
+            Terrain(**state["terrain"]),
+            geometry=geometry,
+            actuation=actuation,
+            precision=simulated["precision"],
+            perturbation=NOISE,
+            seed=simulated["seed"],
+            threads=threads,
+            progress=part_of(progress, n, len(states)),
+        )
+        found.append(Replayed(state["name"], state["speed_bl_per_s"], float(np.mean(run.speed))))
+    return found

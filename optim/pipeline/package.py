@@ -1,4 +1,7 @@
-"""The hardware package: gaits, tables, the state machine, pictures, a player page and a report, in one folder."""
+"""The hardware package: gaits, tables, the state machine, pictures, a player page and a report, in one folder.
+
+The report says what was chosen and why, how fast it is, how shapes change.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,13 +11,26 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.pipeline.changes import Change
-from optim.pipeline.crossing import Crossing
-from optim.pipeline.machine import MACHINE, change_name, machine_document
-from optim.pipeline.plans import Plan
+from optim.pipeline.changes import Change, Crossing
+from optim.pipeline.machine import MACHINE, RULES, change_name, machine_document
+from optim.pipeline.plans import Plan, core_of
 from optim.pipeline.task import PipelineTask
 from optim.pipeline.trials import State
 from optim.problems.inflatable.settings import RIG_FILE
+from optim.report.markup import (
+    Html,
+    Section,
+    Text,
+    code,
+    facts,
+    number,
+    page,
+    paragraph,
+    picture,
+    picture_of,
+    table,
+    tiles,
+)
 from robots.calibration import save_properties
 from robots.hardware import export_csv
 from robots.inflatable.design import InflatableDesign, save_design
@@ -23,35 +39,28 @@ from taichi_sim.base.files import write_text
 
 FOLDERS = ("gaits", "tables", "pictures")
 NUMBERS, REPORT = "numbers.json", "report.html"
+PLAYER = "journey.html"  # the page with the motions, beside this one
+CHANGE = (
+    *("Change", "Where", "How", "From the shape [mm]", "Moves [BL]", "Turns [°]", "Contact [voxels]"),
+    *("Next gait", "Faults"),
+)  # columns of the table of changes
+FOOT = "Made by morpholab pipeline. This page is one file and needs no network."
 
 
 @dataclass(frozen=True, eq=False)
 class Package:
-    """All that the pipeline has found.
+    """All that the pipeline has found."""
 
-    Attributes:
-        task: what was asked for.
-        candidates: gaits that were tried, by name.
-        speeds: of them, see ``speeds_of``.
-        plan: the one chosen.
-        one_gait: the best with one gait everywhere; None if no gait works everywhere.
-        one_shape: the best with one shape everywhere; None if no shape works everywhere.
-        states: one per terrain.
-        changes: from state to state, by their names; None where the shape stays.
-        crossings: changes of terrain mid-way that were simulated, by the names of the states.
-        rejected: plans that were faster, and why they were not chosen.
-    """
-
-    task: PipelineTask
-    candidates: Mapping[str, InflatableDesign]
-    speeds: Mapping[str, Floats]
-    plan: Plan
-    one_gait: Plan | None
-    one_shape: Plan | None
-    states: Sequence[State]
-    changes: Mapping[tuple[str, str], Change | None]
-    crossings: Mapping[tuple[str, str], Crossing]
-    rejected: Sequence[str]
+    task: PipelineTask  # what was asked for
+    candidates: Mapping[str, InflatableDesign]  # gaits that were tried, by name
+    speeds: Mapping[str, Floats]  # of them, see ``speeds_of``
+    plan: Plan  # the one chosen
+    one_gait: Plan | None  # the best with one gait everywhere; None if no gait works everywhere
+    one_shape: Plan | None  # the best with one shape everywhere; None if no shape works everywhere
+    states: Sequence[State]  # one per terrain
+    changes: Mapping[tuple[str, str], Change | None]  # from state to state, by their names; None where the shape stays
+    crossings: Mapping[tuple[str, str], Crossing]  # changes of terrain mid-way, by the names of the states
+    rejected: Sequence[str]  # plans that were faster, and why they were not chosen
 
     def numbers(self) -> dict[str, Any]:
         """What was measured, for machines."""
@@ -88,17 +97,10 @@ def _mean_and_deviation(speeds: Floats) -> list[float | None]:
 
 
 def write_package(package: Package, folder: Path) -> list[str]:
-    """Write the package; what is there of an earlier one is replaced.
-
-    Returns:
-        The files, relative to the folder.
-
-    Raises:
-        ValueError: if the rig's limits refuse a gait.
-    """
-    from optim.pipeline.page import PLAYER, report_page
+    """Write the package in place of an earlier one, and list its files; raises ValueError if the rig refuses a gait."""
     from robots.view.picture import save_motion_picture
-    from robots.view.player import MOST_MOTIONS, page
+    from robots.view.player import MOST_MOTIONS
+    from robots.view.player import page as player
     from robots.view.soft_motion import journey_motion
 
     for name in FOLDERS:
@@ -118,7 +120,7 @@ def write_package(package: Package, folder: Path) -> list[str]:
             journey_motion(one.shown, one.legs, actuation=task.robot["actuation"], name=f"{first} to {second}")
             for (first, second), one in package.crossings.items()
         ]
-        write_text(folder / PLAYER, page(motions[:MOST_MOTIONS], "From terrain to terrain"))
+        write_text(folder / PLAYER, player(motions[:MOST_MOTIONS], "From terrain to terrain"))
         written.append(PLAYER)
     if task.calibration is not None:
         save_properties(task.calibration, task.geometry, folder / RIG_FILE)
@@ -127,3 +129,87 @@ def write_package(package: Package, folder: Path) -> list[str]:
     write_json(folder / NUMBERS, package.numbers())
     write_text(folder / REPORT, report_page(package, folder))
     return [*written, MACHINE, NUMBERS, REPORT]
+
+
+def report_page(package: Package, folder: Path) -> str:
+    """The page as text; pictures are read from the folder of the package."""
+    names = " and ".join(terrain.name for terrain in package.task.terrains)
+    lead = [
+        paragraph("Which gait the robot uses on which terrain, and how it gets from one shape to another.", "lead"),
+        tiles((f"{state.terrain.name} [BL/s]", state.speed) for state in package.states),
+    ]
+    sections = [
+        Section("Which gait where", _plans(package)),
+        Section("Gaits", [_picture(state, folder) for state in package.states]),
+        Section("Changes of shape", _changes(package)),
+        *([Section("A change of terrain mid-way", _crossings(package))] if package.crossings else []),
+        Section("Playing it", _playing(package)),
+    ]
+    return page(f"From task to machine: {names}", lead, sections, FOOT)
+
+
+def _plans(package: Package) -> list[Html]:
+    """Candidates, and the plans that were compared."""
+    rows = []
+    for name, design in package.candidates.items():
+        shape = number(core_of(design) / 1000, 2), number(design.orientation, 1)
+        rows.append((name, *shape, *package.speeds[name].mean(axis=1).tolist()))
+    header = ("Gait", "Core [kPa]", "Heading [°]", *(f"On {t.name} [BL/s]" for t in package.task.terrains))
+    plans = {"chosen": package.plan, "best of one gait": package.one_gait, "best of one shape": package.one_shape}
+    compared = [
+        (label, ", ".join(plan.gaits), plan.speed) if plan else (label, "no gait works everywhere", None)
+        for label, plan in plans.items()
+    ]
+    stretch = f"stretches of {package.task.stretch:g} body lengths with changes of shape"
+    return [
+        table(f"Candidates, means of {package.task.runs} noisy runs", header, rows),
+        table(f"Plans, by the mean speed over {stretch}", ("Plan", "Gaits", "Speed [BL/s]"), compared),
+        *(paragraph(f"With faults in changes of shape: {line}") for line in package.rejected),
+    ]
+
+
+def _picture(state: State, folder: Path) -> Html:
+    """Poses of a state's gait."""
+    png = (folder / "pictures" / f"{state.name}.png").read_bytes()
+    shown = picture_of(png, f"poses of the gait {state.terrain.where}")
+    return picture(shown, f"{state.gait} {state.terrain.where}: {state.speed:.4f} BL/s")
+
+
+def _changes(package: Package) -> list[Html]:
+    """How shapes change, and how well."""
+    rows = [_change(pair, change) for pair, change in package.changes.items()]
+    meaning = (
+        "Numbers are of the worst of the runs, one by one. From the shape: mean distance of voxels, rigid motion "
+        "removed. Contact: the deepest overlap of voxels that may collide. Next gait: its mean speed from there, per "
+        "that from a new start."
+    )
+    return [table("From state to state", CHANGE, rows), paragraph(meaning)]
+
+
+def _change(pair: tuple[str, str], change: Change | None) -> tuple[Text, ...]:
+    name = " to ".join(pair)
+    if change is None:
+        return (name, None, "the shape stays", None, None, None, None, None, "none")
+    found, faults = change.judgement, "; ".join(change.faults) or "none"
+    moves = number(1e3 * found.shape_error, 2), number(found.moved, 3), number(found.turned, 1)
+    speed = number(100 * change.next_speed, 0, "%")
+    return (name, change.terrain.where, change.way, *moves, number(found.deepest, 2), speed, faults)
+
+
+def _crossings(package: Package) -> list[Html]:
+    """What a change of terrain mid-way does to the robot."""
+    rows = []
+    for pair, crossing in package.crossings.items():
+        robots = ("state machine", crossing.machine), (crossing.gait, crossing.single)
+        for (robot, speeds), survived in zip(robots, crossing.survived, strict=True):
+            rows.append((" to ".join(pair), robot, *speeds.mean(axis=0).tolist(), "yes" if survived else "no"))
+    header = ("Terrains", "Robot", "First [BL/s]", "Second [BL/s]", "Gets ahead on both")
+    note = paragraph("Speeds by the time that the legs take, not by that of a published gait.")
+    return [table("In one simulation", header, rows), note, Html(f'<p><a href="{PLAYER}">Play the journeys.</a></p>')]
+
+
+def _playing(package: Package) -> list[Html]:
+    """What a controller does with the files."""
+    files = [(state.terrain.name, f"tables/{state.name}.csv") for state in package.states]
+    files += [(" to ".join(pair), f"tables/{change_name(pair)}.csv") for pair, c in package.changes.items() if c]
+    return [facts("Tables of line pressures", files), *map(paragraph, RULES), code("machine.json says the same")]

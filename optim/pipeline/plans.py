@@ -9,25 +9,14 @@ from robots.inflatable.design import InflatableDesign, common_pressure
 
 @dataclass(frozen=True)
 class Plan:
-    """A gait for each terrain.
+    """A gait for each terrain."""
 
-    Attributes:
-        gaits: names of gaits, one per terrain, in the order of the terrains.
-        speed: over the terrains one after the other and back to the first, see :func:`route_speed` [body lengths/s].
-    """
-
-    gaits: tuple[str, ...]
-    speed: float
+    gaits: tuple[str, ...]  # names of gaits, one per terrain, in the order of the terrains
+    speed: float  # over all terrains and back to the first, see :func:`route_speed` [body lengths/s]
 
 
 def route_speed(speeds: Sequence[float], changes: Sequence[float], stretch: float) -> float:
-    """Mean speed over stretches of equal length at some speeds, with times of changes in between [body lengths/s].
-
-    Args:
-        speeds: on each terrain [body lengths/s], positive.
-        changes: time of each change of shape, the one back to the first among them [s].
-        stretch: length of a stretch [body lengths].
-    """
+    """Mean speed over equal stretches [body lengths], with times of changes in between [s] [body lengths/s]."""
     return len(speeds) * stretch / (sum(stretch / speed for speed in speeds) + sum(changes))
 
 
@@ -38,14 +27,9 @@ def rank_plans(
     least: float,
     times: tuple[float, float],
 ) -> list[Plan]:
-    """All plans whose gaits work on their terrains, the fastest first.
+    """All plans whose gaits work on their terrains, with ``least`` speed [body lengths/s], the fastest first.
 
-    Args:
-        designs: gaits by name.
-        speeds: of each gait on each terrain [body lengths/s].
-        stretch: see :func:`route_speed`.
-        least: speed of a gait that works [body lengths/s].
-        times: that the core takes up and down [s].
+    Speeds are those of each gait on each terrain [body lengths/s], times those that the core takes up and down [s].
     """
     terrains = len(next(iter(speeds.values())))
     able = [[name for name, each in speeds.items() if each[place] >= least] for place in range(terrains)]

@@ -7,15 +7,57 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Progress, check_folder, part_of
-from optim.pipeline.candidates import find_gaits
-from optim.pipeline.changes import Change, find_change
-from optim.pipeline.crossing import best_single_gait, cross
+from optim.pipeline.changes import Change, best_single_gait, cross, find_change
 from optim.pipeline.machine import change_name
 from optim.pipeline.package import Package
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
-from optim.pipeline.task import PipelineTask
+from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import State, Trials, check_working, speeds_of
+from optim.runs import open_run, run_search
+from optim.runs.generation import Generation
+from optim.search import build_method
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.timing import gait_steps
+from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
+
+FOUND = "found-"  # how names begin of what searches find
+
+
+def find_gaits(
+    task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None
+) -> dict[str, InflatableDesign]:
+    """All candidates by name that are short enough and that the rig can play; searches go on where they were."""
+    found = dict(task.gaits)
+    for place, terrain in enumerate(task.terrains if task.search else ()):
+        best = _search(task, terrain, folder / slug(terrain), part_of(progress, place, len(task.terrains)), threads)
+        if best is not None:
+            found[FOUND + slug(terrain)] = best
+    return {
+        name: design
+        for name, design in found.items()
+        if gait_steps(design.schedule, task.robot["actuation"]) <= task.limits.most_steps and not task.refusal(design)
+    }
+
+
+def _search(
+    task: PipelineTask, terrain: Terrain, folder: Path, progress: Progress, threads: int | None
+) -> InflatableDesign | None:
+    """The best gait of a search on a terrain, in full; None if all failed."""
+    assert task.search is not None
+    search, problem = task.search, task.problem(terrain, threads=threads)
+    method = build_method(search.method, problem.space, task.method_settings)
+    about = {"name": search.method, **task.method_settings}
+    config = {"problem": problem.describe(), "method": about, "generations": search.generations}
+
+    def told(done: Generation) -> None:
+        if progress:
+            progress((done.generation + 1) / (search.generations + 1))
+
+    with open_run(folder, config, resume=True) as run:
+        last = run_search(problem, method, run, search.generations, told)
+    return problem.in_full().design(problem.space.from_dict(last.best_point)) if last.best_point else None
+
 
 KIND = "pipeline"
 SEARCHES, SIMULATED, PACKAGE = "searches", "simulated", "package"
@@ -25,12 +67,6 @@ Changes = dict[tuple[str, str], Change | None]  # from state to state, by their 
 
 def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None) -> Package:
     """Find shapes, gaits and changes of shape for a task.
-
-    Args:
-        task: what is asked for.
-        folder: new, or that of the same task, which goes on.
-        progress: called with the fraction done.
-        threads: CPU threads.
 
     Raises:
         ValueError: for a folder of something else.
@@ -84,10 +120,9 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
 def _choose(
     plans: Sequence[Plan], planned: Sequence[Sequence[State]], trials: Trials, progress: Progress
 ) -> tuple[int, Changes, list[str]]:
-    """Choose the fastest plan whose changes of shape go well; if none does, the fastest of all, faults and all.
+    """The number of the fastest plan whose changes of shape go well, these, and why faster ones were rejected.
 
-    Returns:
-        Number of the plan, its changes, and why faster plans were rejected.
+    If none does, it is the fastest of all, faults and all.
     """
     every, rejected = list[Changes](), list[str]()
     for number, (plan, states) in enumerate(zip(plans, planned, strict=False)):

@@ -25,21 +25,13 @@ PROBLEM = ("encoding", "columns", "repeats", "steps", "warm_up", "stages", "effo
 
 @dataclass(frozen=True)
 class Limits:
-    """What a gait and a change of shape must keep to.
+    """What a gait and a change of shape must keep to."""
 
-    Attributes:
-        least_speed: of a gait that works on a terrain [body lengths/s].
-        most_steps: time steps that a gait may take; a file that says nothing asks for those of a published gait.
-        shape_error: distance from the shape that a change may end with [m].
-        moved: how far the robot may move during a change [body lengths].
-        next_speed: part of its speed that the next gait must reach from there.
-    """
-
-    least_speed: float = 0.005
-    most_steps: int = PUBLISHED_STEPS
-    shape_error: float = 5e-3
-    moved: float = 0.5
-    next_speed: float = 0.95
+    least_speed: float = 0.005  # of a gait that works on a terrain [body lengths/s]
+    most_steps: int = PUBLISHED_STEPS  # time steps that a gait may take; by default those of a published gait
+    shape_error: float = 5e-3  # distance from the shape that a change may end with [m]
+    moved: float = 0.5  # how far the robot may move during a change [body lengths]
+    next_speed: float = 0.95  # part of its speed that the next gait must reach from there
 
     def __post_init__(self) -> None:
         for name in ("least_speed", "shape_error", "moved"):
@@ -50,52 +42,30 @@ class Limits:
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How gaits are searched on each terrain, beside those that are given.
+    """How gaits are searched on each terrain, beside those that are given."""
 
-    Attributes:
-        method: name in ``METHODS``.
-        generations: of each search.
-        settings: of the method, without its seed.
-        problem: options of ``GaitProblem``.
-    """
-
-    method: str
-    generations: int
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    problem: Mapping[str, Any] = field(default_factory=dict)
+    method: str  # name in ``METHODS``
+    generations: int  # of each search
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of the method, without its seed
+    problem: Mapping[str, Any] = field(default_factory=dict)  # options of ``GaitProblem``
 
 
 @dataclass(frozen=True)
 class PipelineTask:
-    """A task.
+    """A task."""
 
-    Attributes:
-        terrains: where the robot shall go, at least one.
-        gaits: that are tried on every terrain, by name.
-        search: of more gaits; None for none.
-        geometry: name of the robot's geometry.
-        runs: noisy runs that a speed is the mean of.
-        stretch: way on a terrain before the next one comes [body lengths].
-        seed: of noise and searches.
-        precision: of all simulations.
-        frames: of the player page, about; fewer make it smaller.
-        limits: what gaits and changes of shape must keep to.
-        rig: that plays the package.
-        calibration: properties of the robot on that rig; None is the published robot.
-    """
-
-    terrains: tuple[Terrain, ...]
-    gaits: Mapping[str, InflatableDesign]
-    search: SearchSettings | None = None
-    geometry: str = "published"
-    runs: int = 4
-    stretch: float = 20.0
-    seed: int = 0
-    precision: str = "f64"
-    frames: int = 300
-    limits: Limits = field(default_factory=Limits)
-    rig: PneumaticRig = field(default_factory=PneumaticRig)
-    calibration: Properties | None = None
+    terrains: tuple[Terrain, ...]  # where the robot shall go, at least one
+    gaits: Mapping[str, InflatableDesign]  # that are tried on every terrain, by name
+    search: SearchSettings | None = None  # of more gaits; None for none
+    geometry: str = "published"  # name of the robot's geometry
+    runs: int = 4  # noisy runs that a speed is the mean of
+    stretch: float = 20.0  # way on a terrain before the next one comes [body lengths]
+    seed: int = 0  # of noise and searches
+    precision: str = "f64"  # of all simulations
+    frames: int = 300  # of the player page, about; fewer make it smaller
+    limits: Limits = field(default_factory=Limits)  # what gaits and changes of shape must keep to
+    rig: PneumaticRig = field(default_factory=PneumaticRig)  # that plays the package
+    calibration: Properties | None = None  # properties of the robot on that rig; None is the published robot
 
     def __post_init__(self) -> None:
         names = [terrain.name for terrain in self.terrains]
@@ -167,12 +137,7 @@ def slug(terrain: Terrain) -> str:
 
 
 def read_task(path: Path) -> PipelineTask:
-    """Read a task.
-
-    Raises:
-        ValueError: for a file that cannot be read, unknown keys (with the nearest known) and values that are not
-            allowed.
-    """
+    """Read a task; raises ValueError for what cannot be read, unknown keys, and values that are not allowed."""
     try:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

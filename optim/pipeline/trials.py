@@ -23,19 +23,12 @@ class NoWorkingGait(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A terrain and what the robot does there.
+    """A terrain and what the robot does there."""
 
-    Attributes:
-        terrain: where.
-        gait: name of the gait among the candidates.
-        design: the gait.
-        speeds: with noise [body lengths/s], shape (R,).
-    """
-
-    terrain: Terrain
-    gait: str
-    design: InflatableDesign
-    speeds: Sequence[float]
+    terrain: Terrain  # where
+    gait: str  # name of the gait among the candidates
+    design: InflatableDesign  # the gait
+    speeds: Sequence[float]  # with noise [body lengths/s], shape (R,)
 
     @property
     def name(self) -> str:
@@ -50,17 +43,11 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """What simulates for a task, and keeps what comes of it.
+    """What simulates for a task, and keeps what comes of it."""
 
-    Attributes:
-        task: says which robot, how often and how precisely.
-        folder: keeps what is simulated.
-        threads: CPU threads.
-    """
-
-    task: PipelineTask
-    folder: ResultsFolder
-    threads: int | None = None
+    task: PipelineTask  # says which robot, how often and how precisely
+    folder: ResultsFolder  # keeps what is simulated
+    threads: int | None = None  # CPU threads
 
     @property
     def noisy(self) -> dict[str, Any]:
@@ -100,11 +87,7 @@ def speeds_of(designs: Mapping[str, InflatableDesign], trials: Trials, progress:
 
 
 def check_working(speeds: Mapping[str, Floats], task: PipelineTask) -> None:
-    """Refuse a task of which a terrain has no gait that works.
-
-    Raises:
-        NoWorkingGait: with what was tried and how fast it was.
-    """
+    """Raise NoWorkingGait for a terrain without a gait that works, with what was tried and how fast it was."""
     for place, terrain in enumerate(task.terrains):
         means = {name: float(each[place].mean()) for name, each in speeds.items()}
         if not any(speed >= task.limits.least_speed for speed in means.values()):

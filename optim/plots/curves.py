@@ -19,39 +19,25 @@ LINES: dict[str, Any] = {"linewidth": 1.8, "drawstyle": "steps-post", **END}
 UNIT_LINES: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "steps-post"}
 
 
-def draw_run(
-    axes: "Axes", generations: Sequence[Generation], *, best: str = COLOURS[0], mean: str = COLOURS[1]
-) -> None:
+def draw_run(axes: "Axes", generations: Sequence[Generation]) -> None:
     """Draw a run's best score so far, the mean score of what its search keeps, and each climber as a thin line.
 
-    Scores are missing as long as every evaluation has failed.
-
-    Args:
-        axes: to draw on.
-        generations: as logged, at least one.
-        best: colour.
-        mean: colour; of climbers too.
+    Scores are missing as long as every evaluation has failed; there must be one generation at least.
     """
     x = [generation.generation for generation in generations]
     climbers = all(generation.scores is not None for generation in generations)
     if climbers:
         scores = np.array([generation.scores for generation in generations], float)
-        axes.plot(x, scores, color=mean, **UNIT_LINES)
+        axes.plot(x, scores, color=COLOURS[1], **UNIT_LINES)
     kept = "mean of the climbers" if climbers else "mean of what the search keeps"
-    for label, colour, name in ((kept, mean, "mean"), ("best", best, "best")):
+    for label, colour, name in ((kept, COLOURS[1], "mean"), ("best", COLOURS[0], "best")):
         values = np.array([getattr(generation, name) for generation in generations], float)
         axes.plot(x, values, color=colour, label=label, **LINES)
     _by_generation(axes)
 
 
 def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[str, str]) -> None:
-    """Draw details of the best design so far, such as its speed on each terrain.
-
-    Args:
-        axes: to draw on.
-        generations: as logged, at least one.
-        details: names of numbers in ``best_details``, and their labels in the legend.
-    """
+    """Draw details of the best design so far, such as speeds: names in ``best_details``, and labels in the legend."""
     for (name, label), colour in zip(details.items(), COLOURS[2:] + COLOURS[:2], strict=False):
         values = np.array([(g.best_details or {}).get(name) for g in generations], float)
         axes.plot([g.generation for g in generations], values, color=colour, label=label, **LINES)
@@ -78,15 +64,9 @@ def draw_band(
     label: str = "",
     steps: bool = False,
 ) -> None:
-    """Draw a mean and the band of its interval.
+    """Draw a mean and the band of its interval at P places, shape (P,) each; NaN leaves a gap.
 
-    Args:
-        axes: to draw on.
-        x: places, shape (P,).
-        mean, low, high: there, shape (P,); NaN leaves a gap.
-        colour: colour of the mean and the band.
-        label: for the legend.
-        steps: whether values hold until the next place; otherwise they are joined.
+    With ``steps``, values hold until the next place; otherwise they are joined.
     """
     axes.plot(x, mean, color=colour, label=label or None, drawstyle="steps-post" if steps else "default")
     axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0, step="post" if steps else None)
@@ -95,10 +75,7 @@ def draw_band(
 def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
     """Draw the mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
 
-    Args:
-        axes: to draw on.
-        curves: one for each group, as ``optim.runs.comparison.curves`` makes them.
-        axis: quantity on the horizontal axis: ``"evaluations"``, ``"generations"`` or ``"seconds"``.
+    Curves and their axis are those of ``optim.runs.comparison``.
     """
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
@@ -109,15 +86,7 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
 
 
 def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget: int, **line: Any) -> None:
-    """Draw the share of trials that have reached their goal, against the evaluations spent.
-
-    Args:
-        axes: to draw on.
-        evaluations: that each successful trial needed.
-        trials: number of all trials.
-        budget: evaluations of an unsuccessful trial.
-        line: keyword arguments of ``Axes.plot``.
-    """
+    """Draw the share of trials that have reached their goal over evaluations: those of each success, and the budget."""
     x = np.concatenate([[0], np.sort(np.asarray(evaluations)), [budget]])
     y = np.append(np.arange(len(x) - 1), len(x) - 2) / trials
     axes.step(x, y, where="post", **line)

@@ -16,22 +16,12 @@ if TYPE_CHECKING:
 
 
 def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, best: int | None = None) -> Any:
-    """Draw designs by two objectives to be maximised, or by three, with the third as colour.
+    """Draw designs by two objectives to be maximised, or by three, with the third as colour; ``best`` is marked.
 
     Dominated designs are small and pale. Through the front of two objectives goes the staircase that bounds what it
-    dominates.
-
-    Args:
-        axes: to draw on.
-        objectives: objectives of N designs, shape (N, K), K = 2 or 3; rows with NaN are left out.
-        names: names of the objectives.
-        best: row of a design to be marked.
-
-    Returns:
-        The drawn points, for :func:`add_bar`, with three objectives; None with two.
-
-    Raises:
-        ValueError: for other numbers of objectives, and no designs.
+    dominates. Objectives have shape (N, K), K = 2 or 3; rows with NaN are left out. Returns the drawn points, for
+    :func:`add_bar`, with three objectives, None with two. Raises ValueError for other numbers of objectives, and no
+    designs.
     """
     values = np.asarray(objectives, float)
     if values.ndim != 2 or values.shape[1] not in (2, 3) or len(names) != values.shape[1]:
@@ -63,15 +53,7 @@ def add_bar(figure: "Figure", axes: "Axes", shown: Any, name: str) -> None:
 def draw_points(
     axes: "Axes", x: ArrayLike, y: ArrayLike, filled: ArrayLike | None = None, *, colour: str, label: str = ""
 ) -> None:
-    """Draw designs as circles, of which some may be hollow.
-
-    Args:
-        axes: to draw on.
-        x, y: places of the designs, shape (N,).
-        filled: which circles are filled, shape (N,); all by default.
-        colour: colour of all circles.
-        label: for the legend.
-    """
+    """Draw designs at places of shape (N,) as circles; those that are not ``filled``, shape (N,), are hollow."""
     x, y = np.asarray(x), np.asarray(y)
     full = np.ones(len(x), bool) if filled is None else np.asarray(filled, bool)
     axes.plot(x, y, "o", color=colour, markersize=3, fillstyle="none", markeredgewidth=0.6, label=label or None)
@@ -79,16 +61,9 @@ def draw_points(
 
 
 def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequence[str]") -> Any:
-    """Draw the elites, which are the best designs of many kinds, coloured by their scores.
+    """Draw the elites, which are the best designs of many kinds, coloured by their scores; see :func:`add_bar`.
 
-    Args:
-        axes: to draw on.
-        places: two descriptors of each, shape (N, 2).
-        scores: shape (N,).
-        names: names of the descriptors.
-
-    Returns:
-        The drawn points, for :func:`add_bar`.
+    ``places`` are two descriptors of each, shape (N, 2).
     """
     axes.set(xlabel=names[0], ylabel=names[1])
     x, y = np.asarray(places, float).T

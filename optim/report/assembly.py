@@ -1,20 +1,35 @@
-"""From folders to a page."""
+"""From folders to a page: of runs, and of studies, which the registry of their reports tells of."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.results import Progress
+from optim.experiments.study import StudyReport, StudySection
 from optim.report.compared import comparison_sections
-from optim.report.markup import Html, Section, paragraph, picture
+from optim.report.markup import (
+    Html,
+    Section,
+    charted,
+    code,
+    facts,
+    paragraph,
+    picture,
+    picture_of,
+    side_by_side,
+    table,
+    tiles,
+)
 from optim.report.markup import page as page_of
-from optim.report.one_run import OneRun
-from optim.report.robot_run import Progress
-from optim.report.studies import study_of, study_page
+from optim.report.one_run import OneRun, files_of
 from optim.runs.comparison import Axis, check_comparable
 from optim.runs.history import read_history, runs_below
+from optim.studies.catalogue import REPORTS
 from optim.wording import spoken_size
 from robots.hardware import PneumaticRig
+from robots.robot import Replay
 from robots.view.motion import Motion
 from robots.view.player import MOST_MOTIONS, embedded, page
 
@@ -25,46 +40,27 @@ FOOT = "Made by morpholab report. This page is one file and needs no network."
 
 @dataclass(frozen=True)
 class Settings:
-    """What a report shall have.
+    """What a report shall have."""
 
-    Attributes:
-        player: whether the best design is simulated again and can be played.
-        frames: of each motion, about.
-        rig: that is to play the gait; the default one if None.
-        axis: by which several runs are compared.
-    """
-
-    player: bool = True
-    frames: int = 400
-    rig: PneumaticRig | None = None
-    axis: Axis = "evaluations"
+    player: bool = True  # whether the best design is simulated again and can be played
+    frames: int = 400  # of each motion, about
+    rig: PneumaticRig | None = None  # that is to play the gait; the default one if None
+    axis: Axis = "evaluations"  # by which several runs are compared
 
 
 @dataclass(frozen=True)
 class Built:
-    """A page.
+    """A page."""
 
-    Attributes:
-        text: of the file.
-        document: what it says, for machines.
-        notes: on what is not as asked for, a line each.
-    """
-
-    text: str
-    document: dict[str, Any]
-    notes: list[str] = field(default_factory=list)
+    text: str  # of the file
+    document: dict[str, Any]  # what it says, for machines
+    notes: list[str] = field(default_factory=list)  # on what is not as asked for, a line each
 
 
 def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Built:
-    """The page of a run, of several that are judged alike, or of one study.
+    """The page of a run, of several that are judged alike, or of one study, in folders, or in folders of such.
 
-    Args:
-        paths: of run folders, folders of such, or of a study.
-        settings: of the page.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: for what cannot be reported, before anything is simulated.
+    Raises ValueError for what cannot be reported, before anything is simulated.
     """
     for path in paths:
         if read := study_of(path):
@@ -107,9 +103,10 @@ def _page(
 ) -> Built:
     """The page of a run, after sections that compare several, given as markup and for machines."""
     before, more = compared
-    replays = run.replays(settings.frames, progress) if settings.player else []
-    best = run.best(replays, settings.rig)
-    if best:
+    replays, best, point = list[Replay](), None, run.best_point
+    if point is not None:
+        replays = run.subject.replays(point, settings.frames, progress) if settings.player else []
+        best = run.subject.best(run.last, point, replays, settings.rig)
         best = replace(best, content=[PLAYER, *best.content])
     shown, notes = [replay.motion for replay in replays[:MOST_MOTIONS]], []
     if len(shown) < len(replays):
@@ -146,3 +143,44 @@ def _player(motions: Sequence[Motion]) -> Html:
     element = Html(embedded(page(motions), title="Player: the best design in motion"))
     words = "The best design in motion: drag to orbit, space to play. Simulated again when this page was made."
     return picture(element, words, "player")
+
+
+MOST_FILES = 60
+
+
+def study_of(folder: Path) -> Callable[[Path], StudyReport] | None:
+    """The function that tells of the study in a folder, known by its file of settings; None for other folders."""
+    for name in REPORTS:
+        if any((settings / f"{name}.json").is_file() for settings in (folder, folder / "runs")):
+            return REPORTS[name]
+    return None
+
+
+def study_page(told: StudyReport, folder: Path, foot: str) -> str:
+    """The page of a study in a folder."""
+    lead = [paragraph(told.lead, "lead"), tiles(told.counts.items())]
+    sections = [Section(part.title, _content(part)) for part in told.sections]
+    settings = Section("Settings and files", [_settings(told.settings), _files(folder)])
+    return page_of(f"{told.kind.capitalize()} {folder.resolve().name}", lead, [*sections, settings], foot)
+
+
+def _content(part: StudySection) -> list[Html]:
+    content = [table(part.caption, part.header, part.rows, part.digits)] if part.rows else []
+    if part.note:
+        content.append(paragraph(part.note))
+    content += [picture(picture_of(path.read_bytes(), words), words) for words, path in part.pictures.items()]
+    drawn = [charted(draw, words, size=part.size) for words, draw in part.charts.items()]
+    return [*content, *([side_by_side(drawn)] if drawn else [])]
+
+
+def _settings(settings: Mapping[str, Any]) -> Html:
+    rows = [
+        (name.replace("_", " "), json.dumps(value) if isinstance(value, dict | list) else str(value))
+        for name, value in settings.items()
+    ]
+    return facts("Settings", rows)
+
+
+def _files(folder: Path) -> Html:
+    rows = [(code(path.name), path.stat().st_size) for path in files_of(folder)[:MOST_FILES]]
+    return table(f"Files of {folder}", ("File", "Bytes"), rows)

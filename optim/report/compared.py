@@ -6,8 +6,7 @@ from typing import Any
 
 from optim.plots.curves import draw_curves
 from optim.problem import Objective
-from optim.report.charts import charted
-from optim.report.markup import Html, Section, code, number, paragraph, table
+from optim.report.markup import Html, Section, charted, code, number, paragraph, table
 from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing
@@ -15,15 +14,7 @@ from optim.wording import counted
 
 
 def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Section], dict[str, Any]]:
-    """Sections, and the same for machines.
-
-    Args:
-        runs: at least two, whose scores mean the same.
-        axis: by which they are compared.
-
-    Raises:
-        ValueError: if they cannot be compared, see ``optim.runs.comparison``.
-    """
+    """Sections of several runs whose scores mean the same, also for machines; raises ValueError for others."""
     curves = comparison.curves([run.history for run in runs], axis)
     end = comparison.shared_end(curves, axis)
     standings = [comparison.standing(curve, end) for curve in curves]

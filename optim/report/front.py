@@ -6,8 +6,7 @@ import numpy as np
 
 from optim.plots.fronts import add_bar, draw_elites, draw_front
 from optim.problem import objectives_of
-from optim.report.charts import charted
-from optim.report.markup import Html, Section, paragraph, table
+from optim.report.markup import Html, Section, charted, paragraph, table
 from optim.report.robot_run import Subject
 from optim.runs.history import History, read_result
 from optim.search.method import SearchResult

@@ -5,7 +5,6 @@ import json
 import math
 import shlex
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -14,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from optim.plots.curves import draw_best, draw_run
-from optim.report.charts import charted
 from optim.report.front import front_section
 from optim.report.markup import (
     Html,
     Section,
     Text,
+    charted,
     code,
     facts,
     folded,
@@ -31,14 +30,12 @@ from optim.report.markup import (
     table,
     tiles,
 )
-from optim.report.robot_run import Best, Progress, Subject, subject_of
+from optim.report.robot_run import Best, Subject, subject_of
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
-from robots.hardware import PneumaticRig
-from robots.robot import Replay
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
 
@@ -59,23 +56,14 @@ FILES = {
 
 @dataclass(frozen=True)
 class OneRun:
-    """A run that is to be reported.
+    """A run that is to be reported."""
 
-    Attributes:
-        history: what it has done.
-        subject: what it designs.
-    """
-
-    history: History
-    subject: Subject
+    history: History  # what it has done
+    subject: Subject  # what it designs
 
     @classmethod
     def of(cls, history: History) -> "OneRun":
-        """The run of a history.
-
-        Raises:
-            ValueError: if it has no complete generation, or an unknown problem.
-        """
+        """The run of a history; raises ValueError if it has no complete generation, or an unknown problem."""
         if not history.generations:
             raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
         return cls(history, subject_of(history.path, history.config))
@@ -149,21 +137,8 @@ class OneRun:
                     told.append("best.json is not the best design of the log; the log's is shown here")
         return told
 
-    def replays(self, frames: int, progress: Progress) -> list[Replay]:
-        """Try the best design again in each world, with about so many frames of each motion."""
-        return [] if self.best_point is None else self.subject.replays(self.best_point, frames, progress)
-
-    def best(self, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best | None:
-        """The best design, simulated again or not; None if every evaluation has failed."""
-        return None if self.best_point is None else self.subject.best(self.last, self.best_point, replays, rig)
-
     def sections(self, best: Best | None, name: str) -> list[Section]:
-        """Sections of the page.
-
-        Args:
-            best: the best design; None if every evaluation has failed.
-            name: title of the first section.
-        """
+        """Sections of the page, the first by its name; without a best design if every evaluation has failed."""
         parts = [Section(name, self._run()), Section("How the search went", self._search())]
         if best is not None:
             parts.append(Section("The best design", best.content))
@@ -220,11 +195,11 @@ class OneRun:
         return found if isinstance(found, dict) else {}
 
     def _variables(self) -> Html:
-        variables = self.subject.problem.space.variables
-        rows = [
-            (_called(group), f"{group[0].low:g} to {group[0].high:g}", group[0].kind, len(group))
-            for group in (list(each) for _, each in groupby(variables, key=_like))
-        ]
+        variables, rows = self.subject.problem.space.variables, []
+        for (_, low, high, kind), group in groupby(variables, key=_like):
+            first, *others = (variable.name for variable in group)
+            name = f"{first} to {others[-1]}" if others else first
+            rows.append((name, f"{low:g} to {high:g}", kind, 1 + len(others)))
         return table(counted(len(variables), "variable"), ("Variables", "Range", "Kind", "Count"), rows)
 
     def _search(self) -> list[Html]:
@@ -295,10 +270,6 @@ def _as_typed(command: str) -> str:
 
 def _like(variable: Variable) -> tuple[str, float, float, str]:
     return variable.name.rstrip("0123456789_"), variable.low, variable.high, variable.kind
-
-
-def _called(group: list[Variable]) -> str:
-    return group[0].name if len(group) == 1 else f"{group[0].name} to {group[-1].name}"
 
 
 def _guessed(path: Path) -> str:

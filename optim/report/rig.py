@@ -17,13 +17,7 @@ KINDS = {EXCEEDED: "bad", AT_THE_LIMIT: "warn", NEAR_THE_LIMIT: "warn", WITHIN: 
 
 
 def rig_section(report: RigReport, default: bool, simulated: float) -> tuple[Section, dict[str, Any]]:
-    """The section of a page, and the same for machines.
-
-    Args:
-        report: what a gait asks of the rig.
-        default: whether it is the default rig.
-        simulated: time of the gait in the simulation [s].
-    """
+    """The section of a page, and the same for machines; the simulated gait takes ``simulated`` seconds."""
     names = "the default rig" if default else "this rig"
     refused = f"It exceeds a limit of {names}, and is refused: it cannot be exported as it is."
     verdict = refused if report.exceeded else f"It keeps every limit of {names}."

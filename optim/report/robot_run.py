@@ -2,17 +2,29 @@
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.results import Progress, part_of
 from optim.problem import Objective, Problem, objectives_of, score_of
 from optim.problems import problem_of_run
 from optim.problems.robot import RobotDesigning
-from optim.report.charts import charted, image
-from optim.report.markup import Html, Section, Text, facts, joined, number, paragraph, picture, side_by_side, table
+from optim.report.markup import (
+    Html,
+    Section,
+    Text,
+    charted,
+    facts,
+    image,
+    joined,
+    number,
+    paragraph,
+    picture,
+    side_by_side,
+    table,
+)
 from optim.report.rig import rig_section
 from optim.runs.generation import Generation
 from optim.wording import counted
@@ -20,34 +32,21 @@ from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot
 from taichi_sim.base.arrays import Floats
 
-Progress = Callable[[float], None]
-PIXELS = 110  # an inch, of printed strips
-
 
 @dataclass(frozen=True)
 class Best:
-    """What there is to say of the best design.
+    """What there is to say of the best design."""
 
-    Attributes:
-        content: markup.
-        document: for machines.
-        sections: more of the page.
-    """
-
-    content: Sequence[Html]
-    document: dict[str, Any] = field(default_factory=dict)
-    sections: Sequence[Section] = ()
+    content: Sequence[Html]  # markup
+    document: dict[str, Any] = field(default_factory=dict)  # for machines
+    sections: Sequence[Section] = ()  # more of the page
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What a run designs: a point of some function; see :class:`RobotSubject`.
+    """What a run designs: a point of some function; see :class:`RobotSubject`."""
 
-    Attributes:
-        problem: as its folder describes it.
-    """
-
-    problem: Problem
+    problem: Problem  # as its folder describes it
 
     @property
     def title(self) -> str:
@@ -120,8 +119,7 @@ class RobotSubject(Subject):
         problem, robot = self.problem, self.problem.robot_of(point)
         found = []
         for n, world in enumerate(problem.tried_in):
-            tick = partial(_tick, progress, n, len(problem.tried_in))
-            name = world.spoken or robot.name
+            tick, name = part_of(progress, n, len(problem.tried_in)), world.spoken or robot.name
             found.append(robot.replay((), world, frames=frames, name=name, compute=problem.compute, progress=tick))
         return found
 
@@ -169,7 +167,7 @@ class RobotSubject(Subject):
         for world, replay in zip(self.problem.tried_in, replays, strict=False):
             words = f"Six poses of the best design {world.spoken}".strip() + ", above the chart of what drives it"
             strip = motion_picture(replay.motion, title=replay.title or None)
-            strips.append(picture(image(strip, words, pixels=PIXELS), words))
+            strips.append(picture(image(strip, words), words))
         printed = [Html(f'<div class="print-only">{joined(strips, "")}</div>')] if strips else []
         return [*styled, *([side_by_side(plain)] if plain else []), *printed]
 
@@ -194,11 +192,7 @@ class RobotSubject(Subject):
 
 
 def subject_of(folder: Path, config: Mapping[str, Any]) -> Subject:
-    """The subject of a run with these settings.
-
-    Raises:
-        ValueError: for a problem that is unknown or cannot be read.
-    """
+    """The subject of a run with these settings; raises ValueError for a problem that is unknown or cannot be read."""
     problem = problem_of_run(folder, config)
     return RobotSubject(problem) if isinstance(problem, RobotDesigning) else Subject(problem)
 
@@ -218,11 +212,6 @@ def _shown(rows: Facts) -> list[tuple[str, Text]]:
         (name, number(told.value, told.digits, told.unit) if isinstance(told, Quantity) else told)
         for name, told in rows
     ]
-
-
-def _tick(report: Progress, number: int, count: int, fraction: float) -> None:
-    """Tell the progress of one of several trials as that of all."""
-    report((number + fraction) / count)
 
 
 def _finite(value: float) -> float | None:

@@ -11,7 +11,7 @@ STUDIES: Registry[Study] = Registry(
     "study",
     {
         "sensor-placement": "optim.studies.chapter3.sweep_study:STUDY",
-        "training": "optim.studies.chapter4.training_study:STUDY",
+        "training": "optim.studies.chapter4.training:STUDY",
         "co-optimisation": "optim.studies.chapter4.co_optimisation:STUDY",
         "search-comparison": "optim.studies.beyond.search_comparison:STUDY",
         "homeostasis-of-bodies": "optim.studies.chapter4.homeostasis_of_bodies:STUDY",
@@ -36,8 +36,8 @@ REPORTS: Registry[Callable[[Path], StudyReport]] = Registry(
     "morpholab.reports",
     "report",
     {
-        "sweep": "optim.studies.chapter3.sweep_report:report",
-        "training": "optim.studies.chapter4.training_report:report",
-        "interference": "optim.studies.chapter2.report:report",
+        "sweep": "optim.studies.chapter3.sweep_study:report",
+        "training": "optim.studies.chapter4.training:report",
+        "interference": "optim.studies.chapter2.study:report",
     },
 )

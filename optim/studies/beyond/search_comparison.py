@@ -15,11 +15,10 @@ from typing import Any
 
 from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
-from optim.experiments.parts import computed_trials
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, record_trials
+from optim.experiments.trials import Trials, computed_trials, record_trials
 from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
@@ -56,10 +55,7 @@ def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
 
 
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
-    """Write ``summary.json``, raw data as CSV and a figure.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, raw data as CSV and a figure."""
     methods = {name: searches(variables) for name, (_, _, variables) in PROBLEMS.items()}
     results = ResultsFolder(folder, "search-comparison", {**settings.describe(), "methods": methods})
     arms = {}

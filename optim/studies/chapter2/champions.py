@@ -23,21 +23,13 @@ NEAR = 0.5  # m, from the light
 
 @dataclass(frozen=True, eq=False)
 class Champions:
-    """Paths and readings of the champions of a treatment; R runs, E environments, F moments.
+    """Paths and readings of the champions of a treatment; R runs, E environments, F moments."""
 
-    Attributes:
-        weights: their controllers, (R, 5, 8).
-        times: (F,) [s].
-        paths: of the main body, seen from above, (R, E, F, 2) [m].
-        light: readings, (R, E, F) [1/m^2].
-        distance: from the light at the end, (R, E) [m].
-    """
-
-    weights: Floats
-    times: Floats
-    paths: Floats
-    light: Floats
-    distance: Floats
+    weights: Floats  # their controllers, (R, 5, 8)
+    times: Floats  # (F,) [s]
+    paths: Floats  # of the main body, seen from above, (R, E, F, 2) [m]
+    light: Floats  # readings, (R, E, F) [1/m^2]
+    distance: Floats  # from the light at the end, (R, E) [m]
 
 
 def champions_of(settings: Interference, found: Runs, threads: int | None = None) -> dict[Treatment, Champions]:
@@ -97,14 +89,7 @@ def train_alone(
 ) -> list[dict[str, Any]]:
     """Train each robot on each light alone, and write what its champions do as ``alone.csv``.
 
-    Args:
-        settings: whose lights are taken one by one; each has a folder of its own in ``out / "alone"``.
-        robots: names.
-        runs: of each robot with each light.
-        generations: of each run.
-        out: folder of the study.
-        threads: CPU threads.
-        progress: called with the fraction done.
+    Each of the lights has a folder of its own in ``out / "alone"``.
 
     Returns:
         For each robot and light: means of the champions' distance from the light at the end [m], and of the time that

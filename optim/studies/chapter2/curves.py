@@ -33,11 +33,7 @@ def curve(state: Arrays, fitness: str) -> Floats:
 
 
 def write_curves(found: Runs, path: Path) -> dict[Treatment, Floats]:
-    """Write mean and 95 % bootstrap interval over runs for each generation as CSV.
-
-    Returns:
-        By treatment, quantities of ``QUANTITIES`` of its runs, (R, G, 2).
-    """
+    """Write mean and 95 % bootstrap interval over runs for each generation as CSV; return ``QUANTITIES``, (R, G, 2)."""
     stacked = {each: np.stack([curve(state, each.fitness) for state in states]) for each, states in found.items()}
     rows = []
     for treatment, values in stacked.items():
@@ -52,9 +48,7 @@ def write_curves(found: Runs, path: Path) -> dict[Treatment, Floats]:
 def mutations(state: Arrays, only: Sequence[int] | None = None) -> tuple[Floats, NDArray[np.int32]]:
     """Beneficial mutations of a run: changes of distances, (A, E) [m], positive where better, and generations, (A,).
 
-    Args:
-        state: of its climbers.
-        only: climbers of interest; all if None.
+    Of some climbers ``only``, if given.
     """
     order = np.argsort(state["climber"], kind="stable")  # generations stay in order
     climber, born, distance = (state[name][order] for name in ("climber", "born", "distance"))

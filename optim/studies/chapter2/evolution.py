@@ -131,20 +131,12 @@ def evolve(
     threads: int | None = None,
     progress: Progress = None,
 ) -> dict[Run, Arrays]:
-    """Train every treatment in every run.
+    """Train every treatment in every run; the number of a run, from 0, is its seed, too.
 
     All that lag behind move on together: their controllers go through one simulation for each kind of robot and
     generation, gradients treatment by treatment. What a run does depends neither on those beside it nor on where it
-    went on.
-
-    Args:
-        settings: that all results depend on.
-        chosen: treatments.
-        runs: of each, numbered from 0, which is also their seed.
-        generations: after the first population.
-        out: folder that takes a file for each run and goes on from it; also with more treatments, runs, generations.
-        threads: CPU threads; no result depends on them.
-        progress: called with the fraction done.
+    went on. The folder takes a file for each run and goes on from it; also with more treatments, runs, generations,
+    which come after the first population.
 
     Returns:
         By treatment and run, the state of its climbers, see :meth:`Climbers.state`.

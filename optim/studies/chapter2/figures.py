@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.experiments.figures import COLOURS, PAGE, figure, save_arrays
+from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic, save_arrays
 from optim.experiments.tables import write_table
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
@@ -34,17 +34,7 @@ def _layout(treatments: Sequence[Treatment]) -> tuple[list[str], list[str]]:
 def _grid_of_treatments(
     treatments: Sequence[Treatment], path: Path, size: tuple[float, float], labels: tuple[str, str]
 ) -> Iterator[tuple[Any, dict[Treatment, Any]]]:
-    """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows.
-
-    Args:
-        treatments: that have panels.
-        path: of the picture.
-        size: width and height [in].
-        labels: of x and y, for all panels.
-
-    Yields:
-        The figure, and the panel of each treatment.
-    """
+    """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows."""
     rows, columns = _layout(treatments)
     shape: Any = {"nrows": len(rows), "ncols": len(columns), "sharex": True, "sharey": True}
     with figure(path, *size, letters=False, **shape) as (drawn, panels):
@@ -108,13 +98,11 @@ def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
 
 def _scale_by_decades(axes: Any) -> None:
     """A logarithmic scale whose few labels are plain numbers, also within a decade."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+    from matplotlib.ticker import LogLocator
 
-    axes.set_yscale("log")
+    logarithmic(axes, "y")
     low, high = axes.get_ylim()
     axes.yaxis.set_major_locator(LogLocator(subs=(1,) if high > 30 * low else (1, 2, 5) if high > 4 * low else "all"))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
 
 
 def draw_traces(champions: Mapping[Treatment, Champions], settings: Interference, path: Path) -> None:

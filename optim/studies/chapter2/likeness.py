@@ -15,9 +15,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.comparison import compare
-from optim.experiments.pages import cell
-from optim.experiments.records import distinct
-from optim.experiments.tables import markdown, write_table
+from optim.experiments.tables import cell, distinct, markdown, write_table
 from optim.measures.homeostasis import homeostasis
 from optim.search.method import generator
 from optim.studies.chapter2.champions import Champions, follow

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from optim.experiments.settings import Count, Settings
+from optim.experiments.study import Count, Settings
 from optim.problem import Evaluation
 from optim.search import build_method
 from optim.search.method import MOST_POINTS, Method
@@ -44,17 +44,11 @@ SPACE = Space(tuple(Variable(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(S
 
 @dataclass(frozen=True)
 class Treatment:
-    """A robot, how its environments make a fitness, and how it is trained.
+    """A robot, how its environments make a fitness, and how it is trained."""
 
-    Attributes:
-        robot: a name of ``ROBOTS``.
-        fitness: ``"sum"``, ``"product"`` or ``"min"``.
-        trainer: a name of ``TRAINERS``.
-    """
-
-    robot: str
-    fitness: str
-    trainer: str = HILL_CLIMB
+    robot: str  # a name of ``ROBOTS``
+    fitness: str  # ``"sum"``, ``"product"`` or ``"min"``
+    trainer: str = HILL_CLIMB  # a name of ``TRAINERS``
 
     @property
     def row(self) -> str:
@@ -72,11 +66,7 @@ def treatments(
     fitness: Sequence[str] = tuple(FITNESS),
     trainers: Sequence[str] = (HILL_CLIMB,),
 ) -> list[Treatment]:
-    """Every fitness with every robot, row by row, trainer by trainer.
-
-    Raises:
-        ValueError: for no names, unknown ones, or one given twice.
-    """
+    """Every fitness with every robot, row by row; raises ValueError for no names, unknown ones, or one given twice."""
     each = (("robots", robots, ROBOTS), ("fitness", fitness, FITNESS), ("trainers", trainers, TRAINERS))
     for field, names, known in each:
         if not names:
@@ -90,23 +80,15 @@ def treatments(
 
 @dataclass(frozen=True)
 class Interference(Settings):
-    """Settings that all results of a folder depend on.
+    """Settings that all results of a folder depend on."""
 
-    Attributes:
-        lights: places of the light in the environments [m].
-        population: climbers of a run.
-        steps: looks at the sensors in a simulation.
-        variant: a name of ``VARIANTS``: the published experiment or its text, which also bounds weights.
-        precision: ``"f64"`` or ``"f32"``: the same distributions, not the same robots.
-        device: ``"cpu"`` or one of Taichi's.
-    """
-
-    lights: Lights = TWO_ENVIRONMENTS
-    population: Annotated[int, partial(checks.integer, low=1, high=MOST_POINTS)] = 100
-    steps: Count = STEPS
+    lights: Lights = TWO_ENVIRONMENTS  # places of the light in the environments [m]
+    population: Annotated[int, partial(checks.integer, low=1, high=MOST_POINTS)] = 100  # climbers of a run
+    steps: Count = STEPS  # looks at the sensors in a simulation
+    # a name of ``VARIANTS``: the published experiment or its text, which also bounds weights
     variant: Annotated[str, partial(checks.choice, names=tuple(VARIANTS))] = "as-run"
-    precision: Literal["f64", "f32"] = "f64"
-    device: Device = "cpu"
+    precision: Literal["f64", "f32"] = "f64"  # ``"f64"`` or ``"f32"``: the same distributions, not the same robots
+    device: Device = "cpu"  # ``"cpu"`` or one of Taichi's
 
     def method(self, trainer: str, run: int) -> Method:
         """The climbers of a run; the same run of another treatment draws the same numbers.
@@ -152,12 +134,7 @@ def controllers(points: Floats) -> Floats:
 
 
 def fitness_shares(fitness: str, light: Floats) -> Floats:
-    """Derivatives of the logarithm of a fitness by the readings of the environments, (P, E).
-
-    Args:
-        fitness: ``"sum"``, ``"product"`` or ``"min"``.
-        light: readings, (P, E) [1/m^2].
-    """
+    """Derivatives of the logarithm of a fitness by the environments' readings, (P, E) [1/m^2], shape (P, E)."""
     if fitness == "sum":
         return np.repeat(1 / light.sum(-1, keepdims=True), light.shape[-1], -1)
     if fitness == "product":

@@ -4,46 +4,48 @@ Nine treatments, three robots times three ways to combine environments, are trai
 to M4, tests and pictures say which of them suffer when what helps in one environment harms in another.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from optim.experiments.results import Progress, check_folder, part_of, write_json
-from optim.experiments.study import Study
+from optim.experiments.study import Study, StudyReport, StudySection
+from optim.experiments.tables import read_table
 from optim.studies.chapter2.champions import champions_of, train_alone, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
-from optim.studies.chapter2.evolution import by_treatment, evolve
+from optim.studies.chapter2.evolution import KIND, by_treatment, evolve
 from optim.studies.chapter2.likeness import likeness, write_likeness
 from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
 from optim.studies.chapter2.tables import measure, write_tables
+from taichi_sim.base.files import read_text
+from taichi_sim.base.results_folder import read_settings
 
 TABLES = (
     *("tables.md", "tables.csv", "runs.csv", "tests.csv", "curves.csv"),
     *("likeness.md", "likeness.csv", "summary.json", "champions"),
 )
-PICTURES = ("curves.png", "traces.png")
-PICTURES_OF_TWO = ("changes.png", "changes-of-champions.png")
+PICTURES = {
+    "curves.png": "Worst distance and fitness over generations, mean of runs with 95 % bands",
+    "traces.png": "Paths of a typical champion of each treatment, from above",
+}
+PICTURES_OF_TWO = {
+    "changes.png": "What beneficial mutations change in two environments",
+    "changes-of-champions.png": "The same along the lines of champions",
+}
 DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a study does.
+    """How much a study does."""
 
-    Attributes:
-        population: climbers of a run.
-        runs: of each treatment.
-        generations: of each run.
-        runs_alone: of each robot that is trained on a light alone.
-        generations_alone: of each of these.
-    """
-
-    population: int
-    runs: int
-    generations: int
-    runs_alone: int
-    generations_alone: int
+    population: int  # climbers of a run
+    runs: int  # of each treatment
+    generations: int  # of each run
+    runs_alone: int  # of each robot that is trained on a light alone
+    generations_alone: int  # of each of these
 
 
 def train(
@@ -57,12 +59,8 @@ def train(
     threads: int | None = None,
     progress: Progress = None,
 ) -> dict[str, Any]:
-    """Train treatments and write tables, and pictures if asked for; resumable.
-
-    Returns:
-        What ``summary.json`` holds. For other arguments and errors see :func:`evolve`.
-    """
-    drawn = [path.with_suffix(suffix).name for path in map(Path, (*PICTURES, *PICTURES_OF_TWO)) for suffix in DRAWN]
+    """Train treatments as :func:`evolve` does, and write tables, and pictures if asked for; return ``summary.json``."""
+    drawn = [str(Path(name).with_suffix(suffix)) for name in (PICTURES | PICTURES_OF_TWO) for suffix in DRAWN]
     check_folder(out, (*TABLES, *drawn, "runs", "alone", "alone.csv"))
     found = by_treatment(evolve(settings, chosen, runs, generations, out / "runs", threads, progress))
     about = {**asdict(settings), "runs": runs, "generations": generations}
@@ -78,22 +76,21 @@ def train(
         draw_curves(curves, out / "curves.png")
         draw_traces(champions, settings, out / "traces.png")
         if len(settings.lights) == 2:
-            draw_changes(all_mutations(found), out / PICTURES_OF_TWO[0])
-            draw_changes(all_mutations(found, measure(found)), out / PICTURES_OF_TWO[1])
+            draw_changes(all_mutations(found), out / "changes.png")
+            draw_changes(all_mutations(found, measure(found)), out / "changes-of-champions.png")
     return summary
 
 
 def files_of(settings: Interference, figures: bool) -> list[str]:
     """Names of what :func:`train` writes, beside raw results."""
-    two = PICTURES_OF_TWO if len(settings.lights) == 2 else ()
+    two = PICTURES_OF_TWO if len(settings.lights) == 2 else {}
     return [*TABLES, *((*PICTURES, *two) if figures else ())]
 
 
 def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     """The nine treatments in two and in four environments, and each robot on each light alone.
 
-    Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``; for the arguments see
-    :class:`optim.experiments.study.Study`.
+    Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``.
     """
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
     for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
@@ -117,3 +114,27 @@ STUDY = Study(
     ),
     cost="65 h of CPU time for two environments, 80 for four",
 )
+
+
+def report(folder: Path) -> StudyReport:
+    """What a report tells of a study of interference; raises ValueError if it is not complete."""
+    summary = folder / "summary.json"
+    if not summary.is_file():
+        raise ValueError(f"run: {folder} is a study of interference that has no tables yet; run its command to the end")
+    settings, (header, rows) = read_settings(folder / "runs", KIND), read_table(folder / "tables.csv")
+    try:
+        record = json.loads(read_text(summary))
+        counts = {name: int(record[name]) for name in ("runs", "generations", "population")}
+    except (ValueError, KeyError, TypeError):
+        raise ValueError(f"{summary}: is not the summary of a study of interference") from None
+    named = [(" ".join(row[:4]), row[4], *(float(cell) if cell else None for cell in row[5:])) for row in rows]
+    table = StudySection("Measures", "M1 to M4", [" ".join(header[:4]), *header[4:]], named, digits=3)
+    shown = PICTURES | PICTURES_OF_TWO
+    pictures = {words: folder / name for name, words in shown.items() if (folder / name).is_file()}
+    return StudyReport(
+        "interference",
+        "Quadrupeds trained to reach the light in several environments, and how what helps in one harms in another.",
+        counts,
+        settings,
+        [table, *([StudySection("Pictures", pictures=pictures)] if pictures else [])],
+    )

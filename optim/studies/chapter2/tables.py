@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.pages import MISSING
-from optim.experiments.records import Record, distinct, where
 from optim.experiments.results import write_json
-from optim.experiments.tables import markdown, write_records, write_table
+from optim.experiments.tables import MISSING, Record, distinct, markdown, where, write_records, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Runs
@@ -73,10 +71,7 @@ def cells_of(measured: Mapping[Treatment, Sequence[RunMeasures]]) -> dict[str, d
 
 
 def compare_cells(cells: Cells) -> list[dict[str, Any]]:
-    """Two-sided Mann-Whitney tests of all pairs in a row or column, corrected for their number.
-
-    Treatments with less than two values are left out.
-    """
+    """Two-sided Mann-Whitney tests of all pairs of several values in a row or column, corrected for their number."""
     pairs = [(a, b) for a, b in combinations(cells, 2) if (a.row == b.row) != (a.robot == b.robot)]
     known = [(a, b) for a, b in pairs if min(len(cells[a]), len(cells[b])) > 1]
     effects = [effect(cells[a], cells[b]) for a, b in known]
@@ -112,13 +107,7 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
 
 
 def write_tables(found: Runs, out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last.
-
-    Args:
-        found: by treatment, what the climbers of its runs kept.
-        out: folder.
-        about: the study, to stand in the summary.
-    """
+    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last."""
     environments = next(iter(found.values()))[0]["distance"].shape[1]
     runs, rows, tests, text, definitions = [], list[Any](), [], list[str](), {}
     for definition in DEFINITIONS:

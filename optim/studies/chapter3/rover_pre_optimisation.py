@@ -1,44 +1,123 @@
 """The search for a base body of the two-wheel vehicle repeated: a front of distance and effort, and a body from it.
 
 Source: dissertation, chapter 3, "The empirical model", which names the Borg MOEA, both objectives, and that the sensors
-sat in the canonical places. It does not say how the base body was chosen; here it is the body of least effort that
-reaches the light in all environments.
+sat in the canonical places: masses, radius of the wheels, torque, speed and target rate are free; one objective is the
+distance from the light, summed over the four environments, the other the sum of torque, speed and target rate. It does
+not say how the base body was chosen; here it is the body of least effort that reaches the light in all environments.
+Nor does it say what steered the bodies. Of the 121 x 121 controllers of the base body that was found, only the one with
+both weights at 1 solves all environments: probably the search had this one. So it is the default; as an option the
+weights evolve along with each body.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS, COLUMN, figure
-from optim.experiments.parts import computed_trials
-from optim.experiments.records import Record, column
 from optim.experiments.results import Progress, cached, write_json
-from optim.experiments.settings import Count, Settings, Several, Whole
-from optim.experiments.study import Study
-from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, record_trials
+from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.tables import Record, column, write_table
+from optim.experiments.trials import Trials, computed_trials, record_trials
 from optim.measures.overlap import interference, learnability
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
-from optim.studies.chapter3.rover_grid import RoverGrid
-from optim.studies.chapter3.rover_problem import (
-    CONTROLLERS,
-    DRIVES,
-    MASSES,
-    SENSOR_HEIGHT,
-    SENSOR_RADIUS,
-    RoverProblem,
-    distances,
-    effort,
-)
+from optim.problem import Evaluation
+from optim.space import Space, Variable
+from optim.studies.chapter3.rover_success import RoverGrid
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
-from taichi_sim.base.arrays import Arrays
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.results_folder import ResultsFolder
+
+MASSES = ("body_mass", "wheel_mass", "castor_mass")
+DRIVES = ("speed", "command_range", "torque")  # in units of pi
+WEIGHTS = ("w1", "w2")
+CONTROLLERS = ("unit", "evolved")
+MASS_RANGE, RADIUS_RANGE, DRIVE_RANGE = (0.001, 1000.0), (0.075, 0.3), (0.25, 10.0)  # kg, m, pi
+SENSOR_RADIUS, SENSOR_HEIGHT = 0.02, 0.0  # m, in this search only
+STEP = 0.1  # of ranges, standard deviation of a mutation
+
+
+@dataclass(frozen=True, eq=False)
+class RoverProblem:
+    """Objectives, maximised: minus the sum of smallest distances from the lights [m], minus torque + speed + rate [pi].
+
+    Nearer than the distance of success counts as that distance, where the light stops the vehicle.
+    """
+
+    controller: str = "unit"  # ``"unit"``: both weights are 1; ``"evolved"``: they are variables, too
+    steps: int = STEPS  # looks at the light in every rollout
+    precision: str = "f32"  # ``"f32"`` or ``"f64"``
+    device: str = "cpu"  # ``"cpu"``, ``"cuda"``, .
+    threads: int | None = None  # CPU threads, all available if None; changes no result
+
+    def __post_init__(self) -> None:
+        checks.choice("controller", self.controller, CONTROLLERS)
+
+    @cached_property
+    def space(self) -> Space:
+        """Masses [kg], radius of the wheels [m], drives [pi], and weights if they evolve."""
+        ranges = {
+            **dict.fromkeys(MASSES, MASS_RANGE),
+            "wheel_radius": RADIUS_RANGE,
+            **dict.fromkeys(DRIVES, DRIVE_RANGE),
+            **dict.fromkeys(WEIGHTS if self.controller == "evolved" else (), (-1.0, 1.0)),
+        }
+        return Space(tuple(Variable(name, low, high, step=STEP * (high - low)) for name, (low, high) in ranges.items()))
+
+    def named(self, point: ArrayLike) -> dict[str, float]:
+        """Values of a point, shape (D,), by name, with the weights."""
+        return {**self.space.to_dict(point), **(dict.fromkeys(WEIGHTS, 1.0) if self.controller == "unit" else {})}
+
+    def rover(self, point: ArrayLike) -> Rover:
+        """The body of a point, shape (D,), as in this search."""
+        values = self.space.to_dict(point)
+        drives = {name: values[name] * math.pi for name in DRIVES}
+        others = {name: values[name] for name in (*MASSES, "wheel_radius")}
+        return Rover(CANONICAL, **others, **drives, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT)
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Roll out all points, shape (N, D).
+
+        Details: ``solved``, in how many environments the light is reached, shape (N,).
+        """
+        points = self.space.validate(np.atleast_2d(points))
+        rovers = [self.rover(point) for point in points]
+        weights = points[:, -len(WEIGHTS) :] if self.controller == "evolved" else np.ones((len(points), len(WEIGHTS)))
+        where: dict[str, Any] = {"precision": self.precision, "device": self.device, "threads": self.threads}
+        done = simulate(rovers, weights, steps=self.steps, **where)
+        objectives = np.column_stack([-distances(rovers, done.closest), -effort(rovers)])
+        status = np.where((done.status == "ok").all(axis=1), "ok", "diverged")
+        return Evaluation(objectives, status, {"solved": done.success.sum(axis=1)})
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """Judge points as :meth:`evaluate` does, as nothing is binary; raises ValueError if asked for gradients."""
+        if gradients:
+            raise ValueError("gradients: not allowed with several objectives; ask for points")
+        return self.evaluate(points)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on."""
+        numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "threads"}
+        return {**numbers, "variables": {v.name: [v.low, v.high] for v in self.space.variables}}
+
+
+def distances(rovers: list[Rover], closest: Floats) -> Floats:
+    """Sums over environments of smallest distances, (N, E), none below that of success [m], (N,)."""
+    reached = np.array([rover.success_distance for rover in rovers])
+    return np.asarray(np.maximum(closest, reached[:, None]).sum(axis=1))
+
+
+def effort(rovers: list[Rover]) -> Floats:
+    """Torque [N m], speed and rate [rad/s], in units of pi, summed, (N,)."""
+    return np.array([rover.torque + rover.speed + rover.command_range for rover in rovers]) / math.pi
+
 
 BORG: dict[str, Any] = {"population": 100, "epsilons": 0.05, "window": 500}
 SITES = {"canonical": CANONICAL, "best": BEST}
@@ -47,23 +126,14 @@ LABELS = {"unit": "both weights 1", "evolved": "weights evolved"}
 
 @dataclass(frozen=True)
 class PreOptimisation(Settings):
-    """Searches for a base body, and how what they find is judged.
+    """Searches for a base body, and how what they find is judged."""
 
-    Attributes:
-        runs: searches with each controller.
-        budget: evaluations of each search.
-        seed: of the first search; the others have those that follow.
-        weights: values of each weight, in the grid that base bodies are judged by afterwards.
-        steps: looks at the light in every rollout.
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    runs: Count = 3
-    budget: Count = 8000
-    seed: Whole = 1
-    weights: Several = 31
-    steps: Count = STEPS
-    threads: int | None = None
+    runs: Count = 3  # searches with each controller
+    budget: Count = 8000  # evaluations of each search
+    seed: Whole = 1  # of the first search; the others have those that follow
+    weights: Several = 31  # values of each weight, in the grid that base bodies are judged by afterwards
+    steps: Count = STEPS  # looks at the light in every rollout
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
 
 def front_of(trials: Sequence[Trials]) -> list[Record]:
@@ -84,10 +154,7 @@ def front_of(trials: Sequence[Trials]) -> list[Record]:
 
 
 def study(folder: Path, settings: PreOptimisation, progress: Progress = None) -> None:
-    """Write ``summary.json``, the fronts as CSV and a figure, search by search.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, the fronts as CSV and a figure, search by search."""
     problems = {name: RoverProblem(name, settings.steps, threads=settings.threads) for name in CONTROLLERS}
     described = {name: problem.describe() for name, problem in problems.items()}
     about = {**settings.describe(), "borg": BORG, "problems": described}

@@ -1,26 +1,105 @@
 """Success of all controllers in the canonical and the best body of chapter 3, in both of its models.
 
 Source: dissertation, chapter 3, figures "landscape" (D to F) and section "Empirical results", and the theoretical model
-of the same bodies (``robots.braitenberg``).
+of the same bodies (``robots.braitenberg``). With left and right exchanged a vehicle meets the same four environments in
+another order, so two bodies of the published grid of sensors' places share a sweep of all controllers on a grid.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from optim.experiments.figures import COLUMN, caption, figure, save_arrays
-from optim.experiments.results import Progress, check_folder, write_json
-from optim.experiments.study import Study
+from optim.experiments.results import Progress, check_folder, computed, part_of, write_json
+from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import write_records
 from optim.measures.overlap import interference, learnability
-from optim.studies.chapter3.rover_grid import MODELS, RoverGrid, both_models
-from robots.braitenberg import Sweep
+from optim.studies.chapter3.sweep_table import overlaps_of
+from robots.braitenberg import Sweep, VehicleBody, weight_grid
 from robots.braitenberg.sweeps import Overlap
-from robots.rover import BEST, CANONICAL, Rover
+from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
+from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.results_folder import ResultsFolder
+
+MODELS = ("rigid bodies", "theoretical")
+MIRRORED_LIGHTS = [1, 0, 3, 2]  # those that lie where each lies in a mirror
+
+
+@dataclass(frozen=True)
+class RoverGrid(Settings):
+    """A grid of controllers, and how each is simulated."""
+
+    weights: Several = 121  # values of each of the two weights, from -1 to 1
+    steps: Count = STEPS  # looks at the light in every rollout
+    precision: Literal["f32", "f64"] = "f32"
+
+    @property
+    def pairs(self) -> Floats:
+        """All weights w1 and w2, w2 changing fastest, (n n, 2)."""
+        grid = weight_grid(self.weights)
+        return np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def successes(
+    designs: Sequence[int], settings: RoverGrid, folder: Path | None = None, progress: Progress = None, **where: Any
+) -> Bools:
+    """Which lights each controller reaches in bodies of the published grid.
+
+    The folder takes a file a body as they come. A sweep of the same settings that finds it goes on from there, also for
+    other bodies; killed at any moment, it loses the body at hand. Designs are D numbers, from 1 to 6561, see
+    ``Rover.published``; ``where`` are device and threads.
+
+    Returns:
+        S, shape (D, n, n, 4): whether body d reaches light k with the weights grid[i] and grid[j].
+
+    Raises:
+        ValueError: for a number that is no body's, or a folder of other settings.
+    """
+    stand_ins = [_stand_in(design) for design in designs]
+    results = ResultsFolder(folder, "rover-grid", {**settings.describe(), "base": asdict(Rover())}) if folder else None
+
+    def reached(design: int, _: Progress) -> Arrays:
+        how: dict[str, Any] = {"steps": settings.steps, "precision": settings.precision, **where}
+        done = simulate(Rover.published(design), settings.pairs, **how)
+        return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
+
+    parts = {design: partial(reached, design) for design in sorted({design for design, _ in stand_ins})}
+    found = computed(results, parts, progress, "design_{}")
+    known = [(found[design]["success"], mirrored) for design, mirrored in stand_ins]
+    return np.array([s.transpose(1, 0, 2)[..., MIRRORED_LIGHTS] if mirrored else s for s, mirrored in known])
+
+
+def _stand_in(design: int) -> tuple[int, bool]:
+    """The body that is simulated for another: the smaller number of it and its mirror image; and which of them."""
+    image = Rover.published(design).mirrored.vehicle.design
+    assert image is not None  # the grid is symmetric
+    return min(design, image), image < design
+
+
+def both_models(
+    bodies: Sequence[VehicleBody],
+    settings: RoverGrid,
+    theory: Sweep,
+    folder: Path,
+    progress: Progress = None,
+    **where: Any,
+) -> tuple[Bools, dict[str, Overlap]]:
+    """Sweep the same bodies as rigid bodies and in the theoretical model, each in a folder of its own.
+
+    Returns:
+        Which lights each rigid body reaches, see :func:`successes`; and by model, how many lights each controller
+        reaches, shape (D, n, n).
+    """
+    designs = [body.design for body in bodies if body.design is not None]  # all are of the grid
+    reached = successes(designs, settings, folder / "success", part_of(progress, 0, 2), **where)
+    expected = overlaps_of(bodies, theory, folder / "theory", **where, progress=part_of(progress, 1, 2))
+    return reached, dict(zip(MODELS, (reached.sum(-1, dtype=np.uint8), expected), strict=True))
+
 
 BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 # Of 121 x 121 controllers: those that solve all environments, M_L and M_CF.
@@ -30,22 +109,14 @@ FILES = tuple(f"rover-success.{end}" for end in ("csv", "npz", "png"))
 
 @dataclass(frozen=True)
 class RoverSuccess:
-    """Sweeps of two bodies in both models.
+    """Sweeps of two bodies in both models."""
 
-    Attributes:
-        grid: of weights, of the rigid bodies.
-        theory: of the theoretical model.
-    """
-
-    grid: RoverGrid = field(default_factory=RoverGrid)
-    theory: Sweep = field(default_factory=Sweep)
+    grid: RoverGrid = field(default_factory=RoverGrid)  # of weights, of the rigid bodies
+    theory: Sweep = field(default_factory=Sweep)  # of the theoretical model
 
 
 def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> None:
-    """Write ``summary.json``, a table and a figure, its numbers beside it.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, a table and a figure, its numbers beside it."""
     check_folder(folder, ("success", "theory", "summary.json", *FILES))
     bodies = [rover.vehicle for rover in BODIES.values()]
     reached, found = both_models(bodies, settings.grid, settings.theory, folder, progress)

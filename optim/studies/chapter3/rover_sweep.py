@@ -12,14 +12,12 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure
-from optim.experiments.records import write_columns
 from optim.experiments.results import Progress, check_folder, write_json
-from optim.experiments.settings import Settings, Whole
-from optim.experiments.study import Study
+from optim.experiments.study import Settings, Study, Whole
+from optim.experiments.tables import write_columns
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman
-from optim.studies.chapter3.rover_grid import MODELS, RoverGrid, both_models
-from optim.studies.chapter3.rover_success import BODIES
+from optim.studies.chapter3.rover_success import BODIES, MODELS, RoverGrid, both_models
 from optim.studies.chapter3.sensor_placement import distribution
 from optim.studies.chapter3.sweep_table import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
@@ -34,23 +32,14 @@ SHARES = (0.5, 0.9, 0.99)  # quantiles reported
 
 @dataclass(frozen=True)
 class RoverSweep(Settings):
-    """Bodies that are drawn, and their sweeps in both models.
+    """Bodies that are drawn, and their sweeps in both models."""
 
-    Attributes:
-        bodies: how many of the 6561 of the published grid, drawn at random.
-        seed: of the draw.
-        grid: of weights.
-        theory: of the theoretical model, with as many weights.
-        device: ``"cpu"``, ``"cuda"``, ...
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    bodies: Annotated[int, partial(checks.integer, low=2, high=DESIGNS)] = 500
-    seed: Whole = 1
-    grid: RoverGrid = field(default_factory=lambda: RoverGrid(31))
-    theory: Sweep = field(default_factory=lambda: Sweep(31))
-    device: str = "cpu"
-    threads: int | None = None
+    bodies: Annotated[int, partial(checks.integer, low=2, high=DESIGNS)] = 500  # of the published grid, drawn
+    seed: Whole = 1  # of the draw
+    grid: RoverGrid = field(default_factory=lambda: RoverGrid(31))  # of weights
+    theory: Sweep = field(default_factory=lambda: Sweep(31))  # of the theoretical model, with as many weights
+    device: str = "cpu"  # ``"cpu"``, ``"cuda"``, .
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -64,10 +53,7 @@ class RoverSweep(Settings):
 
 
 def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None:
-    """Write ``summary.json``, a table and a figure.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, a table and a figure."""
     check_folder(folder, ("success", "theory", "summary.json", "rover-sweep.csv", "rover-sweep.png"))
     bodies = [*(rover.vehicle for rover in BODIES.values()), *map(VehicleBody.published, settings.designs)]
     where: dict[str, Any] = {"device": settings.device, "threads": settings.threads}

@@ -1,14 +1,19 @@
-"""The sweep of chapters 3 and 4, its metrics and its pictures."""
+"""The sweep of chapters 3 and 4: its metrics, its pictures, and what a report tells of it."""
 
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from optim.experiments.results import Progress
-from optim.experiments.study import Study
-from optim.studies.chapter3.sensor_placement_figures import save_figures
-from optim.studies.chapter3.sweep_table import sample_designs, sweep_published
-from robots.braitenberg import DESIGNS, Sweep
+from optim.experiments.study import Study, StudyReport, StudySection
+from optim.studies.chapter3.sensor_placement import notable_designs, save_figures
+from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table, sample_designs, sweep_published
+from robots.braitenberg import DESIGNS, Sweep, VehicleBody
+from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
+from taichi_sim.base.arrays import Bytes
 from taichi_sim.base.results_folder import ResultsFolder
 
 NOTABLE = (162, 6553)  # the best body and the baseline, always among those swept
@@ -16,15 +21,10 @@ NOTABLE = (162, 6553)  # the best body and the baseline, always among those swep
 
 @dataclass(frozen=True)
 class SensorPlacement:
-    """Bodies that are swept, and how.
+    """Bodies that are swept, and how."""
 
-    Attributes:
-        sample: bodies drawn from the published grid, beside those in ``NOTABLE``.
-        sweep: settings of the sweep.
-    """
-
-    sample: int = DESIGNS
-    sweep: Sweep = field(default_factory=Sweep)
+    sample: int = DESIGNS  # bodies drawn from the published grid, beside those in ``NOTABLE``
+    sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep
 
     def __post_init__(self) -> None:
         _ = self.designs  # refuses a sample that there is not
@@ -40,12 +40,7 @@ class SensorPlacement:
 
 
 def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``table.csv`` and pictures.
-
-    Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
-        sweep_folder: takes the overlaps; one beside the results if None.
-    """
+    """Write ``table.csv`` and pictures."""
     ResultsFolder(folder, "sensor-placement", settings.describe())
     overlaps = sweep_folder or folder / "overlaps"
     table = sweep_published(settings.designs, settings.sweep, overlaps, progress)
@@ -60,3 +55,46 @@ STUDY = Study(
     run=study,
     writes=("table.csv", "distributions.png", "correlation.png", "examples.png"),
 )
+
+
+MOST_BODIES, MOST_MATRICES = 30, 6
+
+
+def report(folder: Path) -> StudyReport:
+    """What a report tells of a sweep; raises ValueError for a sweep without bodies."""
+    found = read_sweep_table(folder)
+    controllers = found.settings.weights**2
+    best = found.rows(found.designs[np.argsort(-found.learnability, kind="stable")[:MOST_BODIES]])
+    names = notable_designs(found)
+    designs = list({**names, **dict.fromkeys(best.designs.tolist())})[:MOST_MATRICES]
+    overlaps = overlaps_of([VehicleBody.published(design) for design in designs], found.settings, folder)
+    charts = {}
+    for design, solving, overlap in zip(designs, found.rows(designs).solving_all, overlaps, strict=True):
+        known = f" ({names[design]})" if design in names else ""
+        words = f"Design {design}{known}: {solving} of {controllers} controllers solve all environments"
+        charts[words] = partial(_draw_matrix, overlap)
+    labels = [f"design {design}" for design in best.designs]
+    columns = (best.solving_all, best.solving_any, best.learnability, best.interference)
+    part = "" if len(labels) == len(found.designs) else f", the best {len(labels)} of {len(found.designs)} by M_L"
+    bodies = StudySection(
+        "Bodies",
+        f"Controllers that succeed{part}",
+        ("Body", "Solve all", "Solve any", "M_L", "M_CI"),
+        list(zip(labels, *(column.tolist() for column in columns), strict=True)),
+        digits=5,
+        note="M_L is the share of all controllers that solve every environment, M_CI their share of those that solve "
+        "any.",
+    )
+    return StudyReport(
+        "sweep",
+        "Every controller on a grid of two weights, in bodies of Braitenberg vehicles, in four environments.",
+        {"bodies": len(found.designs), "controllers each": controllers},
+        asdict(found.settings),
+        [bodies, StudySection("Success matrices", charts=charts)],
+        {"matrices": designs},
+    )
+
+
+def _draw_matrix(overlap: Bytes, axes: Any) -> None:
+    """Draw a success matrix with its colours beside it."""
+    add_overlap_bar(axes.figure, draw_overlap(axes, overlap), [axes])

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.experiments.records import write_columns
 from optim.experiments.results import Progress
-from optim.experiments.tables import read_table
+from optim.experiments.tables import read_table, write_columns
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
 from taichi_sim.base import checks
@@ -24,19 +23,12 @@ COLUMNS = ("design", "all", "any")
 
 @dataclass(frozen=True, eq=False)
 class SweepTable:
-    """Counts of a sweep for bodies of the published grid, ascending by number, each array of shape (D,).
+    """Counts of a sweep for bodies of the published grid, ascending by number, each array of shape (D,)."""
 
-    Attributes:
-        designs: numbers of the bodies.
-        solving_all: controllers that succeed in all environments.
-        solving_any: controllers that succeed in at least one.
-        settings: of the sweep.
-    """
-
-    designs: Ints
-    solving_all: Ints
-    solving_any: Ints
-    settings: Sweep
+    designs: Ints  # numbers of the bodies
+    solving_all: Ints  # controllers that succeed in all environments
+    solving_any: Ints  # controllers that succeed in at least one
+    settings: Sweep  # of the sweep
 
     @classmethod
     def of(cls, designs: ArrayLike, overlaps: NDArray[Any], settings: Sweep, environments: int = 4) -> "SweepTable":
@@ -60,11 +52,7 @@ class SweepTable:
         return {"M_L": self.learnability, "M_CI": self.interference}
 
     def rows(self, designs: ArrayLike) -> "SweepTable":
-        """The part of some bodies.
-
-        Raises:
-            ValueError: if some are missing.
-        """
+        """The part of some bodies; raises ValueError if some are missing."""
         wanted = np.asarray(designs, np.int64)
         missing = np.setdiff1d(wanted, self.designs)
         if missing.size:
@@ -82,10 +70,8 @@ def read_sweep_table(path: Path) -> SweepTable:
     """The table of a sweep's folder, of all bodies that are there, or of a CSV file with design, all, any first.
 
     Such a file, which may be compressed (``.csv.gz``), is of the sweep in whose folder it lies, or else of the
-    published one with 121 x 121 controllers.
-
-    Raises:
-        ValueError: for anything else; also for a table with M_L of another number of controllers.
+    published one with 121 x 121 controllers. Raises ValueError for anything else; also for a table with M_L of another
+    number of controllers.
     """
     if path.is_dir():
         settings, bodies = read_sweep(path)
@@ -138,8 +124,7 @@ def sweep_published(designs: Sequence[int], settings: Sweep, folder: Path, progr
 def sample_designs(count: int, seed: int = 1) -> list[int]:
     """Numbers of bodies drawn from the published grid without replacement, ascending; larger samples contain smaller.
 
-    Raises:
-        ValueError: for less than 1 or more than there are.
+    Raises ValueError for less than 1 or more than there are.
     """
     checks.integer("sample", count, 1)
     if count > DESIGNS:

@@ -17,13 +17,10 @@ import numpy as np
 
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
-from optim.experiments.parts import Part, computed, computed_trials
-from optim.experiments.records import Record, column, where
-from optim.experiments.results import Progress, part_of, write_json
-from optim.experiments.settings import Count, Settings, Several, Whole
-from optim.experiments.study import Study
-from optim.experiments.tables import write_records, write_table
-from optim.experiments.trials import NOTHING, Trials, first_time, record_trials
+from optim.experiments.results import Part, Progress, computed, part_of, write_json
+from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.tables import Record, column, where, write_records, write_table
+from optim.experiments.trials import NOTHING, Trials, computed_trials, first_time, record_trials
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
@@ -44,21 +41,13 @@ AT_LEAST = 5  # solved trials for a mean over them
 
 @dataclass(frozen=True)
 class CoOptimisation(Settings):
-    """Searches of each arm of the study.
+    """Searches of each arm of the study."""
 
-    Attributes:
-        runs: searches of each arm.
-        budget: evaluations of each.
-        seed: of the first search; the others have those that follow.
-        task: environments, radius of success and time.
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    runs: Several = 30
-    budget: Count = 500
-    seed: Whole = 1
-    task: VehicleTask = PUBLISHED
-    threads: int | None = None
+    runs: Several = 30  # searches of each arm
+    budget: Count = 500  # evaluations of each
+    seed: Whole = 1  # of the first search; the others have those that follow
+    task: VehicleTask = PUBLISHED  # environments, radius of success and time
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
     @property
     def seeds(self) -> range:
@@ -80,11 +69,7 @@ def report(
 ) -> tuple[dict[str, Any], list[Record]]:
     """Write curves and raw times as CSV, and return the numbers of this study, and the curves.
 
-    Args:
-        settings: of the study.
-        found: trials of each arm.
-        reported: number of the point that each trial would report after each evaluation, shape (R, B).
-        out: takes the tables.
+    ``reported`` is the number of the point that each trial would report after each evaluation, shape (R, B).
     """
     environments, times, curves, raw = len(settings.task.starts), {}, list[Record](), []
     summary: dict[str, Any] = {"evaluations_until_all_solved": {}, "environments_solved_at_the_end": {}}
@@ -125,7 +110,7 @@ def distances_of_reported(problem: VehicleProblem, trials: Trials, reported: Int
 
 def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
-    rows, last = np.arange(trials.runs), reported[:, -1]
+    rows, last = np.arange(len(reported)), reported[:, -1]
     chosen = (last != NOTHING) & (trials.solved[rows, last] == len(problem.task.starts))
     return distances_of(problem, trials.points[rows, last], chosen)
 
@@ -183,9 +168,7 @@ def _curve(values: Floats) -> list[dict[str, Any]]:
 def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
     """Compare the first and the last solution that each trial reports, over trials that report any.
 
-    Args:
-        values: of what is reported after each evaluation, shape (R, B).
-        solved: whether that solves all environments, shape (R, B).
+    Values are those of what is reported after each evaluation, shape (R, B), ``solved`` whether that solves all.
 
     Returns:
         Medians, trials in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test; for
@@ -211,10 +194,7 @@ def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
 
 
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
-    """Write ``summary.json``, curves and raw data as CSV, and ``co-optimisation.png``.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, curves and raw data as CSV, and ``co-optimisation.png``."""
     results = ResultsFolder(folder, "co-optimisation", {**settings.describe(), "borg": BORG})
     arms = {
         arm: partial(record_trials, settings.problem(**given), "borg", BORG, settings.seeds, settings.budget)

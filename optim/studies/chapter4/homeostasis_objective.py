@@ -4,33 +4,73 @@ Source: dissertation, chapter 6, which proposes it as a proxy of learnability. B
 way that costs no search: of everything that the search without it evaluated, report the most homeostatic solution.
 Judged are the reported solution's homeostasis by full signals, the metrics of its body by a sweep of its own, and how
 well the solution stands perturbations. Until the first solution both searches are the same by construction, so the
-objective cannot change how soon it comes.
+objective cannot change how soon it comes. Controllers that never see the light have the most similar signals of all; so
+similarity counts only among those that solve all environments, and any of these is better in it than all others.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
-from optim.experiments.parts import computed, computed_trials
-from optim.experiments.results import Progress, cached, part_of, write_json
-from optim.experiments.settings import Count, Settings, Several
-from optim.experiments.study import Study
+from optim.experiments.results import Progress, cached, computed, part_of, write_json
+from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import write_table
-from optim.experiments.trials import NOTHING, Trials, record_trials
+from optim.experiments.trials import NOTHING, Trials, computed_trials, record_trials
 from optim.measures import interference, learnability
+from optim.problem import Evaluation
+from optim.problems.braitenberg import VehicleProblem
+from optim.space import Space
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
-from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
-from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
+from optim.studies.chapter4.reality_gap import PERTURBATIONS, survival
 from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import VehicleBody, sweep
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
+
+UNSOLVED = -1.0  # below every similarity
+
+
+@dataclass(frozen=True, eq=False)
+class HomeostasisProblem:
+    """The objectives of a vehicle problem, and one more: homeostasis.
+
+    It is -d / (1 + d), between -1 and 0, of the mean warping distance d of light signals [1/m^2] that are decimated
+    to ``samples``, for points that solve all environments, else -1.
+    """
+
+    vehicle: VehicleProblem  # the problem without it, with an objective for each environment
+    samples: int = 1000  # of a trace, at most, beside the start
+
+    def __post_init__(self) -> None:
+        checks.integer("samples", self.samples, 1)
+
+    @property
+    def space(self) -> Space:
+        """The space of the vehicle."""
+        return self.vehicle.space
+
+    def evaluate(self, points: ArrayLike) -> Evaluation:
+        """Judge points; details as of the vehicle."""
+        judged, points = self.vehicle.evaluate(points), np.atleast_2d(np.asarray(points, float))
+        solved = np.asarray(~judged.failed & (judged.details["solved"] == len(self.vehicle.task.starts)))
+        distance = distances_of(self.vehicle, points, solved, decimation(self.vehicle.task, self.samples))["raw"]
+        homeostasis = np.nan_to_num(-distance / (1 + distance), nan=UNSOLVED)
+        return replace(judged, objectives=np.column_stack([judged.objectives, homeostasis]))
+
+    def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        """Judge points as :meth:`evaluate` does, as nothing is binary; raises ValueError if asked for gradients."""
+        if gradients:
+            raise ValueError("gradients: not allowed with several objectives; ask for points")
+        return self.evaluate(points)
+
 
 BOX = 0.0005  # side of the boxes of homeostasis; solutions of the best body lie some of them apart
 LABELS = {"without": "not asked for", "selected": "chosen afterwards", "with": "as an objective"}
@@ -46,19 +86,12 @@ OUTCOMES = {
 
 @dataclass(frozen=True)
 class HomeostasisObjective(Settings):
-    """Both searches, and how what they report is judged.
-
-    Attributes:
-        searches: runs, budget, seeds and task of both searches.
-        samples: of a trace in the searches, at most.
-        weights: values of each weight in the sweeps of reported bodies.
-        draws: of every random perturbation.
-    """
+    """Both searches, and how what they report is judged."""
 
     searches: CoOptimisation = CoOptimisation()  # noqa: RUF009 (immutable)
-    samples: Count = 1000
-    weights: Several = 61
-    draws: Count = 10
+    samples: Count = 1000  # of a trace in the searches, at most
+    weights: Several = 61  # values of each weight in the sweeps of reported bodies
+    draws: Count = 10  # of every random perturbation
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -98,7 +131,7 @@ def _largest(values: Floats, allowed: Bools) -> Ints:
 
 
 def _points(trials: Trials, chosen: Ints) -> Floats:
-    points = trials.points[np.arange(trials.runs), np.maximum(chosen, 0)]
+    points = trials.points[np.arange(len(chosen)), np.maximum(chosen, 0)]
     return np.where((chosen == NOTHING)[:, None], np.nan, points)
 
 
@@ -121,10 +154,7 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
 
 
 def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
-    """Write ``summary.json``, ``reported.csv`` and a figure.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write ``summary.json``, ``reported.csv`` and a figure."""
     results, own = ResultsFolder(folder, "homeostasis-objective", settings.describe()), settings.searches
     vehicle = own.problem()
     boxes = [*[BORG["epsilons"]] * len(vehicle.objective_names), BOX]
@@ -135,8 +165,8 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
     }
     found = computed_trials(results, arms, part_of(progress, 0, 2))
     points = reported(settings, found, results)
-    parts = {f"judged_{way}": partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
-    outcomes = dict(zip(points, computed(results, parts, part_of(progress, 1, 2)).values(), strict=True))
+    parts = {way: partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
+    outcomes = computed(results, parts, part_of(progress, 1, 2), "judged_{}")
     write_json(folder / "summary.json", report(settings, found, outcomes))
     rows = [
         (way, seed, *(float(arrays[name][n]) for name in OUTCOMES), *points[way][n].tolist())

@@ -14,11 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
-from optim.experiments.parts import computed
-from optim.experiments.records import write_columns
-from optim.experiments.results import Progress, part_of, write_json
-from optim.experiments.settings import Count, Settings, Whole
-from optim.experiments.study import Study
+from optim.experiments.results import Progress, computed, part_of, write_json
+from optim.experiments.study import Count, Settings, Study, Whole
+from optim.experiments.tables import write_columns
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
@@ -36,23 +34,14 @@ BODIES_PER_PART = 50
 
 @dataclass(frozen=True)
 class BodyHomeostasis(Settings):
-    """Bodies and controllers whose homeostasis is measured.
+    """Bodies and controllers whose homeostasis is measured."""
 
-    Attributes:
-        bodies: how many, of those with a controller that solves all environments.
-        controllers: of each body, at most.
-        seed: with which bodies and controllers are drawn.
-        sweep: settings of the sweep.
-        samples: of a decimated trace, at most.
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    bodies: Annotated[int, partial(checks.integer, low=3)] = 500
-    controllers: Count = 5
-    seed: Whole = 1
-    sweep: Sweep = field(default_factory=Sweep)
-    samples: Count = 5000
-    threads: int | None = None
+    bodies: Annotated[int, partial(checks.integer, low=3)] = 500  # with a controller that solves all
+    controllers: Count = 5  # of each body, at most
+    seed: Whole = 1  # with which bodies and controllers are drawn
+    sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep
+    samples: Count = 5000  # of a decimated trace, at most
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
 
 def chosen_bodies(settings: BodyHomeostasis, sweep_folder: Path, progress: Progress = None) -> dict[int, Overlap]:
@@ -103,19 +92,14 @@ def correlate(arrays: Arrays) -> dict[str, Any]:
 
 
 def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``.
-
-    Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
-        sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
-    """
+    """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``."""
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
     bodies = list(chosen_bodies(settings, sweep_folder or folder / "sweep", part_of(progress, 0, 2)).items())
     parts = {
-        f"bodies_{first}": partial(measure, settings, dict(bodies[first : first + BODIES_PER_PART]))
+        first: partial(measure, settings, dict(bodies[first : first + BODIES_PER_PART]))
         for first in range(0, len(bodies), BODIES_PER_PART)
     }
-    found = list(computed(results, parts, part_of(progress, 1, 2)).values())
+    found = list(computed(results, parts, part_of(progress, 1, 2), "bodies_{}").values())
     table = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
     write_columns(folder / "bodies.csv", table)
     numbers = {"bodies": len(bodies), "steps_between_samples": decimation(settings.sweep.task, settings.samples)}

@@ -2,52 +2,127 @@
 
 Source: dissertation, chapter 6 (figure of the two weight manifolds), which expects that bodies with more such
 controllers lose fewer of them. Bodies are the baseline, and those with the highest metrics of the published sweep.
+The model knows no noise over time; a reading that is wrong by a constant factor is exactly a weight that is, so sensors
+that are wrongly calibrated are among what is tried, and sensors that flicker are not.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.parts import computed
-from optim.experiments.records import Record, column, where
-from optim.experiments.results import Progress, write_json
-from optim.experiments.settings import Count, Settings, Several, Whole
-from optim.experiments.study import Study
-from optim.experiments.tables import write_records
+from optim.experiments.results import Progress, computed, write_json
+from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.tables import Record, column, where, write_records
 from optim.measures.statistics import mean_band
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
-from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
-from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.vehicle import VehicleBatch, VehicleTask, rollout
+
+Vehicles = tuple[Floats, Floats, VehicleTask]  # sites (N, S, 2), controllers (N, 2, S), and their task
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """A kind of perturbation, of some strength."""
+
+    name: str  # of the kind
+    strength: float  # in the unit that the kind has
+    # sites, controllers, task, random numbers and the strength to what they become
+    change: Callable[[Floats, Floats, VehicleTask, Generator, float], Vehicles]
+    random: bool  # whether it is drawn anew again and again, or always the same
+
+
+def _gain(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
+    return sites, controllers * factor, task
+
+
+def _sensitivity(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    shape = len(controllers), 1, controllers.shape[2]
+    return sites, controllers * (1 + deviation * rng.standard_normal(shape)), task
+
+
+def _sites(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    return sites + deviation * rng.standard_normal(sites.shape), controllers, task
+
+
+def _radius(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
+    return sites, controllers, replace(task, radius=task.radius * factor)
+
+
+def _start(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    change = rng.standard_normal(task.starts.shape) * (deviation, deviation, 0.0)
+    return sites, controllers, replace(task, starts=task.starts + change)
+
+
+def _heading(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
+    change = rng.standard_normal(task.starts.shape) * (0.0, 0.0, deviation)
+    return sites, controllers, replace(task, starts=task.starts + change)
+
+
+def _step(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
+    steps = math.ceil(task.steps / factor)
+    return sites, controllers, replace(task, time_step=task.time_step * factor, steps=steps)
+
+
+PERTURBATIONS = (
+    *(Perturbation("gain of both motors [factor]", f, _gain, False) for f in (0.8, 0.9, 1.1, 1.2)),
+    *(Perturbation("sensitivity of sensors [sd, share]", d, _sensitivity, True) for d in (0.02, 0.05, 0.1, 0.2)),
+    *(Perturbation("places of sensors [sd, m]", d, _sites, True) for d in (0.005, 0.01, 0.02, 0.05)),
+    *(Perturbation("radius of the light [factor]", f, _radius, False) for f in (0.9, 0.75, 0.5)),
+    *(Perturbation("place of the start [sd, m]", d, _start, True) for d in (0.05, 0.1, 0.2, 0.4)),
+    *(Perturbation("heading at the start [sd, rad]", d, _heading, True) for d in (0.05, 0.1, 0.2, 0.4)),
+    *(Perturbation("time step [factor]", f, _step, False) for f in (0.25, 0.5, 2.0)),
+)
+
+
+def survival(
+    sites: ArrayLike,
+    controllers: ArrayLike,
+    task: VehicleTask,
+    perturbation: Perturbation,
+    draws: int,
+    seed: int,
+    threads: int | None = None,
+) -> Floats:
+    """The share of perturbed copies of each vehicle that solve all environments, shape (N,).
+
+    Random perturbations have so many draws, whose seed makes all vehicles of a call start alike, and calls with equally
+    many. Sites of the sensors have shape (N, S, 2) [m], controllers (N, 2, S).
+    """
+    vehicles = np.asarray(sites, float), np.asarray(controllers, float), task
+    solved = []
+    for draw in range(draws if perturbation.random else 1):
+        rng = np.random.default_rng((seed, draw))
+        places, changed, changed_task = perturbation.change(*vehicles, rng, perturbation.strength)
+        done = rollout(VehicleBatch(places, changed[:, None]), changed_task, until="success", threads=threads)
+        solved.append(done.reached[:, 0].all(axis=1))
+    return np.asarray(np.mean(solved, axis=0))
+
 
 DESIGNS = {BASELINE.design or 0: "baseline", 162: "best by both metrics", 5841: "sensors at opposite corners"}
 
 
 @dataclass(frozen=True)
 class RealityGap(Settings):
-    """Controllers that are tried in changed vehicles and worlds.
+    """Controllers that are tried in changed vehicles and worlds."""
 
-    Attributes:
-        controllers: of each body, at most, drawn from those that solve all environments.
-        draws: perturbed copies of each, where a perturbation is random.
-        seed: of all draws.
-        sweep: settings of the sweep in which controllers are found.
-        threads: CPU threads, all available if None; changes no result.
-    """
-
-    controllers: Several = 200
-    draws: Count = 10
-    seed: Whole = 1
-    sweep: Sweep = field(default_factory=Sweep)
-    threads: int | None = None
+    controllers: Several = 200  # of each body, at most, drawn from those that solve all environments
+    draws: Count = 10  # perturbed copies of each, where a perturbation is random
+    seed: Whole = 1  # of all draws
+    sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep in which controllers are found
+    threads: int | None = None  # CPU threads, all available if None; changes no result
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on."""
@@ -66,16 +141,11 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path, _: Progress) 
 
 
 def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``.
-
-    Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
-        sweep_folder: of the sweep of the same weights, which knows bodies or will; one beside the results if None.
-    """
+    """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``."""
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     swept = sweep_folder or folder / "sweep"
-    parts = {f"design_{design}": partial(measure, settings, design, swept) for design in DESIGNS}
-    found = dict(zip(DESIGNS, computed(results, parts, progress).values(), strict=True))
+    parts = {design: partial(measure, settings, design, swept) for design in DESIGNS}
+    found = computed(results, parts, progress, "design_{}")
     rows: list[Record] = []
     for design, arrays in found.items():
         for perturbation, shares in zip(PERTURBATIONS, arrays["survival"], strict=True):

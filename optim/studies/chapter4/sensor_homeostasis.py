@@ -35,12 +35,8 @@ def sensor_distances(
 ) -> tuple[Floats, Floats]:
     """Mean warping distance of N controllers' light signals between environments, see ``homeostasis``.
 
-    Args:
-        sites: of the sensors, shape (N, S, 2) [m].
-        controllers: matrices, shape (N, 2, S).
-        task: environments and time.
-        every: steps between samples: distances of decimated signals differ from those of full ones.
-        threads: CPU threads, all available if None; changes no result.
+    Sites have shape (N, S, 2) [m], controllers (N, 2, S). Distances of signals of every so many steps differ from those
+    of full ones.
 
     Returns:
         Of the readings [1/m^2], and of the same shifted and scaled to mean 0 and standard deviation 1, shape (N,)
@@ -59,14 +55,7 @@ def sensor_distances(
 
 
 def distances_of(problem: VehicleProblem, points: Floats, chosen: Bools, every: int = 1) -> Arrays:
-    """The :func:`sensor_distances` of some points of a problem, by the names in ``MEASURES``; NaN for the others.
-
-    Args:
-        problem: of vehicles.
-        points: shape (..., D).
-        chosen: which of them, shape (...).
-        every: steps between samples.
-    """
+    """The :func:`sensor_distances` of chosen points of a problem, (..., D), by ``MEASURES``; NaN for the others."""
     arrays = {name: np.full(chosen.shape, np.nan) for name in MEASURES}
     if chosen.any():
         sites, controllers = problem.split(points[chosen])

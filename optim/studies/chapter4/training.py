@@ -1,30 +1,98 @@
-"""Training: how many evaluations search methods need to tune a controller, in each of many bodies.
+"""Training: how many evaluations search methods need to tune a controller, and whether metrics of bodies predict it.
 
-Source: dissertation, chapter 4, "Training": the weights w1 and w2 of a body are tuned by the sum of the smallest
-distances from the light, by four methods, five times each, with at most 500 evaluations, until one controller solves
-all four environments. The methods have the settings of that experiment, see ``optim.search.published``. It looked at
-its best point after every step of a method; here every point is looked at, in the order asked for.
+Source: dissertation, chapter 4, "Training" and figure "neurips_evolution_correlation": the weights w1 and w2 of a body
+are tuned by the sum of the smallest distances from the light, by four methods, five times each, with at most 500
+evaluations, until one controller solves all four environments. The methods have the settings of that experiment, see
+``optim.search.published``. It looked at its best point after every step of a method; here every point is looked at, in
+the order asked for.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, part_of
-from optim.experiments.settings import Count, Settings, Whole
+from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
+from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
+from optim.experiments.study import Count, Settings, Study, StudyReport, StudySection, Whole
+from optim.experiments.tables import read_table, write_columns, write_table
+from optim.measures.statistics import Correlation, pearson
+from optim.plots.curves import draw_share_solved
 from optim.problem import Evaluation, Request
 from optim.problems.braitenberg import VehicleProblem
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
-from optim.studies.chapter4.training_table import TrainingTable
-from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody, VehicleTask
+from optim.studies.chapter3.sensor_placement import correlation_of_metrics
+from optim.studies.chapter3.sweep_table import SweepTable, sample_designs, sweep_published
+from optim.wording import counted
+from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, Sweep, VehicleBody, VehicleTask
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.compute import Precision
-from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.results_folder import ResultsFolder, read_settings
+
+COLUMNS = ("design", "method", "repetition", "evaluations", "solved")
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingTable:
+    """Outcomes of runs: M methods, each R times in each of D bodies."""
+
+    methods: tuple[str, ...]  # names, shape (M,)
+    designs: Ints  # numbers of the bodies, ascending, shape (D,)
+    # until one controller solved all environments; of a run that found none, all it had; shape (M, D, R)
+    evaluations: Ints
+    solved: Bools  # whether one was found, shape (M, D, R)
+
+    def write(self, path: Path) -> None:
+        """Write a row for each run as CSV, compressed if its name ends in ``.gz``."""
+        rows = [
+            (design, method, number, *map(int, run))
+            for method, *outcomes in zip(self.methods, self.evaluations, self.solved, strict=True)
+            for design, *runs in zip(self.designs.tolist(), *outcomes, strict=True)
+            for number, run in enumerate(zip(*runs, strict=True), 1)
+        ]
+        write_table(path, COLUMNS, rows)
+
+
+def read_training_table(path: Path) -> TrainingTable:
+    """Read what :meth:`TrainingTable.write` wrote; raises ValueError for any other file."""
+    header, rows = read_table(path)
+    try:
+        if tuple(header) != COLUMNS:
+            raise ValueError
+        methods = tuple(dict.fromkeys(row[1] for row in rows))
+        designs, numbers = np.unique([int(row[0]) for row in rows]), np.array([row[2:] for row in rows], np.int64)
+        repetitions = int(numbers[:, 0].max())
+        shape = len(methods), len(designs), repetitions
+        table = TrainingTable(methods, designs, numbers[:, 1].reshape(shape), numbers[:, 2].reshape(shape) == 1)
+    except (ValueError, IndexError):
+        raise ValueError(f"{path}: is not a table of training, with columns {','.join(COLUMNS)}") from None
+    return table
+
+
+@dataclass(frozen=True)
+class MetricCorrelation:
+    """Correlation of the evaluations that a method needs with a metric of the body."""
+
+    method: str  # its name
+    metric: str  # ``"M_L"`` or ``"M_CI"``
+    over: str  # ``"runs"``, those in one body not independent; or ``"bodies"``, the means of their runs, as published
+    found: Correlation  # Pearson's correlation, its p two-sided
+
+
+def metric_correlations(table: TrainingTable, sweep: SweepTable) -> list[MetricCorrelation]:
+    """Correlations of all methods with both metrics, over runs and bodies; raises ValueError if some are missing."""
+    found = []
+    for method, evaluations in zip(table.methods, table.evaluations, strict=True):
+        for metric, values in sweep.rows(table.designs).metrics.items():
+            runs = np.repeat(values, evaluations.shape[1]), evaluations.ravel()
+            for over, pairs in (("runs", runs), ("bodies", (values, evaluations.mean(axis=1)))):
+                found.append(MetricCorrelation(method, metric, over, pearson(*pairs, "two-sided")))
+    return found
+
 
 TRAINERS = tuple(BLACK_BOX_OPTIM)
 BODIES_PER_FILE = 25  # a file each half a minute or so
@@ -33,21 +101,13 @@ _Outcome = tuple[Ints, Bools]  # of a body: evaluations and successes, shape (R,
 
 @dataclass(frozen=True)
 class Training(Settings):
-    """Settings of the study.
+    """Settings of the study."""
 
-    Attributes:
-        repetitions: R, runs of each method in each body.
-        budget: evaluations of a run.
-        seed: of all random numbers.
-        task: environments, radius of success and time.
-        precision: ``"f64"`` or ``"f32"``.
-    """
-
-    repetitions: Count = 5
-    budget: Count = 500
-    seed: Whole = 1
-    task: VehicleTask = PUBLISHED
-    precision: Precision = "f64"
+    repetitions: Count = 5  # R, runs of each method in each body
+    budget: Count = 500  # evaluations of a run
+    seed: Whole = 1  # of all random numbers
+    task: VehicleTask = PUBLISHED  # environments, radius of success and time
+    precision: Precision = "f64"  # ``"f64"`` or ``"f32"``
 
     def problem(self, threads: int | None = None) -> VehicleProblem:
         """The problem that judges controllers together with the places of their sensors."""
@@ -71,14 +131,9 @@ def train(
 ) -> TrainingTable:
     """Tune controllers of bodies by search methods, and count evaluations until success.
 
-    Args:
-        designs: numbers of bodies of the published grid, from 1 to 6561.
-        methods: names in ``TRAINERS``.
-        settings: of the study.
-        threads: CPU threads, all available if None; changes no result.
-        out: folder that takes the outcomes as they come. A study of the same settings that finds it goes on from there,
-            also with other bodies and methods; killed at any moment, it loses half a minute of work or so.
-        progress: called with the fraction done.
+    The folder takes the outcomes as they come. A study of the same settings that finds it goes on from there, also with
+    other bodies and methods; killed at any moment, it loses half a minute of work or so. Designs are numbers of the
+    published grid, from 1 to 6561.
 
     Returns:
         Outcomes of all runs. A run's depends on its body, method, repetition and the settings only.
@@ -95,9 +150,11 @@ def train(
         if method not in TRAINERS:
             raise ValueError(f"methods: {method!r} is unknown; choose some of {', '.join(TRAINERS)}")
     folder = ResultsFolder(out, "training", settings.describe()) if out else None
-    known = {method: _load(folder, method) for method in methods}
+    known: dict[str, dict[int, _Outcome]] = {method: {} for method in methods}
     chunks = []
     for method in methods:
+        for arrays in folder.load(f"runs-{method}") if folder else ():
+            known[method] |= _by_design(arrays)
         missing = [design for design in bodies if design not in known[method]]
         chunks += [(method, missing[n : n + BODIES_PER_FILE]) for n in range(0, len(missing), BODIES_PER_FILE)]
     total = len(methods) * len(bodies)
@@ -143,13 +200,114 @@ def _seed(*stream: int) -> int:
     return int(np.random.SeedSequence(stream).generate_state(1, np.uint64)[0]) >> 1  # seeds are below 2^63
 
 
-def _load(folder: ResultsFolder | None, method: str) -> dict[int, _Outcome]:
-    known: dict[int, _Outcome] = {}
-    for arrays in folder.load(f"runs-{method}") if folder else ():
-        known |= _by_design(arrays)
-    return known
-
-
 def _by_design(arrays: Arrays) -> dict[int, _Outcome]:
     pairs = zip(arrays["evaluations"], arrays["solved"], strict=True)
     return dict(zip(arrays["designs"].tolist(), pairs, strict=True))
+
+
+@dataclass(frozen=True)
+class TrainingInBodies:
+    """Bodies in which trainers are tried, and their sweep."""
+
+    bodies: int = DESIGNS  # how many, drawn from the published grid
+    weights: int = 121  # values of each weight in the sweep that gives their metrics
+    training: Training = Training()  # of the trainers
+
+    def __post_init__(self) -> None:
+        _ = self.designs, Sweep(weights=self.weights)  # refuse numbers that are not allowed
+
+    @property
+    def designs(self) -> list[int]:
+        """Numbers of the bodies, ascending."""
+        return sample_designs(self.bodies)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on."""
+        return {**self.training.describe(), "bodies": self.bodies, "weights": self.weights}
+
+
+def study(
+    folder: Path, settings: TrainingInBodies, progress: Progress = None, sweep_folder: Path | None = None
+) -> None:
+    """Four trainers in random bodies: write ``runs.csv``, ``summary.json`` and ``training.png``."""
+    ResultsFolder(folder, "training", settings.describe())
+    designs, overlaps = settings.designs, sweep_folder or folder / "overlaps"
+    sweep = sweep_published(designs, Sweep(weights=settings.weights), overlaps, part_of(progress, 0, 2))
+    table = train(designs, TRAINERS, settings.training, out=folder / "runs", progress=part_of(progress, 1, 2))
+    table.write(folder / "runs.csv")
+    found = [asdict(one) for one in metric_correlations(table, sweep)]
+    write_json(folder / "summary.json", {"correlations": found, "metrics": asdict(correlation_of_metrics(sweep))})
+    save_training(table, sweep, folder / "training.png")
+
+
+NAMES = {
+    "random": "random search",
+    "generating-set": "generating set search",
+    "nes": "natural evolution strategy",
+    "de": "differential evolution",
+}
+SYMBOLS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$"}
+
+
+def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
+    """A column for each method, a row for each metric; a point for each body, the mean of its runs. Beside it: CSV."""
+    part, means = sweep.rows(table.designs), table.evaluations.mean(axis=2)
+    found = {(c.method, c.metric): c.found for c in metric_correlations(table, part) if c.over == "bodies"}
+    width = PAGE * max(len(table.methods), 2) / len(NAMES)
+    with figure(path, width, 3.6, nrows=2, ncols=len(table.methods), sharex="row", sharey=True) as (_, panels):
+        for row, (metric, values) in zip(panels, part.metrics.items(), strict=True):
+            for axes, method, mean in zip(row, table.methods, means, strict=True):
+                axes.scatter(values, mean, s=5, color=COLOURS[0], alpha=0.4, linewidths=0, rasterized=True)
+                axes.set_xlabel(SYMBOLS[metric])
+                correlation = found[method, metric]
+                if correlation.r is not None:
+                    p = "p < 0.001" if correlation.p < 0.001 else f"p = {correlation.p:.3f}"
+                    note(axes, f"$r = {correlation.r:.2f}$, {p}", 0.95)
+            row[0].set_ylabel("mean evaluations")
+        for axes, method in zip(panels[0], table.methods, strict=True):
+            caption(axes, NAMES.get(method, method))
+    columns = {"design": table.designs, **part.metrics, **dict(zip(table.methods, means, strict=True))}
+    write_columns(path.with_suffix(".csv"), columns)
+
+
+STUDY = Study(
+    title="evaluations that four trainers need, against what a sweep says of the bodies",
+    source="chapter 4, figure of sample efficiency",
+    scales={"small": TrainingInBodies(20, 41, Training(repetitions=2)), "full": TrainingInBodies()},
+    run=study,
+    writes=("summary.json", "runs.csv", "training.png"),
+)
+
+
+def report(folder: Path) -> StudyReport:
+    """What a report tells of training; raises ValueError if there is no table yet."""
+    settings, found = read_settings(folder, "training"), read_training_table(folder / "runs.csv")
+    budget = int(settings.get("budget", found.evaluations.max()))
+    methods = list(zip(found.methods, found.evaluations, found.solved, strict=True))
+
+    def draw(axes: Any) -> None:
+        for (name, spent, solved), colour in zip(methods, COLOURS, strict=False):
+            draw_share_solved(axes, spent[solved], solved.size, budget, color=colour, label=name)
+        axes.set_ylabel("share of runs with all solved")
+
+    words = f"Share of runs of {counted(len(methods), 'method')} that solve all environments, against evaluations"
+    section = StudySection(
+        "Methods",
+        "Runs of each method",
+        ("Method", "Runs", "Solve all", "Evaluations, mean", "Median"),
+        [
+            (name, solved.size, int(solved.sum()), float(spent.mean()), float(np.median(spent)))
+            for name, spent, solved in methods
+        ],
+        digits=1,
+        charts={words: draw},
+        size=(5.0, 3.0),
+    )
+    return StudyReport(
+        "training",
+        "Evaluations until a controller solves all four environments, in bodies of vehicles.",
+        {"bodies": len(found.designs), "methods": len(methods)},
+        settings,
+        [section],
+        {"methods": list(found.methods)},
+    )

@@ -1,6 +1,6 @@
 """What the searches are held against: gaits made by hand, and what they found, simulated again and elsewhere."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.parts import Part, computed
-from optim.experiments.results import Costs, Progress
+from optim.experiments.results import Costs, Progress, computed_arrays
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import INCHING, ROLLING
-from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 KIND = "comparison"
@@ -24,34 +23,20 @@ PLACES = (FLAT, HILL)
 
 @dataclass(frozen=True)
 class Played:
-    """Gaits that were simulated beside the searches; what is not there yet is left out.
+    """Gaits that were simulated beside the searches; what is not there yet is left out."""
 
-    Attributes:
-        by_hand: speeds of copies of each gait made by hand, by place, shape (copies,).
-        again: speeds of copies of each experiment's best design, shape (copies,).
-        elsewhere: of each experiment, the speeds of its best designs on their own and on the other terrain, shape
-            (2, at most ``others``).
-        generation: after which those designs were the best; None before any were played.
-    """
-
-    by_hand: Mapping[str, Mapping[str, Floats]]
-    again: Mapping[str, Floats] = field(default_factory=dict)
+    by_hand: Mapping[str, Mapping[str, Floats]]  # speeds of copies of each gait made by hand, by place, shape (copies,)
+    again: Mapping[str, Floats] = field(default_factory=dict)  # of copies of each experiment's best, shape (copies,)
+    # speeds of each experiment's best designs on their own and on the other terrain, shape (2, at most ``others``)
     elsewhere: Mapping[str, Floats] = field(default_factory=dict)
-    generation: int | None = None
+    generation: int | None = None  # after which those designs were the best; None before any were played
 
 
 class Player:
     """Plays gaits beside the searches of a study, and keeps their speeds."""
 
     def __init__(self, settings: ShapeChange, folder: Path, costs: Costs, threads: int | None = None) -> None:
-        """Open the folder of these gaits, new or of the same settings; more generations may follow.
-
-        Args:
-            settings: of the study.
-            folder: of the study; takes a folder of speeds.
-            costs: takes what playing costs.
-            threads: CPU threads; no result depends on them.
-        """
+        """Open the folder of these gaits, new or of the same settings; more generations may follow."""
         lasting = {name: value for name, value in asdict(settings).items() if name != "generations"}
         self.settings, self.costs, self.threads = settings, costs, threads
         self.folder = ResultsFolder(folder / KIND, KIND, lasting)
@@ -60,17 +45,17 @@ class Player:
         """Play rolling and inching as they were made by hand, on both terrains, in f64."""
         gaits = [repeated(design, self.settings.repeats) for design in BY_HAND.values()]
         cases = [Case(gait, self.settings.terrain(place)) for gait in gaits for place in PLACES]
-        computed(self.folder, {"by_hand": partial(self._in_copies, "by hand", cases)}, progress)
+        computed_arrays(self.folder, "speeds", {"by_hand": partial(self._in_copies, "by hand", cases)}, progress)
 
     def play_found(self, found: Mapping[str, Found], progress: Progress) -> None:
         """Play the best design of every experiment again, and the best few of those on both terrains elsewhere."""
-        parts: dict[str, Part] = {}
+        parts: dict[str, Callable[[Progress], Floats]] = {}
         for experiment, one in _with_designs(found):
             generation = len(one.scores) - 1
             parts[_part("again", experiment, generation)] = partial(self._again, experiment, one)
             if experiment.row in PAIRED:
                 parts[_part("elsewhere", experiment, generation)] = partial(self._elsewhere, experiment, one)
-        computed(self.folder, parts, progress)
+        computed_arrays(self.folder, "speeds", parts, progress)
 
     def played(self, found: Mapping[str, Found]) -> Played:
         """What was played: of the newest generation of which all best designs were, with what there is elsewhere."""
@@ -89,24 +74,23 @@ class Player:
     def _known(self, name: str) -> list[Floats]:
         return [arrays["speeds"] for arrays in self.folder.load(name)]
 
-    def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Arrays:
+    def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
         """Speeds of copies of the best design where it was found; a search also keeps what chance favoured."""
         case = Case(found.designs[found.best(1)[0]], self.settings.terrain(experiment.place))
-        return {"speeds": self._in_copies("best designs again", [case], progress)["speeds"][0]}
+        return np.asarray(self._in_copies("best designs again", [case], progress)[0])
 
-    def _elsewhere(self, experiment: Experiment, found: Found, progress: Progress) -> Arrays:
+    def _elsewhere(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
         """Speeds of the best designs where they were found, and on the other terrain."""
         best = found.best(self.settings.others)
         terrain = self.settings.terrain(HILL if experiment.place == FLAT else FLAT)
         cases = [Case(found.designs[climber], terrain) for climber in best]
-        once = {"precision": "f32", "copies": 1, "noise": 0.0}
-        speeds = self._speeds("best designs elsewhere", cases, once, progress)
-        return {"speeds": np.array([found.scores[-1, best], speeds[:, 0]])}
+        speeds = self._speeds("best designs elsewhere", cases, progress, precision="f32", copies=1, noise=0.0)
+        return np.array([found.scores[-1, best], speeds[:, 0]])
 
-    def _in_copies(self, part: str, cases: Sequence[Case], progress: Progress) -> Arrays:
-        return {"speeds": self._speeds(part, cases, {"copies": self.settings.copies}, progress)}
+    def _in_copies(self, part: str, cases: Sequence[Case], progress: Progress) -> Floats:
+        return self._speeds(part, cases, progress, copies=self.settings.copies)
 
-    def _speeds(self, part: str, cases: Sequence[Case], how: Mapping[str, Any], progress: Progress) -> Floats:
+    def _speeds(self, part: str, cases: Sequence[Case], progress: Progress, **how: Any) -> Floats:
         """Play cases now, at a cost of some part of the study."""
         with self.costs.of(part):
             robot = Robot(NAMED_GEOMETRIES[self.settings.geometry], **how)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import Costs, Progress, part_of
-from optim.experiments.settings import Count, Settings, Several, Whole
 from optim.experiments.side_by_side import run_side_by_side
+from optim.experiments.study import Count, Settings, Several, Whole
 from optim.problem import Evaluation, Request, judge
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs import open_run
@@ -35,23 +35,14 @@ FLAT, HILL = "flat", "hill"
 
 @dataclass(frozen=True)
 class Experiment:
-    """One search.
+    """One search."""
 
-    Attributes:
-        name: also of its run folder.
-        row: of the table, where it is a line.
-        place: ``"flat"`` or ``"hill"``.
-        free: what may change; what may not is as in ``fixed``.
-        fixed: a design.
-        start: values with which every climber starts; else they are random.
-    """
-
-    name: str
-    row: str
-    place: str
-    free: tuple[str, ...]
-    fixed: InflatableDesign
-    start: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    name: str  # also of its run folder
+    row: str  # of the table, where it is a line
+    place: str  # ``"flat"`` or ``"hill"``
+    free: tuple[str, ...]  # what may change; what may not is as in ``fixed``
+    fixed: InflatableDesign  # a design
+    start: Mapping[str, float] = dataclasses.field(default_factory=dict)  # of every climber; else it is random
 
 
 # As published, what is not free is as in rolling on flat ground and as in inching on the hill. Whether shape has to
@@ -79,27 +70,16 @@ PAIRED = tuple(row for row in ROWS if {e.place for e in EXPERIMENTS if e.row == 
 
 @dataclass(frozen=True)
 class ShapeChange(Settings):
-    """Settings of the searches and of what follows them.
+    """Settings of the searches and of what follows them."""
 
-    Attributes:
-        climbers: of each experiment.
-        generations: after the random starts; may be raised later.
-        slope: of the hill [degrees].
-        seed: of all random numbers.
-        geometry: name of the robot's, see ``NAMED_GEOMETRIES``.
-        repeats: how often the columns of a gait are played.
-        copies: of gaits made by hand and of each experiment's best design, with noise on their starts, in f64.
-        others: best designs of each experiment that are simulated on the other terrain.
-    """
-
-    climbers: Several = 60
-    generations: Whole = 200
-    slope: Uphill = 15.0
-    seed: Whole = 1
-    geometry: str = "published"
-    repeats: Count = 2
-    copies: Count = 8
-    others: Count = 16
+    climbers: Several = 60  # of each experiment
+    generations: Whole = 200  # after the random starts; may be raised later
+    slope: Uphill = 15.0  # of the hill [degrees]
+    seed: Whole = 1  # of all random numbers
+    geometry: str = "published"  # name of the robot's, see ``NAMED_GEOMETRIES``
+    repeats: Count = 2  # how often the columns of a gait are played
+    copies: Count = 8  # of gaits made by hand and of each experiment's best design, with noise on their starts, in f64
+    others: Count = 16  # best designs of each experiment that are simulated on the other terrain
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -129,18 +109,12 @@ class ShapeChange(Settings):
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The designs and scores that an experiment has found so far.
+    """The designs and scores that an experiment has found so far."""
 
-    Attributes:
-        scores: speeds of the climbers' best designs after every generation [body lengths/s], shape (G + 1, C); NaN
-            while all of a climber's designs have failed.
-        designs: the climbers' best, C.
-        evaluations: made.
-    """
-
+    # best speeds of the climbers after every generation [body lengths/s], shape (G + 1, C); NaN while all have failed
     scores: Floats
-    designs: tuple[InflatableDesign, ...]
-    evaluations: int
+    designs: tuple[InflatableDesign, ...]  # the climbers' best, C
+    evaluations: int  # made
 
     @property
     def final(self) -> Floats:
@@ -164,18 +138,8 @@ def search(
 ) -> None:
     """Run all experiments, a generation of each in turn; each is a run folder of its own, that ``codesign`` knows.
 
-    A study that is interrupted has something of each experiment, and a kill loses at most one generation.
-
-    Args:
-        settings: of the experiments.
-        folder: takes the run folders.
-        costs: takes what each generation costs.
-        after_round: called whenever every experiment has come as far as the others.
-        threads: CPU threads; no result depends on them.
-        progress: called with the fraction done.
-
-    Raises:
-        ValueError: for run folders of other settings, in use, or that went further.
+    A study that is interrupted has something of each experiment, and a kill loses at most one generation. Raises
+    ValueError for run folders of other settings, in use, or that went further.
     """
     turns = len(EXPERIMENTS) * (settings.generations + 1)
 

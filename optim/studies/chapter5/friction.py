@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
-from optim.experiments.pages import cell, page
 from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
-from optim.experiments.tables import markdown
+from optim.experiments.tables import cell, markdown, page
 from optim.studies.chapter5.gaits import Case, Robot, shown, spread
 from robots.inflatable.design import INCHING
 from robots.world import Terrain
@@ -38,15 +37,11 @@ TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, 
 
 @dataclass(frozen=True)
 class FrictionSweeps:
-    """Frictions of feet, and the robot that inches with them.
+    """Frictions of feet, and the robot that inches with them."""
 
-    Attributes:
-        robot: that inches.
-        points: of each sweep: friction of sliding and of gripping feet, and the published speed [body lengths/s].
-            Each replaces the robot's own everywhere: skin, seams and feet; bladders have a third of the higher one.
-    """
-
-    robot: Robot = field(default_factory=Robot)
+    robot: Robot = field(default_factory=Robot)  # that inches
+    # of each sweep: friction of sliding and of gripping feet, and the published speed [body lengths/s]. Each replaces
+    # the robot's own everywhere: skin, seams and feet; bladders have a third of the higher one
     points: Points = field(default_factory=lambda: FRICTION)
 
     def __post_init__(self) -> None:
@@ -60,10 +55,7 @@ class FrictionSweeps:
 def study(
     folder: Path, settings: FrictionSweeps, progress: Progress = None, threads: int | None = None
 ) -> dict[str, Any]:
-    """Write a table and a figure of both sweeps, and all numbers.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write a table and a figure of both sweeps, and all numbers."""
     points = [point for sweep in settings.points.values() for point in sweep]
     cases = [Case(INCHING, Terrain(high_friction=high, low_friction=low)) for low, high, _ in points]
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}

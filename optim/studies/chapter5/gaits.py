@@ -12,9 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.experiments.parts import computed_arrays
-from optim.experiments.results import Progress
-from optim.experiments.settings import Settings, Whole
+from optim.experiments.results import Progress, computed_arrays
+from optim.experiments.study import Settings, Whole
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
@@ -50,23 +49,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Robot(Settings):
-    """The robot that plays the gaits, and how it is simulated.
+    """The robot that plays the gaits, and how it is simulated."""
 
-    Attributes:
-        geometry: shape and materials.
-        actuation: rates, timing and friction.
-        precision: ``"f32"`` or ``"f64"``.
-        copies: of each gait.
-        noise: standard deviation of the noise on the start positions [m].
-        seed: of the noise.
-    """
-
-    geometry: InflatableGeometry = PUBLISHED
-    actuation: InflatableActuation = ACTUATION
-    precision: str = "f64"
-    copies: Annotated[int, partial(checks.integer, low=1, high=1000)] = 8
-    noise: float = NOISE
-    seed: Whole = 0
+    geometry: InflatableGeometry = PUBLISHED  # shape and materials
+    actuation: InflatableActuation = ACTUATION  # rates, timing and friction
+    precision: str = "f64"  # ``"f32"`` or ``"f64"``
+    copies: Annotated[int, partial(checks.integer, low=1, high=1000)] = 8  # of each gait
+    noise: float = NOISE  # standard deviation of the noise on the start positions [m]
+    seed: Whole = 0  # of the noise
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -80,11 +70,7 @@ class Robot(Settings):
         return described
 
     def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:
-        """Play all cases as one batch.
-
-        Returns:
-            Speeds by the published convention [body lengths/s], shape (cases, copies); NaN of copies that diverged.
-        """
+        """Published speeds of all cases in one batch [body lengths/s], shape (cases, copies); NaN of what diverged."""
         return np.asarray(self.play(cases, threads, progress).speed, float).reshape(len(cases), self.copies)
 
     def play(
@@ -120,10 +106,7 @@ def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:
 
 
 def spread(speeds: ArrayLike) -> dict[str, float | int | None]:
-    """Mean, standard deviation and range of copies, shape (copies,), and how many of them diverged.
-
-    What too few are left to tell is None.
-    """
+    """Mean, deviation and range of copies, shape (copies,), None where too few are left, and how many diverged."""
     speeds = np.asarray(speeds, float)
     valid = speeds[~np.isnan(speeds)]
     return {

@@ -14,11 +14,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.figures import PAGE, caption, figure
-from optim.experiments.parts import computed_arrays
-from optim.experiments.records import Record, column, distinct, where
-from optim.experiments.results import Progress, write_summary
-from optim.experiments.settings import Settings, Whole
-from optim.experiments.study import Study
+from optim.experiments.results import Progress, computed_arrays, write_summary
+from optim.experiments.study import Settings, Study, Whole
+from optim.experiments.tables import Record, column, distinct, where
 from optim.measures.overlap import interference, learnability
 from optim.measures.statistics import spearman, wilson
 from optim.studies.chapter5.gaits import Case, Robot, Uphill
@@ -40,22 +38,14 @@ LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothi
 
 @dataclass(frozen=True)
 class SoftRobotMetrics(Settings):
-    """Bodies whose metrics are found, the gaits that are tried in them, and the hill.
+    """Bodies whose metrics are found, the gaits that are tried in them, and the hill."""
 
-    Attributes:
-        pressures: of the core [Pa], ascending.
-        orientations: [degrees], ascending.
-        gaits: sampled, the same ones in every body: every frequency and offset of every actuator equally likely.
-        slope: of the hill [degrees].
-        seed: of the sample.
-        robot: how it is simulated; one copy, without noise.
-    """
-
-    pressures: tuple[float, ...] = (0.0, 3e3, 6e3, 9e3, 12e3)
-    orientations: tuple[float, ...] = (0.0, 22.5, 45.0, 67.5, 90.0)
+    pressures: tuple[float, ...] = (0.0, 3e3, 6e3, 9e3, 12e3)  # of the core [Pa], ascending
+    orientations: tuple[float, ...] = (0.0, 22.5, 45.0, 67.5, 90.0)  # [degrees], ascending
+    # sampled, the same ones in every body: every frequency and offset of every actuator equally likely
     gaits: Annotated[int, partial(checks.integer, low=1, high=100_000)] = 512
-    slope: Uphill = 15.0
-    seed: Whole = 1
+    slope: Uphill = 15.0  # of the hill [degrees]
+    seed: Whole = 1  # of the sample
     robot: Robot = Robot(precision="f32", copies=1, noise=0.0)  # noqa: RUF009 (immutable)
 
     def __post_init__(self) -> None:
@@ -91,10 +81,7 @@ class SoftRobotMetrics(Settings):
 def study(
     folder: Path, settings: SoftRobotMetrics, progress: Progress = None, threads: int | None = None
 ) -> dict[str, Any]:
-    """Write a table, heat maps and all numbers; more bodies may follow in the same folder.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write a table, heat maps and all numbers; more bodies may follow in the same folder."""
     about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
     results = ResultsFolder(folder, "soft-robot-metrics", {**about, "robot": settings.robot.describe()})
     flat = {f"flat_{pressure:g}": partial(on_flat, settings, pressure, threads) for pressure in settings.pressures}
@@ -169,10 +156,6 @@ def draw(rows: Sequence[Record], path: Path) -> None:
     """A row for each metric, a column for each threshold; pressure across, orientation upwards.
 
     A body has no M_CI, "none", where no gait succeeds anywhere.
-
-    Args:
-        rows: see :func:`rows_of`.
-        path: of the picture.
     """
     pressures, orientations = (distinct(rows, key) for key in ("pressure", "orientation"))
     height = 2 * (0.9 + 0.32 * len(orientations))

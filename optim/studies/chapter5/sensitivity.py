@@ -5,7 +5,7 @@ bladder and density "could be adjusted without causing drastic changes in behavi
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -14,23 +14,114 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
-from optim.experiments.pages import page
-from optim.experiments.parts import computed_arrays
-from optim.experiments.records import Record, column, distinct, where
-from optim.experiments.results import Progress, write_summary
-from optim.experiments.settings import Count, Settings
-from optim.experiments.study import Study
-from optim.experiments.tables import markdown
+from optim.experiments.results import Progress, computed_arrays, write_summary
+from optim.experiments.study import Count, Settings, Study
+from optim.experiments.tables import Record, column, distinct, markdown, page, where
 from optim.studies.chapter5.gaits import Case, Robot, repeated, shown, spread
-from optim.studies.chapter5.variations import VARIATIONS, Variant
-from robots.inflatable.actuation import ACTUATION
-from robots.inflatable.body import PUBLISHED
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import INCHING, ROLLING
+from robots.inflatable.schedule import MAXIMUM_PRESSURE
 from robots.inflatable.timing import nominal_steps
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
+
+FULL_PRESSURE = ACTUATION.round_pressure  # Pa, of the round robot
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A robot of which one thing is different."""
+
+    geometry: InflatableGeometry = PUBLISHED  # shape and materials
+    actuation: InflatableActuation = ACTUATION  # rates and timing
+    pressure: float = FULL_PRESSURE  # of the core of the round robot [Pa]
+
+
+def retimed(steps: float) -> InflatableActuation:
+    """All strokes and pauses stretched to ``steps`` times as many time steps; rates are per step."""
+    return replace(
+        ACTUATION,
+        inflation_rate=ACTUATION.inflation_rate / steps,
+        pressure_ramp=ACTUATION.pressure_ramp / steps,
+        hold_steps=round(ACTUATION.hold_steps * steps),
+        settle_steps=round(ACTUATION.settle_steps * steps),
+    )
+
+
+def in_the_same_time(**changed: Any) -> Variant:
+    """A robot of a changed geometry, whose gait takes as many seconds as the published one, whatever its time step."""
+    geometry = replace(PUBLISHED, **changed)
+    return Variant(geometry, retimed(PUBLISHED.time_step / geometry.time_step))
+
+
+def with_modulus(factor: float) -> Variant:
+    """Young's modulus of skin and bladders times a factor."""
+    skin, bladders = PUBLISHED.youngs_modulus * factor, PUBLISHED.bladder_modulus * factor
+    return in_the_same_time(youngs_modulus=skin, bladder_modulus=bladders)
+
+
+def with_density(factor: float) -> Variant:
+    """Density times a factor."""
+    return in_the_same_time(density=PUBLISHED.density * factor)
+
+
+def with_time_step(factor: float) -> Variant:
+    """The time step times a factor, at most 1.3, the robot's margin to the largest stable one."""
+    safety = PUBLISHED.time_step_safety
+    if not 0 < factor <= safety:
+        raise ValueError(f"time step: a factor of {factor:g} is not allowed; give a positive one, at most {safety:g}")
+    return in_the_same_time(time_step_safety=safety / factor)
+
+
+def with_duration(factor: float) -> Variant:
+    """All that happens takes a factor times as long, in time steps of the same length."""
+    return Variant(actuation=retimed(factor))
+
+
+def with_pressure(factor: float) -> Variant:
+    """The pressure of the round robot times a factor; at that pressure bladders lengthen least."""
+    pressure = FULL_PRESSURE * factor
+    if not 0 < pressure <= MAXIMUM_PRESSURE:
+        allowed = f"give a positive one, at most {MAXIMUM_PRESSURE / FULL_PRESSURE:g}"
+        raise ValueError(f"maximum pressure: a factor of {factor:g} is not allowed; {allowed}")
+    return Variant(actuation=replace(ACTUATION, round_pressure=pressure), pressure=pressure)
+
+
+def with_voxels(factor: float) -> Variant:
+    """So many times the voxels across a bladder, which has 3, in a robot of the same size.
+
+    Rows and layers follow, as whole numbers allow. The skins keep their mass per area and their bending stiffness:
+    density is divided by the voxels' size h, Young's modulus by h cubed.
+    """
+    across = round(PUBLISHED.bladder_columns * factor)
+    if across < 1:
+        raise ValueError(f"voxels per bladder: a factor of {factor:g} is not allowed; it leaves none")
+    size = PUBLISHED.columns * PUBLISHED.voxel_size / (4 * across + 3)
+    ratio = size / PUBLISHED.voxel_size
+    return in_the_same_time(
+        bladder_columns=across,
+        rows=round(PUBLISHED.rows / ratio),
+        foot_rows=max(1, round(PUBLISHED.foot_rows / ratio)),
+        bladder_layers=max(1, round(PUBLISHED.bladder_layers / ratio)),
+        voxel_size=size,
+        youngs_modulus=PUBLISHED.youngs_modulus / ratio**3,
+        bladder_modulus=PUBLISHED.bladder_modulus / ratio**3,
+        density=PUBLISHED.density / ratio,
+    )
+
+
+VARIATIONS: Mapping[str, Callable[[float], Variant]] = {
+    "Young's modulus": with_modulus,
+    "density": with_density,
+    "time step": with_time_step,
+    "duration": with_duration,
+    "maximum pressure": with_pressure,
+    "voxels per bladder": with_voxels,
+}
+
 
 UNCHANGED = "unchanged"
 SURVIVES = 0.5  # of the distance that the unchanged robot travels in the same gait
@@ -50,18 +141,14 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
 
 @dataclass(frozen=True)
 class Sensitivity(Settings):
-    """Parameters that are changed, and what is played with each of them.
+    """Parameters that are changed, and what is played with each of them."""
 
-    Attributes:
-        factors: by which parameters are multiplied, one at a time; names of ``VARIATIONS``.
-        robot: how it is simulated; its geometry and actuation are the published ones.
-        repeats: how often the columns of the gaits are played.
-        slope: of the hill [degrees].
-    """
-
-    factors: Mapping[str, tuple[float, ...]] = field(default_factory=lambda: FACTORS)
+    factors: Mapping[str, tuple[float, ...]] = field(
+        default_factory=lambda: FACTORS
+    )  # of ``VARIATIONS``, one at a time
     robot: Robot = field(default_factory=lambda: Robot(copies=5))  # of 3 behaviours: 15 of 16 lanes
-    repeats: Count = 2
+    repeats: Count = 2  # how often the columns of the gaits are played
+    # of the hill [degrees]
     slope: Annotated[float, partial(checks.number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 15.0
 
     def __post_init__(self) -> None:
@@ -94,10 +181,7 @@ class Sensitivity(Settings):
 
 
 def study(folder: Path, settings: Sensitivity, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """Write a table, a figure and all numbers; more factors may follow in the same folder.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write a table, a figure and all numbers; more factors may follow in the same folder."""
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = {
         re.sub(r"\W+", "_", f"{name} {factor:.6g}"): partial(travelled, settings, variant, threads)

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
-from optim.experiments.pages import page
 from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
-from optim.experiments.tables import markdown
+from optim.experiments.tables import markdown, page
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
 from optim.studies.chapter5.gaits import Case, Robot, shown, spread
@@ -31,15 +30,10 @@ LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their rang
 
 @dataclass(frozen=True)
 class SlopeSweep:
-    """Slopes that are climbed, and the robot that climbs them.
+    """Slopes that are climbed, and the robot that climbs them."""
 
-    Attributes:
-        slopes: ascending, at least two [degrees].
-        robot: that rolls and inches.
-    """
-
-    slopes: tuple[float, ...] = tuple(map(float, range(16)))
-    robot: Robot = field(default_factory=Robot)
+    slopes: tuple[float, ...] = tuple(map(float, range(16)))  # ascending, at least two [degrees]
+    robot: Robot = field(default_factory=Robot)  # that rolls and inches
 
     def __post_init__(self) -> None:
         slopes = [Terrain(slope).slope for slope in self.slopes]
@@ -49,10 +43,7 @@ class SlopeSweep:
 
 
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
-    """Write a table, a figure, the transition and all numbers.
-
-    For the arguments see :class:`optim.experiments.study.Study`.
-    """
+    """Write a table, a figure, the transition and all numbers."""
     slopes, robot = settings.slopes, settings.robot
     parts = ResultsFolder(folder, "slope-sweep", {"slopes": slopes, "robot": robot.describe()})
     cases = [Case(design, Terrain(slope)) for slope in slopes for design in GAITS.values()]
@@ -77,8 +68,7 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
 
     Args:
         slopes: ascending, shape (S,) [degrees].
-        rolling: speeds, shape (S, copies); NaN of copies that diverged.
-        inching: likewise.
+        rolling, inching: speeds, shape (S, copies); NaN of copies that diverged.
 
     Returns:
         ``slope``, the 95 % bootstrap interval ``low`` to ``high`` over the copies that are there at every slope, the
@@ -108,10 +98,7 @@ def told_at(speeds: Floats) -> Bools:
 
 
 def crossing(slopes: Sequence[float] | Floats, ahead: Floats) -> tuple[float, float, float] | None:
-    """Find the slope at which a positive difference, shape (S,), becomes negative, and the slopes beside it.
-
-    None if it never does.
-    """
+    """Find the slope at which a positive difference, (S,), becomes negative, and those beside it; None without."""
     negative = np.flatnonzero(ahead < 0)
     if not negative.size or negative[0] == 0:
         return None

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from optim.studies.chapter3.sweep_table import read_sweep_table
-from optim.studies.chapter4.training_table import read_training_table
+from optim.studies.chapter4.training import read_training_table
 
 pytestmark = pytest.mark.kernels
 

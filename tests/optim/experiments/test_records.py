@@ -7,11 +7,9 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from optim.experiments.pages import cell, page
-from optim.experiments.parts import computed, computed_arrays
-from optim.experiments.records import column, distinct, where, write_columns
-from optim.experiments.settings import Count, Settings, Several, Whole
-from optim.experiments.tables import markdown, read_records
+from optim.experiments.results import computed, computed_arrays
+from optim.experiments.study import Count, Settings, Several, Whole
+from optim.experiments.tables import cell, column, distinct, markdown, page, read_records, where, write_columns
 from taichi_sim.base.results_folder import ResultsFolder
 
 ROWS = [

@@ -7,9 +7,8 @@ import pytest
 from scipy.stats import mannwhitneyu
 
 from optim.experiments.comparison import compare, describe_times, ranked
-from optim.experiments.parts import computed_trials
 from optim.experiments.results import cached, write_json
-from optim.experiments.trials import Trials, first_time, record_trials
+from optim.experiments.trials import Trials, computed_trials, first_time, record_trials
 from optim.problem import Evaluation
 from optim.search import Borg
 from optim.space import Space, Variable

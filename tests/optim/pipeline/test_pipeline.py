@@ -11,11 +11,11 @@ from graded import TINY, settling
 from hypothesis import given
 from hypothesis import strategies as st
 
-from optim.pipeline import candidates, changes, crossing, trials
+from optim.pipeline import changes, trials
 from optim.pipeline import run as pipeline_run
-from optim.pipeline.candidates import find_gaits
-from optim.pipeline.crossing import best_single_gait
+from optim.pipeline.changes import best_single_gait
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
+from optim.pipeline.run import find_gaits
 from optim.pipeline.task import read_task
 from optim.pipeline.trials import NoWorkingGait, State, Trials, check_working
 from robots.calibration import Properties, load_calibration, save_properties
@@ -121,7 +121,7 @@ def test_gaits_that_the_rig_cannot_play_are_refused_or_left_out(tmp_path, monkey
         task_of(tmp_path, text + "['inching', 'rolling']")
     task = task_of(tmp_path, text + "['inching']\n[search]")
     found = iter((ROLLING, INCHING))
-    monkeypatch.setattr(candidates, "_search", lambda *_: next(found))
+    monkeypatch.setattr(pipeline_run, "_search", lambda *_: next(found))
     assert list(find_gaits(task, tmp_path)) == ["inching"]
     assert list(find_gaits(task, tmp_path)) == ["inching", "found-flat"]
 
@@ -295,7 +295,7 @@ def test_a_crossing_is_kept_for_its_own_gaits_alone(tmp_path, monkeypatch):
     rolling, inching = ([State(t, name, DESIGNS[name], [0.1, 0.1]) for t in task.terrains] for name in DESIGNS)
     for states, again in ((rolling, 3), (rolling, 1), (inching, 3)):
         played.clear()
-        crossing.cross(tuple(states), None, ("inching", INCHING), kept)
+        changes.cross(tuple(states), None, ("inching", INCHING), kept)
         assert len(played) == again  # those with noise if they are new, and the one that is shown
 
 

@@ -14,8 +14,17 @@ from hypothesis import strategies as st
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt import climb
-from optim.studies.beyond.gait_hunt.kinds import APART, best_of_kinds, difference, heading_of
-from optim.studies.beyond.gait_hunt.program import GRADED, RUNGS, Plan, Program, Step
+from optim.studies.beyond.gait_hunt.program import (
+    APART,
+    GRADED,
+    RUNGS,
+    Plan,
+    Program,
+    Step,
+    best_of_kinds,
+    difference,
+    heading_of,
+)
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways, simulation
 from robots.inflatable.design import InflatableDesign, load_design
 from robots.inflatable.program import WHOLE

@@ -17,11 +17,11 @@ from optim.measures.statistics import holm
 from optim.problem import Evaluation, Request
 from optim.problems.inflatable.outcomes import Outcomes, effort
 from optim.problems.inflatable.problem import GaitProblem
-from optim.studies.beyond.gait_hunt import climb, searches, spending
+from optim.studies.beyond.gait_hunt import climb, searches
 from optim.studies.beyond.gait_hunt import study as hunting
 from optim.studies.beyond.gait_hunt.finalists import Finalist, Finals, best_of, cached_finalists, last_bests
 from optim.studies.beyond.gait_hunt.program import Plan
-from optim.studies.beyond.gait_hunt.spending import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
+from optim.studies.beyond.gait_hunt.searches import GRADIENT_COST, cost, least_cost, paid, read_spent, search_within
 from robots.inflatable import ACTUATION, INCHING, InflatableDesign, simulation
 from robots.inflatable import gradient as inflatable_gradient
 from robots.inflatable.design import load_design
@@ -178,7 +178,7 @@ def test_a_generation_that_was_cut_off_is_not_paid_twice(hill, tmp_path):
     problem, settings = GaitProblem(HILL, **SMALL), {"population": 4, "seed": 1}
     search_within(problem, "genetic", settings, tmp_path / "run", 1e6)
     spent = read_spent(tmp_path / "run")
-    (tmp_path / "run" / spending.SPENT).write_text(json.dumps([*spent, 123.0]))
+    (tmp_path / "run" / searches.SPENT).write_text(json.dumps([*spent, 123.0]))
     search_within(problem, "genetic", settings, tmp_path / "run", 1e6 + sum(spent))
     assert 123.0 not in read_spent(tmp_path / "run")
 
@@ -188,7 +188,7 @@ def test_a_generation_that_was_cut_off_is_not_paid_twice(hill, tmp_path):
 def test_a_run_that_does_not_know_what_it_has_spent_is_refused(hill, tmp_path, text):
     """It would go on for its whole budget again."""
     problem, settings = GaitProblem(HILL, **SMALL), {"population": 4, "seed": 1}
-    path = tmp_path / "run" / spending.SPENT
+    path = tmp_path / "run" / searches.SPENT
     search_within(problem, "genetic", settings, tmp_path / "run", 4e6)
     path.unlink() if text is None else path.write_text(text)
     calls = hill.calls

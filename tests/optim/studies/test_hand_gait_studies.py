@@ -12,7 +12,7 @@ from graded import QUICK, TINY
 from optim.studies.chapter5 import friction, metrics, sensitivity, slopes
 from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.metrics import draw
-from optim.studies.chapter5.variations import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
+from optim.studies.chapter5.sensitivity import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
 from robots.inflatable import ACTUATION, PUBLISHED, SMALL, InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import travel_directions

@@ -10,9 +10,8 @@ from optim.studies.catalogue import STUDIES
 from optim.studies.chapter3 import sweep_study
 from optim.studies.chapter3.sweep_study import SensorPlacement
 from optim.studies.chapter3.sweep_table import sample_designs
-from optim.studies.chapter4 import training_study
-from optim.studies.chapter4.training import Training
-from optim.studies.chapter4.training_study import TrainingInBodies
+from optim.studies.chapter4 import training
+from optim.studies.chapter4.training import Training, TrainingInBodies
 from robots.braitenberg import Sweep
 from taichi_sim.base.files import sha256
 from taichi_sim.base.results_folder import ResultsFolder
@@ -148,6 +147,6 @@ def test_folders_know_their_study_by_these_settings_in_this_order():
     placement = sweep_study.STUDY.scales["small"].describe()
     assert list(placement) == ["weights", "radius", "time_step", "steps", "precision", "bodies"]
     assert (placement["weights"], placement["bodies"]) == (41, 100)
-    trained = training_study.STUDY.scales["small"].describe()
+    trained = training.STUDY.scales["small"].describe()
     assert list(trained) == [*Training().describe(), "bodies", "weights"]
     assert (trained["repetitions"], trained["bodies"], trained["weights"]) == (2, 20, 41)

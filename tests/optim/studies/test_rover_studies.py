@@ -9,10 +9,8 @@ from optim.experiments.tables import read_table
 from optim.experiments.trials import Trials
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter3 import rover_pre_optimisation, rover_success, rover_sweep
-from optim.studies.chapter3.rover_grid import RoverGrid, successes
-from optim.studies.chapter3.rover_pre_optimisation import PreOptimisation, front_of
-from optim.studies.chapter3.rover_problem import RoverProblem
-from optim.studies.chapter3.rover_success import RoverSuccess
+from optim.studies.chapter3.rover_pre_optimisation import PreOptimisation, RoverProblem, front_of
+from optim.studies.chapter3.rover_success import RoverGrid, RoverSuccess, successes
 from optim.studies.chapter3.rover_sweep import RoverSweep
 from robots.braitenberg import Sweep
 from robots.rover import BEST, Rover, simulate

@@ -9,10 +9,8 @@ import pytest
 
 from optim.experiments.figures import figure, legend_above, logarithmic
 from optim.studies.chapter3 import sensor_placement as study
-from optim.studies.chapter3 import sensor_placement_figures as figures
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
-from optim.studies.chapter4.training_study import save_training
-from optim.studies.chapter4.training_table import TrainingTable
+from optim.studies.chapter4.training import TrainingTable, save_training
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, simulate, sweep
 
 TABLE = SweepTable(np.array([80, 162, 5841, 6553]), np.array([9, 9, 0, 2]), np.array([12, 12, 8, 8]), Sweep(weights=9))
@@ -87,9 +85,9 @@ def test_pictures_have_their_numbers_beside_them(tmp_path):
     sweep([BEST, BASELINE], **settings, out=tmp_path / "sweep")
     table = read_sweep_table(tmp_path / "sweep")
     notable = study.notable_designs(table)
-    figures.save_distributions(table, tmp_path / "distributions.png")
-    figures.save_correlation(table, notable, tmp_path / "correlation.png")
-    figures.save_examples(table, notable, tmp_path / "sweep", tmp_path / "examples.png")
+    study.save_distributions(table, tmp_path / "distributions.png")
+    study.save_correlation(table, notable, tmp_path / "correlation.png")
+    study.save_examples(table, notable, tmp_path / "sweep", tmp_path / "examples.png")
     for name in ("distributions", "correlation", "examples"):
         assert matplotlib.image.imread(tmp_path / f"{name}.png").std() > 0.05
     bins = rows_of(tmp_path / "distributions.csv")

@@ -12,7 +12,7 @@ from optim.studies.chapter5 import study as shape_change
 from optim.studies.chapter5.champions import Played
 from optim.studies.chapter5.experiments import EXPERIMENTS, PAIRED, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, shown, spread
-from optim.studies.chapter5.table import best_on_both, curve, summarise, tests, text_of
+from optim.studies.chapter5.study import best_on_both, curve, summarise, tests, text_of
 from robots.inflatable import INCHING, ROLLING, SMALL
 from robots.world import Terrain
 

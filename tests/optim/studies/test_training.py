@@ -18,8 +18,14 @@ from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table, sample_designs
 from optim.studies.chapter4 import training
-from optim.studies.chapter4.training import TRAINERS, Training, train
-from optim.studies.chapter4.training_table import TrainingTable, metric_correlations, read_training_table
+from optim.studies.chapter4.training import (
+    TRAINERS,
+    Training,
+    TrainingTable,
+    metric_correlations,
+    read_training_table,
+    train,
+)
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, sweep
 
 BRIEF = Training(repetitions=2, budget=12, seed=3, task=replace(PUBLISHED, radius=1.0, time_step=0.5, steps=1000))

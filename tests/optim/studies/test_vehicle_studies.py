@@ -13,11 +13,9 @@ from optim.studies.beyond import search_comparison
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter4 import co_optimisation, homeostasis_objective, homeostasis_of_bodies, reality_gap
 from optim.studies.chapter4.co_optimisation import CoOptimisation, from_first_to_last
-from optim.studies.chapter4.homeostasis_objective import HomeostasisObjective
+from optim.studies.chapter4.homeostasis_objective import HomeostasisObjective, HomeostasisProblem
 from optim.studies.chapter4.homeostasis_of_bodies import BodyHomeostasis
-from optim.studies.chapter4.homeostasis_problem import HomeostasisProblem
-from optim.studies.chapter4.perturbations import PERTURBATIONS, survival
-from optim.studies.chapter4.reality_gap import RealityGap
+from optim.studies.chapter4.reality_gap import PERTURBATIONS, RealityGap, survival
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import PUBLISHED, STARTS, Sweep, VehicleTask
 from taichi_sim.signals import warping_distances

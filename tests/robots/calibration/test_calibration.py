@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from optim.calibration import calibrate, check_names, document
-from optim.calibration.misfit import REPLICAS, Linearised
-from optim.calibration.uncertainty import uncertainty
+from optim.calibration.misfit import REPLICAS, Linearised, uncertainty
 from robots.calibration import (
     BOUNDS,
     NAMES,

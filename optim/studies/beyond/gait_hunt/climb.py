@@ -12,14 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.alone import read_alone
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
-from optim.experiments.pages import page
-from optim.experiments.records import Record
-from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.results import Progress, part_of, read_alone, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import markdown, write_records
+from optim.experiments.tables import Record, markdown, page, write_records
 from optim.studies.beyond.gait_hunt.finalists import (
     Finalist,
     Finals,
@@ -30,7 +27,7 @@ from optim.studies.beyond.gait_hunt.finalists import (
     write_gaits,
 )
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
-from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST
+from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 
@@ -40,15 +37,10 @@ FILES = ("table.md", *TABLES, "climb.png", "summary.json", "runs", "gaits")
 
 @dataclass(frozen=True)
 class Climb(Finals):
-    """How large the study is; finalists are designs of each of the last three steps.
+    """How large the study is; finalists are designs of each of the last three steps."""
 
-    Attributes:
-        seeds: of the programs.
-        plan: of each of them.
-    """
-
-    seeds: Seeds
-    plan: Plan = field(default_factory=Plan)
+    seeds: Seeds  # of the programs
+    plan: Plan = field(default_factory=Plan)  # of each of them
 
 
 Climbed = tuple[Sequence[Step], Mapping[str, Sequence[Finalist]]]  # steps, and finalists by the step that found them
@@ -58,11 +50,6 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
     """Write runs, tables, ``summary.json``, ``climb.png``, and the gait that each seed found.
 
     Where the folder holds the tables alone, the rest is made from them.
-
-    Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
-        jobs: programs that go on at the same time, each in a process of its own.
-        where: precision, device and threads of the simulations.
     """
     if tables := read_alone(folder, "gait-climb", TABLES, FILES, {"slope": settings.slope}):
         write_reports(folder, settings, *tables)
@@ -132,14 +119,7 @@ def _step_row(step: Step) -> dict[str, Any]:
 
 
 def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: Sequence[Record]) -> None:
-    """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the tables.
-
-    Args:
-        folder: takes the files.
-        settings: of the study.
-        rows: the records of ``seeds.csv``, one of each seed.
-        steps: the records of ``steps.csv``, one of each step of each seed.
-    """
+    """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the records of both tables."""
     write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
     write_text(folder / "table.md", text_of(rows))
     _draw(settings, rows, steps, folder / "climb.png")

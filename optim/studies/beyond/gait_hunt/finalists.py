@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.results import Progress
-from optim.experiments.settings import Count, Settings
+from optim.experiments.study import Count, Settings
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
 from optim.studies.chapter5.gaits import Uphill
@@ -34,19 +34,12 @@ Seeds = Annotated[tuple[int, ...], check_seeds]
 
 @dataclass(frozen=True, kw_only=True)
 class Finals(Settings):
-    """The hill that gaits shall climb, and how the best of them are played there in full.
+    """The hill that gaits shall climb, and how the best of them are played there in full."""
 
-    Attributes:
-        slope: of the hill [degrees].
-        geometry: of the robot, by name.
-        finalists: designs of a search that are played in full, at most.
-        runs: with noise, of each of them under either condition.
-    """
-
-    slope: Uphill = 15.0
-    geometry: str = "published"
-    finalists: Count = 4
-    runs: Count = 4
+    slope: Uphill = 15.0  # of the hill [degrees]
+    geometry: str = "published"  # of the robot, by name
+    finalists: Count = 4  # designs of a search that are played in full, at most
+    runs: Count = 4  # with noise, of each of them under either condition
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,15 +53,10 @@ class Finals(Settings):
 
 @dataclass(frozen=True, eq=False)
 class Finalist(NoisySpeeds):
-    """A design that a search found best at some time, played in full.
+    """A design that a search found best at some time, played in full."""
 
-    Attributes:
-        design: the gait.
-        generation: in which it was found.
-    """
-
-    design: InflatableDesign
-    generation: int
+    design: InflatableDesign  # the gait
+    generation: int  # in which it was found
 
     @property
     def stays(self) -> bool:
@@ -116,15 +104,8 @@ def cached_finalists(
     """The last bests of each run of a search, played in full: from the file, if they are of these runs and conditions.
 
     All of them are one batch under either condition, since a few robots take as long as a vector full of them. The
-    noise of each follows from its place among them.
-
-    Args:
-        path: of the JSON file, which may be missing, damaged, or of fewer generations.
-        histories: of the runs.
-        problem: that they searched.
-        settings: the hill, and how many finalists of each run are played how often.
-        progress: called with the fraction done.
-        where: options of the simulations; ``precision`` is ``"f32"`` unless it is given.
+    noise of each follows from its place among them. The file may be missing, damaged, or of fewer generations; the
+    ``precision`` of the simulations is ``"f32"`` unless it is given.
     """
     where = {"precision": "f32", **where}
     found = [last_bests(history, problem, settings.finalists) for history in histories]
@@ -158,12 +139,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def write_gaits(folder: Path, found: Mapping[str, Finalist | None]) -> None:
-    """Write the gaits found, by the names of their files; what earlier reports named there goes.
-
-    Args:
-        folder: of gaits alone, which may be new.
-        found: None where nothing was.
-    """
+    """Write the gaits found by their names to a folder of gaits alone; what earlier reports named there goes."""
     folder.mkdir(exist_ok=True)
     for path in folder.glob("*.json"):
         if not found.get(path.stem):

@@ -3,7 +3,8 @@
 1. Look: random networks that write cycles of two columns, half of them with an empty core, on flat ground.
 2. Turn: there a robot goes its way whatever its heading, so the best heading is where it goes. With that, the fastest
    are tried on a ladder of slopes.
-3. Kinds: the best of each kind becomes the start of a search of its own on the ladder, since what climbs later is
+3. Kinds: the best of each kind ("clearing": Pétrowski, "A clearing procedure as a niching method for genetic
+   algorithms", Proc. ICEC 1996) becomes the start of a search of its own on the ladder, since what climbs later is
    seldom what is ahead now. After every round the better half of the kinds goes on ("successive halving": Jamieson &
    Talwalkar, "Non-stochastic best arm identification", Proc. AISTATS 2016).
 4. Lead: near the best, by the mean speed on an easier slope and on the steepest, the easier one ever steeper. On a
@@ -20,6 +21,7 @@ they cost is counted as in the hunt, in robot-steps.
 """
 
 import math
+import time
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,17 +31,96 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.results import Progress, cached
-from optim.experiments.settings import Count, Settings, Several, Whole
+from optim.experiments.study import Count, Settings, Several, Whole
+from optim.problem import Request
 from optim.problems.inflatable.problem import HARD, GaitProblem
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
-from optim.studies.beyond.gait_hunt.kinds import best_of_kinds, history_of, turned
-from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED
-from optim.studies.beyond.gait_hunt.spending import first_of, read_spent, search_within
-from robots.inflatable.design import InflatableDesign
+from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED, cost, first_of, read_spent, search_within
+from robots.inflatable import simulation
+from robots.inflatable.body import InflatableGeometry
+from robots.inflatable.design import InflatableDesign, each_pressure
+from robots.inflatable.timing import predicted_steps
 from robots.world import Terrain
 from taichi_sim.base import checks
+from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.results_folder import ResultsFolder
+
+APART = 0.25  # of a full stroke, root mean square over all actuators and columns: gaits closer are one kind
+PRESSURE = 12_000.0  # [Pa], which counts as a full stroke of everything
+
+
+def difference(one: InflatableDesign, other: InflatableDesign, body: InflatableGeometry) -> float:
+    """Distance between two gaits of as many columns, 0 to 1, wherever their cycles begin.
+
+    Headings and times do not count: what moves when is the kind. Pressures of the cores count too: the larger of both
+    differences is the result.
+    """
+    first, second = one.schedule.levels, other.schedule.levels
+    turned = [np.roll(second, column, axis=1) for column in range(second.shape[1])]
+    moves = min(float(np.sqrt(np.mean((first - levels) ** 2))) for levels in turned)
+    pressures = [np.array(each_pressure(design.pressure, body)) for design in (one, other)]
+    return max(moves, float(abs(pressures[0] - pressures[1]).max()) / PRESSURE)
+
+
+def best_of_kinds(
+    designs: Sequence[InflatableDesign], scores: Floats, count: int, body: InflatableGeometry
+) -> list[int]:
+    """Indices of the best designs of which none is of the kind of a better one, the best first; scores may be NaN."""
+    chosen: list[int] = []
+    for number in (int(n) for n in np.argsort(-scores, kind="stable") if np.isfinite(scores[n])):
+        if len(chosen) == count:
+            break
+        if all(difference(designs[number], designs[other], body) >= APART for other in chosen):
+            chosen.append(number)
+    return chosen
+
+
+def heading_of(displacement: Floats) -> Floats:
+    """The heading, 0 to 90 degrees, along which robots with displacements x and y, shape (..., 2), get furthest."""
+    angle = np.rad2deg(np.arctan2(displacement[..., 1], displacement[..., 0]))
+    away = np.where(angle < -135.0, angle + 360.0, angle)  # the nearer end of the range is the better one
+    return np.asarray(np.clip(away, 0.0, 90.0))
+
+
+def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: Mapping[str, Any]) -> Arrays:
+    """Turn N designs to where they go on flat ground, and judge them; ``options`` are those of ``simulate`` there.
+
+    Returns:
+        ``points`` of the problem, shape (N, D); ``scores``, shape (N,), NaN of what failed; ``speeds`` on every
+        terrain, shape (N, T); ``spent`` [robot-steps] and ``wall_s`` on both simulations.
+    """
+    started = time.perf_counter()
+    flat = simulation.simulate(designs, Terrain(), **options)
+    ok = np.asarray(flat.status) == "ok"
+    headings = heading_of(np.where(ok[:, None], flat.displacement, 0.0))
+    facing = [replace(design, orientation=float(angle)) for design, angle in zip(designs, headings, strict=True)]
+    points = np.array([problem.space.from_dict(problem.start_values(design)) for design in facing])
+    judged = problem.evaluate(points)
+    looked = sum(predicted_steps(design) for design in designs)
+    return {
+        "points": points,
+        "scores": np.where(ok, judged.objectives[:, 0], np.nan),
+        "speeds": np.stack([judged.details[f"speed_{terrain.name}"] for terrain in problem.terrains], axis=1),
+        "spent": np.array(looked + cost(problem, Request(points), judged)),
+        "wall_s": np.array(time.perf_counter() - started),
+    }
+
+
+def history_of(problem: GaitProblem, found: Arrays, folder: Path) -> History:
+    """Present what :func:`turned` found as a run of a single generation."""
+    scores, count = found["scores"], len(found["scores"])
+    known = np.flatnonzero(np.isfinite(scores))
+    value: float | None = None
+    point = details = None
+    if known.size:
+        best = int(known[np.argmax(scores[known])])
+        value, point = float(scores[best]), problem.space.to_dict(found["points"][best])
+        names = [f"speed_{terrain.name}" for terrain in problem.terrains]
+        details = dict(zip(names, found["speeds"][best].tolist(), strict=True))
+    last = Generation(0, 2 * count, count - known.size, value, None, None, None, point, details, {})
+    return History(folder, {}, (last,), (float(found["wall_s"]),), None, False)
+
 
 RUNGS = (0.0, 1 / 3, 2 / 3, 1.0)  # of the slope
 # A look lasts until a cycle counts, and is along the middle of all headings: who goes that way goes well along its own.
@@ -64,29 +145,18 @@ def check_parts(name: str, parts: Sequence[float]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Plan(Settings):
-    """How much the program does in each of its steps.
+    """How much the program does in each of its steps."""
 
-    Attributes:
-        looks: random gaits, with an empty core, and as many with any.
-        kept: of the best of either, which are turned, and among which kinds are sought.
-        kinds: that get a search of their own.
-        population: of these searches.
-        rounds: generations of each round of these; the better half of the kinds goes on to the next.
-        leads: parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best.
-        headings: near that of the best that are tried.
-        refined: population of the searches that lead, and of the last two.
-        generations: of each of these.
-    """
-
-    looks: Several = 192
-    kept: Count = 32
-    kinds: Count = 4
-    population: Several = 12
-    rounds: Annotated[tuple[int, ...], check_rounds] = (2, 2, 4)
+    looks: Several = 192  # random gaits, with an empty core, and as many with any
+    kept: Count = 32  # of the best of either, which are turned, and among which kinds are sought
+    kinds: Count = 4  # that get a search of their own
+    population: Several = 12  # of these searches
+    rounds: Annotated[tuple[int, ...], check_rounds] = (2, 2, 4)  # generations; the better half goes on to the next
+    # parts of the slope whose speed counts beside that on all of it, a search each, one from the other's best
     leads: Annotated[tuple[float, ...], check_parts] = (0.0, 2 / 3)
-    headings: Several = 16
-    refined: Several = 16
-    generations: Whole = 20
+    headings: Several = 16  # near that of the best that are tried
+    refined: Several = 16  # population of the searches that lead, and of the last two
+    generations: Whole = 20  # of each of these
 
     @property
     def evaluations(self) -> int:
@@ -105,19 +175,12 @@ class NothingFound(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A search that the program made.
+    """A search that the program made."""
 
-    Attributes:
-        name: of its folder.
-        problem: what was searched.
-        history: of the run.
-        spent: by it [robot-steps].
-    """
-
-    name: str
-    problem: GaitProblem
-    history: History
-    spent: float
+    name: str  # of its folder
+    problem: GaitProblem  # what was searched
+    history: History  # of the run
+    spent: float  # by it [robot-steps]
 
     @property
     def last(self) -> Generation:
@@ -157,25 +220,15 @@ class Step:
 
 @dataclass(eq=False)
 class Program:
-    """The program for one seed.
+    """The program for one seed."""
 
-    Attributes:
-        folder: takes a run folder of every search; what is there is not computed again.
-        plan: how much is done.
-        seed: of all searches.
-        slope: to be climbed in the end [degrees].
-        progress: called with the fraction done, which is estimated from the number of gaits.
-        where: geometry, precision, device and threads of the simulations.
-        steps: made so far, by name, in the order in which they began.
-    """
-
-    folder: Path
-    plan: Plan
-    seed: int
-    slope: float
-    progress: Progress = None
-    where: Mapping[str, Any] = field(default_factory=dict)
-    steps: dict[str, Step] = field(default_factory=dict)
+    folder: Path  # takes a run folder of every search; what is there is not computed again
+    plan: Plan  # how much is done
+    seed: int  # of all searches
+    slope: float  # to be climbed in the end [degrees]
+    progress: Progress = None  # called with the fraction done, which is estimated from the number of gaits
+    where: Mapping[str, Any] = field(default_factory=dict)  # geometry, precision, device and threads of the simulations
+    steps: dict[str, Step] = field(default_factory=dict)  # made so far, by name, in the order in which they began
 
     def run(self) -> tuple[Step, ...]:
         """Run all steps; return the last three, any of which may hold the best. None if all gaits of a step failed."""

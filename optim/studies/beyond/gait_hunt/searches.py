@@ -1,12 +1,24 @@
-"""The searches that hunt for gaits, and what each of them searches."""
+"""The searches that hunt for gaits, and what they spend: time steps of simulated robots, after which they end."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+
+from optim.experiments.results import Progress
+from optim.problem import Evaluation, Request, judge
 from optim.problems.inflatable.problem import GaitProblem
+from optim.runs import open_run
+from optim.runs.folder import RunFolder
+from optim.runs.history import History, read_history
+from optim.runs.loop import FolderSearch
+from optim.search import Method, build_method, default_settings
 from robots.world import Terrain
+from taichi_sim.base.files import read_text, write_text
 
 # Time steps of a cheap judgement, a third of a gait; its first quarter does not count, and of the others the worst
 # does: a gait that lurches once, or rolls down later, shows there.
@@ -21,21 +33,13 @@ STEPPED: Mapping[str, Any] = MappingProxyType({**CYCLE, "encoding": "graded-patt
 
 @dataclass(frozen=True)
 class HuntSearch:
-    """A search.
+    """A search."""
 
-    Attributes:
-        label: what it is, in a few words.
-        method: its name in ``METHODS``.
-        settings: of the method, but for the seed.
-        problem: options of the problem, beside terrains and where it runs.
-        rungs: parts of the slope on which a gait has to get ahead before, flat ground (0) perhaps among them.
-    """
-
-    label: str
-    method: str
-    settings: Mapping[str, Any]
-    problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)
-    rungs: tuple[float, ...] = ()
+    label: str  # what it is, in a few words
+    method: str  # its name in ``METHODS``
+    settings: Mapping[str, Any]  # of the method, but for the seed
+    problem: Mapping[str, Any] = field(default_factory=lambda: CYCLE)  # options, beside terrains and where it runs
+    rungs: tuple[float, ...] = ()  # parts of the slope on which a gait has to get ahead before, perhaps flat ground (0)
 
     def problem_on(self, terrain: Terrain, **where: Any) -> GaitProblem:
         """The problem that it searches on a terrain: orientation, shape and control."""
@@ -64,3 +68,103 @@ SEARCHES: Mapping[str, HuntSearch] = MappingProxyType(
         ),
     }
 )
+
+
+# A gradient takes as long as so many simulations without, for robots that fill vectors; see docs/performance.md.
+GRADIENT_COST = 7.5
+PUBLISHED_COST = 200_720  # robot-steps of a published evaluation at half of the largest pressure
+ENDLESS = 1_000_000  # generations
+SPENT = "spent.json"
+
+
+class PaidSearch(FolderSearch):
+    """A search in a run folder that knows what its generations have cost.
+
+    Attributes:
+        spent: what each generation has cost [robot-steps].
+    """
+
+    def __init__(self, problem: GaitProblem, method: Method, run: RunFolder) -> None:
+        """Restore the search and what it has spent from an open run folder."""
+        super().__init__(problem, method, run)
+        self.gaits, self.path = problem, run.path / SPENT
+        self.spent = read_spent(run.path)
+        if (known := len(self.spent)) < self.turns:
+            raise ValueError(f"{self.path}: tells the cost of {known} of {self.turns} generations; restore it")
+        del self.spent[self.turns :]  # of a generation that was cut off
+
+    def lasts(self, budget: float) -> bool:
+        """Whether a budget may last for the next generation; it does for the first."""
+        return not self.spent or sum(self.spent) + least_cost(self.gaits, self.ask()) <= budget
+
+    def tell(self, request: Request, evaluation: Evaluation) -> None:
+        """Note what the generation has cost, then complete it."""
+        self.spent.append(cost(self.gaits, request, evaluation))
+        write_text(self.path, json.dumps(self.spent) + "\n")
+        super().tell(request, evaluation)
+
+
+def search_within(
+    problem: GaitProblem,
+    method: str,
+    settings: Mapping[str, Any],
+    folder: Path,
+    budget: float,
+    progress: Progress = None,
+    generations: int = ENDLESS,
+) -> History:
+    """Run a search, or go on with the one in the folder, until it has spent its budget, or made its generations.
+
+    A generation of which it is clear before that the budget [robot-steps], see :func:`cost`, does not last is not
+    begun, but the first always is. One that turns out to cost more is completed; :func:`paid` leaves it away. The
+    folder also has ``spent.json``, what every generation has cost. Raises ValueError if budget or folder are not
+    allowed, or the folder lacks what has been spent.
+    """
+    if not budget > 0:
+        raise ValueError(f"budget: {budget:g} robot-steps are not allowed; give more than 0")
+    known = default_settings(method) | dict(settings)
+    config = {"problem": problem.describe(), "method": {"name": method, **known}, "generations": ENDLESS}
+    with open_run(folder, config, resume=True) as run:
+        search = PaidSearch(problem, build_method(method, problem.space, known), run)
+        while search.turns <= generations and search.lasts(budget):
+            request = search.ask()
+            search.tell(request, judge(problem, request))
+            if progress:
+                progress(min(sum(search.spent) / budget, 1.0))
+    return read_history(folder)
+
+
+def paid(history: History, spent: Sequence[float], budget: float) -> History:
+    """The generations of a run that ended within a budget; the first counts in any case."""
+    return first_of(history, max(1, int(np.searchsorted(np.cumsum(spent), budget, side="right"))))
+
+
+def first_of(history: History, count: int) -> History:
+    """The first few generations of a run."""
+    return replace(history, generations=history.generations[:count], seconds=history.seconds[:count])
+
+
+def read_spent(folder: Path) -> list[float]:
+    """Read the cost of each generation of a run, perhaps with one cut off; raises ValueError for a damaged file."""
+    path = folder / SPENT
+    try:
+        spent = json.loads(read_text(path)) if path.exists() else []
+    except ValueError:
+        spent = None
+    if not isinstance(spent, list) or not all(isinstance(each, int | float) and each >= 0 for each in spent):
+        raise ValueError(f"{path}: is damaged; it must be a list of robot-steps, one of each generation")
+    return spent
+
+
+def least_cost(problem: GaitProblem, request: Request) -> float:
+    """The smallest cost of a request, see :func:`cost`: no gait gets ahead."""
+    count = len(request.points)
+    speeds = {condition.name: np.full(count, -np.inf) for condition in problem.conditions}
+    return cost(problem, request, Evaluation(np.zeros(count), details=speeds))
+
+
+def cost(problem: GaitProblem, request: Request, judged: Evaluation) -> float:
+    """Time steps of all robots that judged a request; a gradient counts as ``GRADIENT_COST`` simulations."""
+    relaxed = request.wants != "points"
+    each = problem.robot_steps(request.points, judged, relaxed=relaxed, sharpness=request.sharpness)
+    return float(each.sum()) * (GRADIENT_COST if request.wants == "gradients" else 1.0)

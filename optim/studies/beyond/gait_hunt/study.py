@@ -16,15 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.alone import read_alone
 from optim.experiments.comparison import differences, table_of_differences
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
-from optim.experiments.pages import cell, page
-from optim.experiments.records import Record, column, distinct, where
-from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.results import Progress, part_of, read_alone, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import markdown, write_records
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
@@ -37,8 +34,7 @@ from optim.studies.beyond.gait_hunt.finalists import (
     columns_of,
     write_gaits,
 )
-from optim.studies.beyond.gait_hunt.searches import SEARCHES
-from optim.studies.beyond.gait_hunt.spending import PUBLISHED_COST, paid, read_spent, search_within
+from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST, SEARCHES, paid, read_spent, search_within
 from robots.inflatable.robustness import LEAST_HARD_SPEED
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.files import write_text
@@ -49,17 +45,11 @@ FILES = ("table.md", *TABLES, "hunt.png", "summary.json", "runs", "gaits")
 
 @dataclass(frozen=True)
 class Hunt(Finals):
-    """How large the study is.
+    """How large the study is."""
 
-    Attributes:
-        evaluations: published evaluations that a run may cost.
-        seeds: of the runs of each search.
-        searches: names in ``SEARCHES``.
-    """
-
-    evaluations: float
-    seeds: Seeds
-    searches: tuple[str, ...] = tuple(SEARCHES)
+    evaluations: float  # published evaluations that a run may cost
+    seeds: Seeds  # of the runs of each search
+    searches: tuple[str, ...] = tuple(SEARCHES)  # names in ``SEARCHES``
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -86,11 +76,6 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
     """Write runs, tables, ``summary.json``, ``hunt.png``, and the best gait of each run.
 
     Where the folder holds the tables alone, the rest is made from them.
-
-    Args:
-        folder, settings, progress: see :class:`optim.experiments.study.Study`.
-        jobs: runs that go on at the same time, each in a process of its own.
-        where: precision, device and threads of the simulations.
     """
     if tables := read_alone(folder, "gait-hunt", TABLES, FILES, {"budget": settings.budget, "slope": settings.slope}):
         write_reports(folder, settings, *tables)
@@ -130,14 +115,7 @@ def _search(folder: Path, hunt: Hunt, name: str, seed: int, where: Mapping[str, 
 
 
 def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping[Run, Finalist | None]) -> None:
-    """Write what some runs have found: tables, what follows from them, and gaits.
-
-    Args:
-        folder: takes the files.
-        hunt: the settings of the study.
-        found: runs so far.
-        bests: the best finalists of those that were judged; None where all failed.
-    """
+    """Write what some runs have found: tables, what follows from them, and gaits, of those that were judged."""
     rows, generations = [], []
     for run, (history, spent) in found.items():
         about, last = dict(zip(("search", "seed"), run, strict=True)), history.generations[-1]
@@ -154,14 +132,7 @@ def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping
 
 
 def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations: Sequence[Record]) -> None:
-    """Write ``summary.json``, ``table.md`` and ``hunt.png``, all that follows from the tables.
-
-    Args:
-        folder: takes the files.
-        hunt: the settings of the study.
-        rows: the records of ``table.csv``, one of each run.
-        generations: the records of ``generations.csv``, one of each generation of each run.
-    """
+    """Write ``summary.json``, ``table.md`` and ``hunt.png``, all that follows from the records of both tables."""
     every = {name: where(rows, search=name) for name in hunt.searches}
     groups = {name: group for name, group in every.items() if group}
     summary = {name: _group(name, group) for name, group in groups.items()}
