@@ -35,7 +35,7 @@ def relative_deflection(n: int) -> float:
     builder.set(Quantity.GLOBAL_DAMPING, damping, regions=[0, 1])
     builder.set(Quantity.FORCE + 2, -force / n**2, regions=[1])
     # The damping of links shakes voxels with six of them at the largest step.
-    engine = LatticeEngine(body, time_step=body.recommended_time_step / 1.3, self_contact=False, width=1)
+    engine = LatticeEngine(body, time_step=body.recommended_time_step / 1.3, self_contact=False)
     swing = 2 * np.pi / (3.516 * HEIGHT / LENGTH**2 * np.sqrt(TISSUE.youngs_modulus / TISSUE.density / 12))
     run = engine.run(builder.build(int(2.0 * swing / engine.time_step)))
     if run.status[0] != "ok":

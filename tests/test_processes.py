@@ -103,7 +103,7 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
     def broken(*_):
         raise KeyError("fault")
 
-    monkeypatch.setattr("optim.commands.simulate.loaded", broken)
+    monkeypatch.setattr("optim.commands.simulate.robot_to_try", broken)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code, out, error = morpholab("simulate --gait rolling")
     assert (code, out) == (1, "") and error.count("\n") == 1

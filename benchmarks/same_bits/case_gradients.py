@@ -23,12 +23,10 @@ def evaluation(found, prefix: str = "") -> Arrays:
 
 def lattice(batch: int, poisson: bool = False, pouch: bool = False, memory: float = 1e9, **options) -> Arrays:
     """The small body in trouble, backwards: derivatives by everything of a random cost."""
-    from taichi_sim.lattice import LatticeEngine
-
     scene = places.scene("gradient_scene")
     body = scene.body(poisson=poisson, pouch=pouch)
-    engine = LatticeEngine(body, batch, time_step=scene.TIME_STEP, floor=not options.get("fluid"), threads=1,
-                           **options)  # fmt: skip
+    floor = not options.get("fluid")
+    engine = places.lattice_engine(body, batch, time_step=scene.TIME_STEP, floor=floor, threads=1, **options)
     engine.set_state(scene.repeated(scene.start(body), batch))
     tape = engine.record(scene.program(batch), memory=memory)
     gradient = scene.Cost(body, 3).pull_back(tape)

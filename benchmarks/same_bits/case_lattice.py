@@ -37,12 +37,10 @@ case("lattice/floor_slip-f32", "floor_slip", "f32")(reference_case)
 
 def in_trouble(poisson: bool, pouch: bool, robots: int, **options: object) -> Arrays:
     """A folded sheet that slides, is pressed, heated and held; see tests/gradient_scene.py of version 1.0."""
-    from taichi_sim.lattice import LatticeEngine
-
     scene = places.scene("gradient_scene")
     body = scene.body(poisson=poisson, pouch=pouch)
     given = {"threads": 1, "floor": not options.get("fluid"), "gravity": 9.81, **options}
-    engine = LatticeEngine(body, batch=robots, time_step=scene.TIME_STEP, **given)
+    engine = places.lattice_engine(body, batch=robots, time_step=scene.TIME_STEP, **given)
     engine.set_state(scene.repeated(scene.start(body), robots))
     result = engine.run(scene.program(robots))
     found = arrays_of(result, *RESULT) | arrays_of(engine.state(), *STATE, prefix="end.")

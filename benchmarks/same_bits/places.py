@@ -8,6 +8,7 @@ Editing this file does not make the reference run again: what it finds in versio
 """
 
 import importlib
+import inspect
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -120,6 +121,15 @@ def scene(name: str) -> ModuleType:
         return importlib.import_module(name)
     finally:
         sys.path.remove(folder)
+
+
+def lattice_engine(*given: Any, **options: Any) -> Any:
+    """A lattice engine; ``width``, how many robots lie side by side, is an option of version 1.0 only."""
+    from taichi_sim.lattice import LatticeEngine
+
+    if "width" not in inspect.signature(LatticeEngine).parameters:
+        options.pop("width", None)
+    return LatticeEngine(*given, **options)
 
 
 def differentiate_vehicles(*given: Any, **settings: Any) -> Any:

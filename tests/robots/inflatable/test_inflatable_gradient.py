@@ -160,7 +160,7 @@ def test_groups_of_robots_have_the_gradients_of_each(monkeypatch):
     designs = [random_design(i) for i in range(3)]
     options = {"geometry": TINY, "actuation": dataclasses.replace(QUICK, ramp_steps=50), "threads": 1}
     whole = differentiate(designs, HILL, **options)
-    monkeypatch.setattr("robots.inflatable.gradient.NATIVE_WIDTH", {"f64": 2})
+    monkeypatch.setattr("robots.inflatable.gradient.ROBOTS_PER_THREAD", 2)
     reports = []
     grouped = differentiate(designs, HILL, **options, progress=reports.append)
     assert np.array_equal(grouped.result.distance, whole.result.distance)

@@ -48,7 +48,7 @@ def test_what_a_session_is_given_is_checked():
         session.advance(steps=-1)
 
 
-@pytest.mark.parametrize("driver", ["fused", "stepped"])
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
 def test_a_lattice_goes_on_from_what_was_saved(driver):
     rubber = Material(youngs_modulus=1e5, density=1e3, static_friction=0.5, kinetic_friction=0.4)
     bar = LatticeBody(

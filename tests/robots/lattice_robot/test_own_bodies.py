@@ -149,7 +149,7 @@ def test_the_prediction_is_near_what_comes():
     assert found.filled.size == predicted.cells
     body = body_from_array(found.filled, SOFT, 0.01)
     taken = (
-        8 * LatticeEngine(body, batch=8, width=8, threads=1).bytes_per_robot
+        8 * LatticeEngine(body, batch=8, threads=1).bytes_per_robot
         + body.topology.excluded.nbytes
         + found.filled.nbytes
     )
