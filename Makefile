@@ -5,6 +5,7 @@
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make wheel      build dist/          make clean     remove what make has made, results excepted
 # make same-bits  compare with version 1.0, bit for bit; SAME_BITS="--quick" or other options
+# make bench-history  measure beside version 1.0, add the ratios to docs/data/bench-history.csv, draw them
 #
 # PYTHON=/path/to/python chooses the interpreter, TORCH_INDEX=https://download.pytorch.org/whl/cpu a further
 # package index for torch (this one has small builds without CUDA), OUT=folder where the demo writes.
@@ -19,7 +20,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test test-fast coverage validate notebooks same-bits lint wheel clean
+.PHONY: demo test test-fast coverage validate notebooks same-bits bench-history lint wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -42,6 +43,9 @@ notebooks: $(venv)/dev
 
 same-bits: $(venv)/dev
 	$(python) benchmarks/same_bits $(SAME_BITS)
+
+bench-history: $(venv)/dev
+	$(python) benchmarks/history.py
 
 lint: $(venv)/dev
 	$(python) -m ruff check

@@ -48,9 +48,12 @@ def placed(x, y, z, qw, qx, qy, qz, px, py, pz, lx, ly, lz, inverse_mass, invers
 def held_rotation(qw, qx, qy, qz, rx, ry, rz, hold_x, hold_y, hold_z):
     """Orientation with the prescribed components r of its rotation vector where the world holds them (hold = 1)."""
     tx, ty, tz = to_rotation_vector(qw, qx, qy, qz)
-    return from_large_rotation_vector(
+    w, x, y, z = from_large_rotation_vector(
         select(hold_x > 0.5, rx, tx), select(hold_y > 0.5, ry, ty), select(hold_z > 0.5, rz, tz)
     )
+    # Where nothing is held, the orientation stays as it is, to the last bit.
+    held = hold_x + hold_y + hold_z > 0.5
+    return select(held, w, qw), select(held, x, qx), select(held, y, qy), select(held, z, qz)
 
 
 @law
