@@ -34,8 +34,8 @@ class Pairs(NamedTuple):
         near: the short list: numbers of both, their places in VOXEL, and those of their groups, shape
             (B, 6, pairs + width).
         seen: positions at which the short list was made, by pack.
-        place, place_scalar: positions of surface voxels in their order, x, y and z by vector, while pairs are listed;
-            and as scalars.
+        place, place_scalar: scratch, as vectors and as scalars: positions of surface voxels in their order, x, y and z
+            by vector, while pairs are listed; the forces of a pack of pairs while they are added.
         sizes: mean sizes of groups at that time, shape (B, G).
         drift: the largest squared distance from ``seen``, by robot.
         touched: whether a pack has a contact force, shape (B, P).
@@ -86,7 +86,7 @@ def list_pairs(r: ti.template(), radius_squared):
     count = 0
     w = ti.static(p.width)
     surface = t.plan[memory.SURFACE]
-    rows = (surface + w - 1) // w
+    rows = scratch_rows(t, w)
     first = i * rows * 3
     for s in range(rows * w):
         at = (first + s // w * 3) * w + s % w
@@ -109,7 +109,7 @@ def list_pairs(r: ti.template(), radius_squared):
                 if q <= s:
                     bits = bits & ~((2 << (s - q)) - 1)
                 if bits != 0:
-                    for j in ti.static(range(w)):
+                    for j in range(w):
                         if bits & (1 << j) != 0:
                             if count < pairs.listed.shape[2]:
                                 pairs.listed[i, 0, count], pairs.listed[i, 1, count] = s, q + j
@@ -120,6 +120,12 @@ def list_pairs(r: ti.template(), radius_squared):
         pairs.info[i, LISTED] = count
         pairs.info[i, REBUILDS] += 1
     return fits
+
+
+@ti.func
+def scratch_rows(t: ti.template(), width: ti.template()):
+    """Vectors in which a robot's surface voxels lie in their order."""
+    return (t.plan[memory.SURFACE] + width - 1) // width
 
 
 @ti.func
@@ -162,9 +168,9 @@ def shorten(r: ti.template(), margin):
         limit = limit + SLACK * margin
         far = dx * dx + dy * dy + dz * dz >= limit * limit
         if not all_lanes(far):
-            near = ti.select(far, 0, 1)
-            for j in ti.static(range(w)):
-                if near[j] != 0 and n * w + j < pairs.info[i, LISTED]:
+            near = ~lane_bits(far, w)
+            for j in range(ti.min(w, pairs.info[i, LISTED] - n * w)):
+                if near & (1 << j) != 0:
                     enter(r, count, pairs.listed[i, 0, n * w + j], pairs.listed[i, 1, n * w + j])
                     count += 1
     pairs.info[i, NEAR] = count
@@ -226,14 +232,18 @@ def collide(r: ti.template(), log: ti.template()):
             w1, k1, c1 = gather_all(g, group1, constants, 1, constant)
             w2, k2, c2 = gather_all(g, group2, constants, 1, constant)
             f = contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
-            touch = ti.select(near, 1, 0)
-            for j in ti.static(range(w)):
-                if touch[j] != 0:
+            scratch = i * scratch_rows(t, w) * 3
+            store_all(pairs.place, scratch, (0, 1, 2), f)
+            touch = lane_bits(near, w)
+            for j in range(w):
+                if touch & (1 << j) != 0:
                     for end in ti.static(range(2)):
                         place = p.surface[pairs.near[i, end, n * w + j], 2]
                         pairs.touched[i, place // (3 * w)] = 1
                         for c in ti.static(range(3)):
-                            force = f[c][j] if ti.static(end == 1) else 0.0 - f[c][j]
+                            force = pairs.place_scalar[(scratch + c) * w + j]
+                            if ti.static(end == 0):
+                                force = 0.0 - force
                             ms[sums + place + c * w] = ms[sums + place + c * w] + force
                     if ti.static(log.kept):
                         entry = pairs.info[i, LOGGED]

@@ -230,7 +230,7 @@ def step_voxel(r: ti.template(), v, zero):
     row = v * columns.VOXEL_COLUMNS
     first = k + t.plan[memory.FORCE]
     s = ti.static(variables([zero] * 6))
-    for axis in ti.static(range(3)):
+    for axis in range(3):
         given = minus_all(m, ms, first, FORCE_WIDTH, (6, 7, 8, 9, 10, 11), zero, v, axis, t, p)
         assign_all(s, [s[c] - given[c] for c in ti.static(range(6))])
     for l in range(t.voxel[row + columns.FIRST_LINK], t.voxel[row + columns.END_LINK]):

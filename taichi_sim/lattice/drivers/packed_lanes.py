@@ -203,7 +203,7 @@ def minus_all(
     components: ti.template(),
     zero,
     v,
-    axis: ti.template(),
+    axis,
     t: ti.template(),
     p: ti.template(),
 ):
