@@ -28,12 +28,12 @@ COMMAND = Command(
         Option("gait", "inching, rolling, or the file of a design (default: inching)", metavar="GAIT"),
         Option(
             "horizons",
-            "of trials: of a gait columns that are played, some of it, or all of it several times (default: 1,2,4,8); "
+            "of trials: of a gait columns that are played, some of it, or all of it several times (default: 1,2); "
             "of a lattice robot cycles (default: 1,2,4); of other robots a unit of their own",
             metavar="LENGTHS",
         ),
-        count("directions", 2, "random ones (default: 6)", default=6),
-        count("samples", 2, "pairs of the smoothed gradient (default: 48)", default=48),
+        count("directions", 2, "random ones (default: 3)", default=3),
+        count("samples", 2, "pairs of the smoothed gradient (default: 8)", default=8),
         Option(
             "smoothing",
             "its standard deviation in ranges of the variables, at most 0.05 (default: 0.05)",

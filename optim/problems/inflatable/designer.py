@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 RELAXED = ("bits", "graded")  # encodings with gradients
 ENCODING_NAMES = ("codes", "bits", "pattern", "graded", "graded-pattern", "graded-wave")
-HORIZONS = (1, 2, 4, 8)  # columns that ``gradient-check`` plays
+HORIZONS = (1, 2)  # columns that ``gradient-check`` plays
 # Options that are fields of the problem by the same name.
 SETTINGS = (
     *("columns", "repeats", "geometry", "weight"),
