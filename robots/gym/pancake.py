@@ -76,7 +76,8 @@ class PancakeEnvironment(RobotEnvironment):
             actuation: rates and friction.
             perturbation: standard deviation of noise on the start positions [m].
             render_mode: None.
-            compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
+            compute: ``precision`` (``"f32"`` by default, as in searches), ``device`` and ``threads``, see
+                ``robots.inflatable.simulate``.
 
         Raises:
             ValueError: for values that are not allowed.
@@ -95,7 +96,7 @@ class PancakeEnvironment(RobotEnvironment):
         self._terrain = Terrain(slope)
         self.geometry, self.actuation = geometry, actuation.on(self._terrain)
         self._perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-        self._compute = Compute.given(compute)
+        self._compute = Compute.given({"precision": "f32", **compute})
         self._engine: LatticeEngine | None = None
         self._ready: Any = None
 
