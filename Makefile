@@ -1,5 +1,6 @@
 # make demo       co-design a gait on flat ground: speed, gait CSV and picture (sets everything up itself)
 # make test       run the tests        make test-fast  run those that compile no kernel, in under a minute
+# make test-vulkan  run the drivers for GPUs on a Vulkan device (Debian's mesa-vulkan-drivers has one in software)
 # make validate   run the slow validations, of minutes to hours
 # make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
@@ -20,7 +21,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test test-fast coverage validate notebooks same-bits bench-history lint wheel clean
+.PHONY: demo test test-fast test-vulkan coverage validate notebooks same-bits bench-history lint wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -31,6 +32,9 @@ test: $(venv)/dev
 
 test-fast: $(venv)/dev
 	$(test) -m "not slow and not kernels and not long"
+
+test-vulkan: $(venv)/dev
+	OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -m vulkan tests/taichi_sim/test_vulkan.py
 
 coverage: $(venv)/dev
 	$(test) --cov --cov-report=term-missing

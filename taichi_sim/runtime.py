@@ -51,13 +51,17 @@ GRAIN = 512
 STALE_LOCK_SECONDS = 600.0
 
 
+# Devices that Taichi compiles for by way of SPIR-V, and what one must be able to loop without a note.
+THROUGH_SPIRV = ("vulkan", "metal")
+MANY_ITERATIONS = 1 << 17
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
 _running: Compute | None = None
 _forked = False  # whether this process is the child of one in which Taichi ran
-_told: set[Path] = set()  # caches whose loss the user knows of
+_told: set[Path | str] = set()  # caches whose loss the user knows of, and devices with limits
 
 
 def _position(self: Any, node: Any) -> str:
@@ -149,6 +153,38 @@ def _initialise(wanted: Compute, architecture: object) -> None:
         ti.lang.impl.get_runtime().materialize()
     if wanted.device != "cpu" and ti.lang.impl.current_cfg().arch != architecture:
         raise ValueError(f"device: {wanted.device!r} could not be started on this machine; use 'cpu'")
+    if wanted.device in THROUGH_SPIRV:
+        _try_out(wanted)
+
+
+def _try_out(wanted: Compute) -> None:
+    """Find out whether a device has the precision, and tell if it cannot loop for long; SPIR-V promises neither."""
+    real = ti.f32 if wanted.precision == "f32" else ti.f64
+
+    @ti.kernel
+    def count(times: ti.i32, numbers: ti.types.ndarray(dtype=real, ndim=1)):
+        for i in range(1):
+            found = 0.0 * numbers[i]
+            for _ in range(times):
+                found += numbers[0]
+            ti.atomic_add(numbers[1], found)
+            ti.atomic_max(numbers[1], numbers[0])
+
+    numbers = np.array([1, 0], wanted.precision.replace("f", "float"))
+    try:
+        count(MANY_ITERATIONS, numbers)
+    except Exception as error:
+        message = f"precision: device {wanted.device!r} of this machine cannot compute in {wanted.precision!r}"
+        raise ValueError(
+            f"{message}; use {'f32' if wanted.precision == 'f64' else 'f64'!r}, or device 'cpu'"
+        ) from error
+    if numbers[1] != MANY_ITERATIONS and wanted.device not in _told:
+        _told.add(wanted.device)
+        print(
+            f"note: device {wanted.device!r} ends a kernel's loops after {numbers[1]:.0f} iterations; on it only short "
+            "runs of rigid robots and vehicles are right",
+            file=sys.stderr,
+        )
 
 
 def _prepare_cache(folder: Path) -> bool:
@@ -181,6 +217,14 @@ os.register_at_fork(after_in_child=_after_fork)
 def single_precision() -> bool:
     """Whether the kernels being traced are f32; for constants that depend on it."""
     return _running is not None and _running.precision == "f32"
+
+
+def rearranges_sums() -> bool:
+    """Whether the compiler of the running device reorders sums and products as if they were exact.
+
+    Taichi's optimiser of SPIR-V does, without ``fast_math`` too: it makes x of (x + c) - c.
+    """
+    return _running is not None and _running.device in THROUGH_SPIRV
 
 
 def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:

@@ -8,7 +8,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from taichi_sim.autodiff.lanes import absolute
 from taichi_sim.autodiff.tracing import Traced, law, primitive, select
-from taichi_sim.runtime import inside_kernel, single_precision
+from taichi_sim.runtime import inside_kernel, rearranges_sums, single_precision, ti
 
 _EIGHTH = math.pi / 4  # of a turn
 _ROUNDER = {True: 1.5 * 2.0**23, False: 1.5 * 2.0**52}  # adding and taking it away rounds to a whole number
@@ -46,6 +46,8 @@ def _nearest(x: Any) -> Any:
     """The nearest whole number; a constant to derivatives."""
     if isinstance(x, Traced):
         return Traced(x.tape, _nearest(x.value))
+    if inside_kernel() and rearranges_sums():
+        return ti.floor(x + 0.5)  # what native vectors lack; the sum below would come to x
     return (x + _ROUNDER[_single()]) - _ROUNDER[_single()]
 
 

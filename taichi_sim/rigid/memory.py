@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import accumulate, load, store
+from taichi_sim.autodiff.lanes import load, store
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.rigid import slots
 from taichi_sim.runtime import element, emit, ti
@@ -67,10 +67,10 @@ def put(robots: Block, first: Any, values: Sequence[Any]) -> None:
 
 @primitive
 def add(robots: Block, first: Any, values: Sequence[Any]) -> None:
-    """Add to slots that follow one another."""
+    """Add to slots that follow one another. A robot's memory is one thread's own, so it needs no atomic additions."""
     start = emit(first)
     for i, value in enumerate(values):
-        accumulate(robots.m, robots.k, start + i, value)
+        write(robots, start + i, read(robots, start + i) + value)
 
 
 @primitive

@@ -8,7 +8,7 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
 from taichi_sim.lattice.drivers.marks import Recordings
-from taichi_sim.lattice.drivers.stepped_kernels import Near, Record, stepped_kernels
+from taichi_sim.lattice.drivers.stepped_kernels import Near, Record, stepped_kernels, threads_for
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
@@ -28,11 +28,12 @@ class SteppedReverse(Reverse):
         super().__init__(run, recorded, finals)
         lengths = run.program.lengths
         self._steps = {int(lengths.max()), *lengths.tolist(), *run.program.marks[:, 0].tolist()}
-        self._kernels = reverse_kernels(self.driver.real, self.driver.tables.fluid)
+        self._kernels = reverse_kernels(*self.driver.kind(self._contacts))
 
     def undo(self, low: int, high: int) -> None:
         """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
         record = self.record(low, high)
+        self._kernels = reverse_kernels(*self.driver.kind(record.log.shape[1]))  # the log may have grown
         memories = Undo(self.values, None, record.states, None, self.cotangents, None, None)
         self._meet(memories, high, high - low)
         for step in range(high - 1, low - 1, -1):
@@ -69,7 +70,7 @@ class SteppedRun(Run):
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
         super().__init__(driver, program, alive, constants)
-        self._kernels = stepped_kernels(driver.real, driver.tables.fluid)
+        self._kernels = stepped_kernels(*driver.kind())
         self._at = 0
         self._no_record = self.new_record(0, 0, 1)
         self._reserve()
@@ -205,6 +206,12 @@ class SteppedDriver(Driver):
         """Memory that grows with the batch [B]."""
         lists = (1 + int(self.plan[memory.PAIRS])) * len(self.tables.surface_voxels) * 4
         return 2 * self.layout.slots * self.memory.itemsize + lists
+
+    def kind(self, at_least: int = 0) -> tuple[Real, bool, int | None]:
+        """What its kernels are compiled for: real, fluid and threads, enough for so many items of a robot at least."""
+        counts = (memory.VOXELS, memory.LINKS, memory.SURFACE, memory.SQUARES)
+        items = self.batch * max(at_least, 1, *(int(self.plan[count]) for count in counts))
+        return self.real, self.tables.fluid, None if self._on_cpu else threads_for(items)
 
     def put(self, array: np.ndarray) -> Any:
         """The array where the kernels run."""

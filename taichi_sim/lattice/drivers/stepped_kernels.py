@@ -5,10 +5,11 @@ two drivers agree to the last bit.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, consecutive, ints, load, load_all, store, store_all
+from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types
 from taichi_sim.lattice.laws import contact
@@ -21,6 +22,27 @@ from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import CONTACT_ON, FORCE, LINKS, MONITOR, PAIRS, SQUARES, STATE_SLOTS, SURFACE
 from taichi_sim.lattice.stages.voxel import gauge_stage, voxel_stage
 from taichi_sim.runtime import kernel_of, ti
+
+FEWEST_THREADS, MOST_THREADS = 1 << 9, 1 << 17  # of a launch; Taichi launches the most where it knows no number
+
+
+def threads_for(items: int) -> int | None:
+    """Threads to launch for so many items on a device; None leaves it to Taichi.
+
+    Over SPIR-V, Taichi launches ``MOST_THREADS`` for any loop whose length it learns at run time. For a small body most
+    of them are idle, and a software device spends all its time on them. Few numbers are chosen from, as kernels are
+    compiled for each.
+    """
+    threads = FEWEST_THREADS
+    while threads < items:
+        threads *= 8
+    return threads if threads < MOST_THREADS else None
+
+
+@primitive
+def spread(threads: int | None, items: Any) -> Any:
+    """Iterations of a kernel's loop over items: their number, or that of threads, which is at least as large."""
+    return threads or items
 
 
 class Near(NamedTuple):
@@ -81,10 +103,11 @@ def place(m: ti.template(), r, s, again: ti.template(), t: ti.template()):
 
 
 @ti.func
-def gather_contacts(m: ti.template(), r, s, n, t: ti.template(), lists: ti.template(), record: ti.template()):
-    """Sum of the contact forces on a surface voxel, partners in ascending order; logs pairs that touch if n >= 0."""
+def gather_contacts(m: ti.template(), r, s, t: ti.template(), lists: ti.template()):
+    """Sum of the contact forces on a surface voxel, partners in ascending order; how many later ones touch it."""
     x, y, z, size = surface_place(m, r, s, t)
     fx, fy, fz = 0.0 * size, 0.0 * size, 0.0 * size
+    touching = 0
     for q in range(lists.count[s, r]):
         other = lists.partner[q, s, r]
         ox, oy, oz, other_size = surface_place(m, r, other, t)
@@ -95,18 +118,35 @@ def gather_contacts(m: ti.template(), r, s, n, t: ti.template(), lists: ti.templ
             if near:
                 gx, gy, gz = contact_force(m, r, s, other, dx, dy, dz, limit, near, t)
                 fx, fy, fz = fx - gx, fy - gy, fz - gz
-                if n >= 0:
-                    place_in_log = ti.atomic_add(record.logged[n, r], 1)
-                    if place_in_log < record.log.shape[1]:
-                        record.log[n, place_in_log, r, 0] = s
-                        record.log[n, place_in_log, r, 1] = other
+                touching += 1
         else:
             dx, dy, dz = x - ox, y - oy, z - oz
             near = dx * dx + dy * dy + dz * dz < limit * limit
             if near:
                 gx, gy, gz = contact_force(m, r, other, s, dx, dy, dz, limit, near, t)
                 fx, fy, fz = fx + gx, fy + gy, fz + gz
-    return fx, fy, fz
+    return fx, fy, fz, touching
+
+
+@ti.func
+def log_contacts(m: ti.template(), r, s, step, count, t: ti.template(), lists: ti.template(), record: ti.template()):
+    """Log the later surface voxels that touch surface voxel s, ``count`` of them.
+
+    They take their places in the log all at once: threads rarely meet so, and Mesa 22.3's software device loses count
+    of atomic additions in a loop.
+    """
+    place_in_log = ti.atomic_add(record.logged[step, r], count)
+    x, y, z, size = surface_place(m, r, s, t)
+    for q in range(lists.count[s, r]):
+        other = lists.partner[q, s, r]
+        ox, oy, oz, other_size = surface_place(m, r, other, t)
+        limit = contact.reach(size, other_size)
+        dx, dy, dz = ox - x, oy - y, oz - z
+        if other > s and dx * dx + dy * dy + dz * dz < limit * limit:
+            if place_in_log < record.log.shape[1]:
+                record.log[step, place_in_log, r, 0] = s
+                record.log[step, place_in_log, r, 1] = other
+            place_in_log += 1
 
 
 @ti.func
@@ -159,32 +199,35 @@ def for_every(count: int, stage: Any) -> Any:
     """A stage of all items of active robots; ``count`` is the place of their number in the plan."""
 
     @ti.func
-    def run(m: ti.template(), t: ti.template(), lanes: ti.template()):
-        for i, r in ti.ndrange(t.plan[count], m.shape[1]):
-            if lanes[0, r, STATE] == ACTIVE:
+    def run(threads: ti.template(), m: ti.template(), t: ti.template(), lanes: ti.template()):
+        for n in range(spread(threads, t.plan[count] * m.shape[1])):
+            i, r = n // m.shape[1], n % m.shape[1]
+            if i < t.plan[count] and lanes[0, r, STATE] == ACTIVE:
                 stage(m, r, i, t)
 
     return run
 
 
 @ti.func
-def begin(step: ti.template(), m: ti.template(), t: ti.template(), marks: ti.template()):
+def begin(threads: ti.template(), step: ti.template(), m: ti.template(), t: ti.template(), marks: ti.template()):
     """Events due at a step, ends and divergence; then this step's channels and rest lengths."""
-    for r in range(m.shape[1]):
-        if marks.lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.DIVERGED) > 0.5:
-            marks.lanes[0, r, STATE] = marking.DIVERGED
-            marks.lanes[0, r, marking.STEP] = step
-        if marks.lanes[0, r, STATE] == ACTIVE:
-            marking.meet_events(m, 0, 0, r, step, t, marks)
-            if marks.lanes[0, r, marking.LENGTH] == step:
-                marks.lanes[0, r, STATE] = marking.ENDED
+    for r in range(spread(threads, m.shape[1])):
+        if r < m.shape[1]:
+            if marks.lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.DIVERGED) > 0.5:
+                marks.lanes[0, r, STATE] = marking.DIVERGED
                 marks.lanes[0, r, marking.STEP] = step
-        if marks.lanes[0, r, STATE] == ACTIVE:
-            group_stage(m, r, t)
+            if marks.lanes[0, r, STATE] == ACTIVE:
+                marking.meet_events(m, 0, 0, r, step, t, marks)
+                if marks.lanes[0, r, marking.LENGTH] == step:
+                    marks.lanes[0, r, STATE] = marking.ENDED
+                    marks.lanes[0, r, marking.STEP] = step
+            if marks.lanes[0, r, STATE] == ACTIVE:
+                group_stage(m, r, t)
 
 
 @ti.func
 def list_neighbours(
+    threads: ti.template(),
     radius: ti.template(),
     limit: ti.template(),
     again: ti.template(),
@@ -194,12 +237,14 @@ def list_neighbours(
     near: ti.template(),
 ):
     """Build the lists of robots that have moved too far; or all lists again, from where they were built last."""
-    for s, r in ti.ndrange(t.plan[SURFACE], m.shape[1]):
-        if again != 0:
-            list_voxel(m, r, s, radius * radius, True, t, near)
-        elif lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.MOVED) > limit * limit:
-            list_voxel(m, r, s, radius * radius, False, t, near)
-            store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
+    for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
+        s, r = n // m.shape[1], n % m.shape[1]
+        if s < t.plan[SURFACE]:
+            if again != 0:
+                list_voxel(m, r, s, radius * radius, True, t, near)
+            elif lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.MOVED) > limit * limit:
+                list_voxel(m, r, s, radius * radius, False, t, near)
+                store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
 
 
 @ti.func
@@ -213,20 +258,24 @@ def keep(n: ti.template(), m: ti.template(), t: ti.template(), record: ti.templa
 
 @ti.func
 def collide(
-    n: ti.template(),
+    threads: ti.template(),
+    step: ti.template(),
     m: ti.template(),
     t: ti.template(),
     lanes: ti.template(),
     near: ti.template(),
     record: ti.template(),
 ):
-    """Contact forces, and no moves yet; contacts of a recorded step (n >= 0) are logged."""
-    for s, r in ti.ndrange(t.plan[SURFACE], m.shape[1]):
-        if lanes[0, r, STATE] == ACTIVE:
+    """Contact forces, and no moves yet; contacts are logged in a record if the step has a place there (>= 0)."""
+    for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
+        s, r = n // m.shape[1], n % m.shape[1]
+        if s < t.plan[SURFACE] and lanes[0, r, STATE] == ACTIVE:
             if s == 0:
                 store(m, r, t.plan[MONITOR] + memory.MOVED, 0.0)
-            force = gather_contacts(m, r, s, n, t, near, record)
-            store_all(m, r, consecutive(t.plan[memory.CONTACT] + 3 * s, 3), force)
+            fx, fy, fz, touching = gather_contacts(m, r, s, t, near)
+            store_all(m, r, consecutive(t.plan[memory.CONTACT] + 3 * s, 3), (fx, fy, fz))
+            if step >= 0 and touching > 0:
+                log_contacts(m, r, s, step, touching, t, near, record)
 
 
 @dataclass(frozen=True)
@@ -243,8 +292,8 @@ class SteppedKernels:
 
 
 @lru_cache
-def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
-    """Kernels for one precision, on the ground or in a fluid; all else that differs is an argument."""
+def stepped_kernels(real: Real, fluid: bool, threads: int | None) -> SteppedKernels:
+    """Kernels for one precision, on the ground or in a fluid, and so many threads (see ``threads_for``)."""
     m, i32, lanes = real.scalars(2), ti.i32, ints(3)
     near, marks = Near(ints(3), ints(2), ints(1)), mark_types(real)
     kept, logged = Record(None, m, None, ints(2)), Record(None, None, ints(4), ints(2))
@@ -252,15 +301,18 @@ def stepped_kernels(real: Real, fluid: bool) -> SteppedKernels:
     def reading(*names: str) -> columns.Shared:
         return shared_types(real, fluid, names)
 
+    def spreading(stages: Any, *types: Any) -> Any:
+        return partial(kernel_of(stages, threads, *types), threads)
+
     def over(count: int, stage: Any, *names: str) -> Any:
-        return kernel_of(for_every(count, stage), m, reading(*names), lanes)
+        return spreading(for_every(count, stage), m, reading(*names), lanes)
 
     listing = (real.scalar, real.scalar, i32, m, reading("surface", "excluded"), lanes, near)
     return SteppedKernels(
-        kernel_of(begin, i32, m, reading("link", "rest", "edge", "gravity"), marks),
-        kernel_of(list_neighbours, *listing),
+        spreading(begin, i32, m, reading("link", "rest", "edge", "gravity"), marks),
+        spreading(list_neighbours, *listing),
         kernel_of(keep, i32, m, reading(), kept),
-        kernel_of(collide, i32, m, reading("surface"), lanes, near._replace(full=None), logged),
+        spreading(collide, i32, m, reading("surface"), lanes, near._replace(full=None), logged),
         over(LINKS, link_forces, "link", "voxel", "edge"),
         over(SQUARES, square_stage, "square", "voxel"),
         over(memory.VOXELS, move_voxel, "link", "voxel", "corner", "start", "time_step", "edge"),

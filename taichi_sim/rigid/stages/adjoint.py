@@ -8,7 +8,6 @@ from typing import Any
 
 from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.elementary import sine_cosine
-from taichi_sim.autodiff.lanes import accumulate
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
@@ -52,7 +51,7 @@ CARRIED, OWN = 3, 4  # pieces of ``body_slots`` and ``moving_slots`` whose cotan
 @primitive
 def add_one(cotangents: Block, slot: Any, value: Any) -> None:
     """Add to a slot."""
-    accumulate(cotangents.m, cotangents.k, slot, value)
+    write(cotangents, slot, read(cotangents, slot) + value)
 
 
 @ti.func

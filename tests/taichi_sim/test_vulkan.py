@@ -1,0 +1,195 @@
+"""Kernels as a Vulkan device runs them, which may be Mesa's software device; run by `make test-vulkan`.
+
+In f64 a device agrees with the CPU to some units in the last place: the optimiser of SPIR-V reorders sums and products.
+In f32 both are as far from the CPU's f64 as f32 itself is, and no farther from each other.
+"""
+
+import os
+import subprocess
+import sys
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from gradient_scene import TIME_STEP, Cost, body, program, repeated, start
+
+from robots.braitenberg import STARTS
+from robots.quadruped import LEGGED, engine
+from taichi_sim import runtime
+from taichi_sim.autodiff import elementary
+from taichi_sim.autodiff.lanes import Real
+from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
+from taichi_sim.lattice.drivers.stepped_kernels import FEWEST_THREADS, threads_for
+from taichi_sim.runtime import ti
+from taichi_sim.signals import warping_distances
+from taichi_sim.vehicle import VehicleBatch, VehicleTask, differentiate, rollout, trace
+
+pytestmark = [pytest.mark.kernels, pytest.mark.vulkan]
+
+PRECISIONS = pytest.mark.parametrize("precision", ["f32", "f64"])
+# Of the largest number of its kind. Rounding is 6e-8 and 1e-16; hundreds of steps and their reverse make more of it.
+NEAR = {"f32": 1e-4, "f64": 1e-12}
+
+
+def apart(found, expected):
+    """The largest difference, in units of the largest number."""
+    assert np.shape(found) == np.shape(expected) and np.isfinite(found).all()
+    return np.abs(np.subtract(found, expected)).max(initial=0) / (np.abs(expected).max(initial=0) or 1)
+
+
+def all_apart(found, expected):
+    """The same for all arrays of two results, by name."""
+    names = [each.name for each in fields(expected) if np.asarray(getattr(expected, each.name)).dtype.kind == "f"]
+    return {name: apart(getattr(found, name), getattr(expected, name)) for name in names}
+
+
+def on(device, precision):
+    return {"device": device, "precision": precision, "threads": 1}
+
+
+@PRECISIONS
+def test_elementary_functions_are_exact_to_rounding(precision):
+    """The optimiser of SPIR-V makes x of (x + c) - c, which rounds elsewhere."""
+    real = Real(precision, 1)
+    reals = ti.types.ndarray(dtype=real.type, ndim=1)
+
+    @ti.kernel
+    def kernel(given: reals, sines: reals, cosines: reals, tangents: reals):
+        for i in given:
+            sines[i], cosines[i] = elementary.sine_cosine(given[i])
+            tangents[i] = elementary.hyperbolic_tangent(given[i])
+
+    runtime.start(**{"compute": "vulkan", "precision": precision, "threads": 1})
+    given = np.random.default_rng(1).uniform(-100, 100, 3000).astype(real.numpy)
+    found = np.zeros((3, len(given)), real.numpy)
+    kernel(given, *found)
+    exact = given.astype(float)
+    expected = [np.sin(exact), np.cos(exact), np.tanh(exact)]
+    assert np.abs(found - expected).max() < {"f32": 3e-7, "f64": 1e-15}[precision]
+
+
+@PRECISIONS
+@pytest.mark.parametrize("kind", [(False, False), (True, True)], ids=["plain", "poisson in a fluid"])
+def test_a_lattice_and_its_gradient(kind, precision):
+    """Contacts, friction, large angles, pressure, events: 200 steps in which all of it happens, and their reverse."""
+    shape = body(*kind)
+    cost = Cost(shape, 3, sizes=True)
+
+    def run(device, precision):
+        lab = LatticeEngine(
+            shape, 1, time_step=TIME_STEP, floor=True, fluid=kind[1], driver="stepped", **on(device, precision)
+        )
+        lab.set_state(repeated(start(shape), 1))
+        tape = lab.record(program())
+        assert (tape.result.status == "ok").all()
+        return lab.state(), cost.pull_back(tape)
+
+    (truth, slopes), (state, gradient) = run("cpu", "f64"), run("vulkan", precision)
+    assert max(all_apart(state, truth).values()) < NEAR[precision]
+    assert max(all_apart(gradient, slopes).values()) < NEAR[precision]
+
+
+RUBBER = Material(youngs_modulus=1e6, density=1e3)
+BAR = LatticeBody([(x, y, z) for x in range(3) for y in range(2) for z in range(2)], (RUBBER,), [0] * 12, 0.01)
+
+
+def travelled(steps, *where):
+    """Where the voxels of a symmetric bar are that stretches and shrinks on the floor, and so goes nowhere [m]."""
+    builder = ProgramBuilder(1)
+    for begin in range(0, 1000, 400):
+        builder.set(Quantity.SCALE, 1.0, regions=[0], step=begin, rate=5e-4)
+        builder.set(Quantity.SCALE, 1.1, regions=[0], step=begin + 200, rate=-5e-4)
+    lab = LatticeEngine(BAR, 1, gravity=9.8, floor=True, driver="stepped", **on(*where))
+    lab.run(builder.build(steps))
+    return lab.state().positions[0]
+
+
+@pytest.mark.parametrize("steps", [1, 10, 100, 915])
+def test_what_a_symmetric_robot_travels_is_rounding(steps):
+    """f32 is off by a few of its units of a voxel's position on either device, f64 by as many of its own."""
+    truth = travelled(steps, "cpu", "f64")
+    unit = {"f32": 2.0**-24 * 0.03, "f64": 2.0**-53 * 0.03}  # of positions up to 3 cm
+    assert abs(truth[:, 0].mean() - 0.01) < 10 * unit["f64"]
+    assert np.abs(travelled(steps, "vulkan", "f64") - truth).max() < 4 * unit["f64"]
+    for device in ("cpu", "vulkan"):
+        assert np.abs(travelled(steps, device, "f32") - truth).max() < 10 * unit["f32"]
+
+
+def test_robots_of_a_batch_end_and_diverge_as_on_a_cpu():
+    weak = Material(youngs_modulus=1e4, density=1e3)
+    builder = ProgramBuilder(3)
+    builder.set(Quantity.FORCE, [[0.0], [0.0], [1e4]], regions=[0], step=5)
+    ends = []
+    for device in ("cpu", "vulkan"):
+        shape = LatticeBody(BAR.voxels, (weak,), [0] * 12, 0.01)
+        lab = LatticeEngine(shape, 3, floor=True, driver="stepped", **on(device, "f32"))
+        result = lab.run(builder.build([30, 60, 60]))
+        ends.append((result.status.tolist(), result.steps.tolist()))
+    assert ends[0] == ends[1] and ends[0][1][:2] == [30, 60]
+
+
+def test_a_launch_has_as_many_threads_as_its_items_need():
+    assert threads_for(1) == threads_for(FEWEST_THREADS) == FEWEST_THREADS
+    assert threads_for(FEWEST_THREADS + 1) == 8 * FEWEST_THREADS and threads_for(10**6) is None
+
+
+@PRECISIONS
+def test_rigid_robots_and_their_gradient(precision):
+    """Ten steps: llvmpipe ends the loops of a kernel after 65,535 iterations, fewer than 20 steps there and back."""
+    weights, light = np.random.default_rng(1).uniform(-1, 1, (3, 5, 8)), np.array([[3.0, 1.0, 0.15]])
+
+    def run(device, precision):
+        tape = engine(LEGGED, **on(device, precision)).record(10, weights=weights, lights=light)
+        assert (tape.result.status == "ok").all()
+        return tape.result, tape.pull_back(position=np.ones((3, 3)))
+
+    (truth, slopes), (result, gradient) = run("cpu", "f64"), run("vulkan", precision)
+    for name in ("position", "orientation", "angles", "velocities", "readings"):
+        assert apart(getattr(result, name), getattr(truth, name)) < NEAR[precision], name
+    assert max(all_apart(gradient, slopes).values()) < NEAR[precision]
+
+
+@PRECISIONS
+def test_vehicles_their_gradients_traces_and_signals(precision):
+    rng = np.random.default_rng(0)
+    batch = VehicleBatch(rng.uniform(-0.5, 0.5, (2, 2, 2)), rng.uniform(-1, 1, (2, 7, 2, 2)))
+    task = VehicleTask(STARTS, steps=400)
+    signals = rng.normal(size=(3, 34)), rng.normal(size=(3, 50))
+
+    def run(device, precision):
+        where = on(device, precision)
+        ends, slopes = rollout(batch, task, until="end", **where), differentiate(batch, task, **where)
+        path, distances = trace(batch, task, every=20, **where), warping_distances(*signals, **where)
+        names = slopes.of_final.sites, slopes.of_final.controllers, slopes.of_closest.sites
+        return [ends.closest, ends.final, *names, path.poses, distances]
+
+    pairs = zip(run("vulkan", precision), run("cpu", "f64"), strict=True)
+    assert max(apart(found, expected) for found, expected in pairs) < NEAR[precision]
+
+
+def failing(program, **environment):
+    command = [sys.executable, "-c", f"from taichi_sim import runtime\n{program}"]
+    done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and done.stdout == ""
+    return done.stderr.splitlines()[-1]
+
+
+def test_a_machine_without_a_device_is_told_in_one_line():
+    line = failing("runtime.start('vulkan', 'f32')", VK_ICD_FILENAMES="/none", VK_DRIVER_FILES="/none")
+    assert line == "ValueError: device: 'vulkan' is not available on this machine; use 'cpu'"
+
+
+def test_a_precision_that_a_device_lacks_is_told_in_one_line(monkeypatch):
+    def kernel(function):
+        def launch(*arguments):
+            raise RuntimeError("Type f64 not supported.")
+
+        return launch
+
+    runtime.start("cpu", "f64", 1)
+    monkeypatch.setattr(runtime.ti, "kernel", kernel)
+    line = r"^precision: device 'vulkan' of this machine cannot compute in 'f64'; use 'f32', or device 'cpu'$"
+    with pytest.raises(ValueError, match=line):
+        runtime.start("vulkan", "f64", 1)
+    monkeypatch.undo()
+    assert runtime.start("vulkan", "f32", 1).precision == "f32"
