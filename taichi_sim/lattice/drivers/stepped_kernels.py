@@ -1,6 +1,6 @@
 """The kernels of the stepped driver: one thread per robot and link, voxel or surface voxel; a kernel per stage.
 
-The stages and their order are those of the fused driver, and every sum runs in the same order, so that on a CPU the
+The stages and their order are those of the packed driver, and every sum runs in the same order, so that on a CPU the
 two drivers agree to the last bit.
 """
 
@@ -82,7 +82,7 @@ def list_voxel(m: ti.template(), r, s, radius_squared, again: ti.template(), t: 
     found = 0
     for other in range(t.plan[SURFACE]):
         ox, oy, oz = place(m, r, other, again, t)
-        if other > s:  # the difference as the fused driver takes it: later minus earlier
+        if other > s:  # the difference as the packed driver takes it: later minus earlier
             ox, oy, oz = ox - x, oy - y, oz - z
         else:
             ox, oy, oz = x - ox, y - oy, z - oz
@@ -151,7 +151,7 @@ def log_contacts(m: ti.template(), r, s, step, count, t: ti.template(), lists: t
 
 @ti.func
 def gather_links(m: ti.template(), r, v, t: ti.template()):
-    """Sum of what a voxel's links give and take: those on the negative sides first, as the fused driver meets them."""
+    """Sum of what a voxel's links give and take: those on the negative sides first, as in the packed driver."""
     fx = 0.0 * load(m, r, t.plan[memory.CURRENT] + memory.MEAN_SIZE)
     fy, fz, mx, my, mz = fx, fx, fx, fx, fx
     side = v * columns.VOXEL_COLUMNS + columns.SIDE_LINK

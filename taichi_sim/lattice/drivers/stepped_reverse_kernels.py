@@ -1,6 +1,6 @@
 """The kernels of the reverse of the stepped driver: scalars, a kernel per stage of a step.
 
-The stages are those of the reverse of the fused driver. Where several threads add to the same cotangent they do so
+The stages are those of the reverse of the packed driver. Where several threads add to the same cotangent they do so
 atomically, so on a GPU the last digits of a gradient depend on their order.
 """
 
