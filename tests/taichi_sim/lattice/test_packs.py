@@ -69,6 +69,13 @@ def test_a_block_needs_no_gathers_and_fills_its_packs():
     assert set(packs.plus.kind) == {ALIGNED, NEXT} and GATHER not in packs.minus.kind
 
 
+def test_a_body_full_of_holes_still_fills_its_packs_of_links():
+    voxels = np.argwhere(np.random.default_rng(0).random((9, 9, 9)) < 0.7)
+    tables, packs = laid_out(voxels, 16)
+    assert (packs.voxel >= 0).mean() > 0.95
+    assert len(tables.link_ends) > 0.9 * packs.link.size
+
+
 @pytest.mark.parametrize("count", [1, 2, 17])
 def test_a_single_row_is_a_run(count):
     _, packs = laid_out([(x, 0, 0) for x in range(count)], 8)
