@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taichi_sim.autodiff.lanes import Real, ints
-from taichi_sim.autodiff.tracing import pull_back
+from taichi_sim.autodiff.tracing import primitive, pull_back
 from taichi_sim.lattice.laws import group as laws
 from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns, memory
@@ -17,7 +17,7 @@ from taichi_sim.lattice.stages.groups import size_slots
 from taichi_sim.lattice.stages.link import rest_slot
 from taichi_sim.lattice.stages.memory import AGE, BASE, CHANNEL, CHANNEL_WIDTH, RATE
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import element, emit, ti
 
 # Columns of the integers of a lane: its next event, the range of its events, its steps, its state, when it ended.
 EVENT, FIRST_EVENT, END_EVENT, LENGTH, STATE, STEP, ROBOT = range(7)
@@ -128,10 +128,11 @@ def apply_event(ms: ti.template(), k, lane, e, robot, t: ti.template(), marks: t
 @ti.func
 def record_sizes(ms: ti.template(), k, lane, e, robot, snapshot, t: ti.template(), marks: ti.template()):
     """Record the rest sizes of a robot's groups."""
-    for g in range(t.plan[memory.GROUPS]):
+    for g in range(marks.sizes.shape[2]):
         if marks.event[e, 0] > 0:
+            pack, place = of_group(g, lane, t)
             for c in ti.static(range(3)):
-                marks.sizes[robot, snapshot, g, c] = ms[k + current_size(g, t) + c, lane]
+                marks.sizes[robot, snapshot, g, c] = ms[k + current_size(pack, t) + c, place]
         else:
             scales = laws.grown_scales(*first_sizes(ms, k, lane, g, t))
             for c in ti.static(range(3)):
@@ -141,10 +142,27 @@ def record_sizes(ms: ti.template(), k, lane, e, robot, snapshot, t: ti.template(
 @ti.func
 def set_channel(ms: ti.template(), k, lane, e, t: ti.template(), marks: ti.template()):
     """Set a channel to what an event says."""
-    slot = k + t.plan[CHANNEL] + marks.event[e, 1] * CHANNEL_WIDTH
-    ms[slot + BASE, lane] = marks.value[e, 0]
-    ms[slot + RATE, lane] = marks.value[e, 1]
-    ms[slot + AGE, lane] = 0.0
+    slot, place = channel_of(marks.event[e, 1], lane, t)
+    ms[k + slot + BASE, place] = marks.value[e, 0]
+    ms[k + slot + RATE, place] = marks.value[e, 1]
+    ms[k + slot + AGE, place] = 0.0
+
+
+@primitive
+def of_group(g: Any, lane: Any, t: columns.Shared) -> tuple[Any, Any]:
+    """Item of a group in the sections of groups, and its lane: the robot's, or in packs of groups its own."""
+    if not t.packed:
+        return g, lane
+    return emit(g // t.lanes.width), emit(g % t.lanes.width)
+
+
+@primitive
+def channel_of(target: Any, lane: Any, t: columns.Shared) -> tuple[Any, Any]:
+    """Slot of a channel, and its lane, of the number that a mark gives: of the group, then of the quantity."""
+    group = emit(target // QUANTITY_COUNT)
+    pack, place = of_group(group, lane, t)
+    number = target - group * QUANTITY_COUNT + pack * QUANTITY_COUNT
+    return emit(element(t.plan, CHANNEL) + number * CHANNEL_WIDTH), place
 
 
 @ti.func
@@ -156,9 +174,10 @@ def current_size(g, t: ti.template()):
 @ti.func
 def first_sizes(ms: ti.template(), k, lane, g, t: ti.template()):
     """Thermal expansion, temperature and scales with which the first step of a run begins."""
-    swells, warm, x, y, z = size_slots(t.plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP, g, t)
-    temperature, scale_x = next_value(ms, k + warm, lane), next_value(ms, k + x, lane)
-    return ms[k + swells, lane], temperature, scale_x, next_value(ms, k + y, lane), next_value(ms, k + z, lane)
+    pack, place = of_group(g, lane, t)
+    swells, warm, x, y, z = size_slots(t.plan[CHANNEL] + pack * columns.CHANNELS_PER_GROUP, pack, t)
+    temperature, scale_x = next_value(ms, k + warm, place), next_value(ms, k + x, place)
+    return ms[k + swells, place], temperature, scale_x, next_value(ms, k + y, place), next_value(ms, k + z, place)
 
 
 @ti.func
@@ -212,19 +231,23 @@ def meet_events_back(u: ti.template(), block, lane, step, slots, t: ti.template(
 @ti.func
 def take_event(u: ti.template(), lane, e, t: ti.template(), marks: ti.template()):
     """Move the cotangents of what an event set to the event."""
-    slot = u.k + t.plan[CHANNEL] + marks.event[e, 1] * CHANNEL_WIDTH
+    slot, place = channel_of(marks.event[e, 1], lane, t)
     for c in ti.static((BASE, RATE)):
-        marks.by_value[e, c] = u.a[slot + c, lane]
-        u.a[slot + c, lane] = 0.0
+        marks.by_value[e, c] = u.a[u.k + slot + c, place]
+        u.a[u.k + slot + c, place] = 0.0
 
 
 @ti.func
 def recall_start(u: ti.template(), lane, first, end, t: ti.template(), marks: ti.template()):
     """Put a robot's channels into the state in which its first step begins: as recorded, then set by its events."""
-    for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
-        slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
-        for c in ti.static((BASE, RATE, AGE)):
-            u.m[u.k + slot + c, lane] = u.record[u.r + u.new + slot + c, lane]
+    first, count = lane, 1
+    if ti.static(t.packed):
+        count = t.lanes.width
+    for place in range(first, first + count):
+        for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
+            slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
+            for c in ti.static((BASE, RATE, AGE)):
+                u.m[u.k + slot + c, place] = u.record[u.r + u.new + slot + c, place]
     for e in range(first, end):
         if marks.event[e, 0] == 0 and marks.event[e, 1] >= 0:
             set_channel(u.m, u.k, lane, e, t, marks)
@@ -249,10 +272,11 @@ def receive(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), mar
 @ti.func
 def receive_sizes(u: ti.template(), lane, robot, snapshot, step, t: ti.template(), marks: ti.template()):
     """Add the cotangents of recorded rest sizes."""
-    for g in range(t.plan[memory.GROUPS]):
+    for g in range(marks.sizes.shape[2]):
         if step > 0:
+            pack, place = of_group(g, lane, t)
             for c in ti.static(range(3)):
-                u.a[u.k + current_size(g, t) + c, lane] += marks.sizes[robot, snapshot, g, c]
+                u.a[u.k + current_size(pack, t) + c, place] += marks.sizes[robot, snapshot, g, c]
         else:
             receive_first_sizes(u, lane, robot, snapshot, g, t, marks)
 
@@ -263,9 +287,10 @@ def receive_first_sizes(u: ti.template(), lane, robot, snapshot, g, t: ti.templa
     inputs = first_sizes(u.m, u.k, lane, g, t)
     seeds = ti.static(tuple([t.edge * marks.sizes[robot, snapshot, g, c] for c in range(3)]))
     cotangents = ti.static(pull_back(laws.grown_scales, inputs, (), seeds))
-    slots = size_slots(t.plan[CHANNEL] + g * columns.CHANNELS_PER_GROUP, g, t)
-    u.a[u.k + slots[0], lane] += cotangents[0]
+    pack, place = of_group(g, lane, t)
+    slots = size_slots(t.plan[CHANNEL] + pack * columns.CHANNELS_PER_GROUP, pack, t)
+    u.a[u.k + slots[0], place] += cotangents[0]
     for i in ti.static(range(1, 5)):
         channel = u.k + slots[i]
-        u.a[channel + BASE, lane] += cotangents[i]
-        u.a[channel + RATE, lane] += cotangents[i] * u.m[channel + AGE, lane]
+        u.a[channel + BASE, place] += cotangents[i]
+        u.a[channel + RATE, place] += cotangents[i] * u.m[channel + AGE, place]

@@ -44,9 +44,10 @@ class PackedReverse(Reverse):
         packs, links = len(driver.packed.packs.voxel), len(driver.packed.packs.link)
         left, gauges = (real.array((driver.batch * n,)) for n in ((links + 1) * BACK_WIDTH, packs * 3))
         parts = [a.reshape(-1) for a in (self.values, self.cotangents, left, gauges)]
-        groups, self._given = driver.groups.copy().reshape(-1), np.zeros(driver.groups.size, real.numpy)
+        groups, self._given = real.array(driver.groups.shape[:2]), real.array(driver.groups.shape[:2])
+        groups[...] = driver.groups
         upcoming = np.full(driver.batch, int(run.program.lengths.max()), np.int32)
-        columns = (groups, groups[:, None], self._given, self._given[:, None])
+        columns = (*driver.views(groups), *driver.views(self._given))
         reals = (self.values, parts[0], self.cotangents, parts[1], left, parts[2], gauges, parts[3])
         self._memories = backwards.Memories._make([*reals, *columns, upcoming])
         self._shared = run.shared._replace(plan=driver.packed.plan(self.layout, driver.switches))
@@ -74,7 +75,10 @@ class PackedReverse(Reverse):
         view = self.layout.section(self.driver.host_memory(self.cotangents), section)
         if section == memory.VOXEL:
             return self.driver.packed.read(view, section).astype(float)
-        found = self.driver.group_section(section, self._given.reshape(self.driver.batch, -1)).astype(float)
+        if section == memory.BEAM:
+            found = np.zeros(self.driver.tables.beam.shape)
+        else:
+            found = self.driver.group_section(section, self._given).astype(float)
         if section != memory.CHANNEL:
             self.driver.packed.add(view, section, found)
         return found
@@ -120,10 +124,9 @@ class PackedRun(Run):
         driver, edge = self.driver, self.edge
         steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
         radius, distance = contact.NEIGHBOUR_RADIUS * edge, contact.REBUILD_DISTANCE * edge
-        groups = driver.groups.reshape(-1)
         kernel.packed_kernel(driver.real, record is not None, driver.tables.fluid)(
             kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, radius, distance),
-            kernel.Memories(self.memory, self.memory.reshape(-1), groups, groups[:, None]),
+            kernel.Memories(self.memory, self.memory.reshape(-1), *driver.views(driver.groups)),
             self.shared,
             self.groups,
             driver.packed.lanes,
@@ -149,9 +152,9 @@ class PackedRun(Run):
         if kept is None or room > kept.start.shape[1] or contacts * kept.start.shape[1] > kept.contacts.shape[1]:
             self._record = None  # before the larger one is made
             states = aligned((batch * room * self.driver.state_slots, real.width), real.numpy)
-            groups = np.zeros(batch * room * self.driver.channel_slots, real.numpy)
+            groups = real.array((batch * room * self.driver.channel_slots,))
             log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)
-            kept = Record(True, first, states, states.reshape(-1), groups, groups[:, None], room, log, start)
+            kept = Record(True, first, states, states.reshape(-1), groups, groups, room, log, start)
             self._record = kept
         return kept._replace(first=first)
 
@@ -163,7 +166,7 @@ class PackedRun(Run):
     def state_bytes(self) -> int:
         """Bytes of a recorded step of all robots."""
         driver = self.driver
-        reals = driver.state_slots * driver.real.width + driver.channel_slots
+        reals = (driver.state_slots + driver.channel_slots) * driver.real.width
         return driver.batch * (reals * driver.memory.itemsize + 8 * CONTACTS_PER_STEP + 4)
 
 
@@ -191,9 +194,9 @@ class PackedDriver(Driver):
         self.layout, self.scalars, self.state_slots = packed.layout, packed.scalars, packed.state_slots
         self.switches = switches
         self.plan = packed.plan(packed.layout, switches)
-        self.group_plan = tables.plan(packed.scalars, *switches)
+        self.group_plan = packed.group_plan(switches)
         self.memory = self.zeros(self.layout.slots)
-        self.groups = aligned((batch, self.scalars.slots), self.real.numpy)
+        self.groups = self.real.array((batch, self.scalars.slots))
         packs, dtype = len(packed.packs.voxel), self.real.numpy
         place = self.real.array((batch * -(-max(len(tables.surface_voxels), 1) // self.real.width) * 3,))
         self.pairs = Pairs(
@@ -202,7 +205,7 @@ class PackedDriver(Driver):
             seen=aligned((batch * packs * 3, self.real.width), dtype),
             place=place,
             place_scalar=place.reshape(-1),
-            sizes=np.zeros((batch, len(tables.group_region)), dtype),
+            sizes=self.real.array((batch * packed.group_packs,)),
             drift=aligned((batch, self.real.width), dtype),
             touched=np.zeros((batch, packs), np.int32),
             changing=np.zeros((batch, len(packed.lanes.spreads) // SPREAD_ROW), np.int32),
@@ -243,19 +246,35 @@ class PackedDriver(Driver):
         span = self.scalars.span(memory.CHANNEL)
         return span.stop - span.start
 
+    def views(self, groups: np.ndarray) -> tuple[np.ndarray, ...]:
+        """A memory of groups as reals, as scalars, and as scalars [slot, lane]."""
+        return groups.reshape(-1, self.real.width), groups.reshape(-1), groups.reshape(-1, self.real.width)
+
     def group_section(self, section: int, of: np.ndarray | None = None) -> np.ndarray:
-        """A view of a section of the scalars, shape (B, items, components)."""
-        whole = self.groups if of is None else of
-        return whole[:, self.scalars.span(section)].reshape(self.batch, *self.scalars.rows[section])
+        """A copy of a section of groups or rest lengths, shape (B, items, components)."""
+        whole = (self.groups if of is None else of).reshape(self.batch, -1, self.real.width)
+        count = len(self.tables.rest if section == memory.REST else self.tables.group_region)
+        width = self.scalars.rows[section][1]
+        packs = whole[:, self.scalars.span(section)].reshape(
+            self.batch, -(-count // self.real.width), -1, self.real.width
+        )
+        items = np.moveaxis(packs, 3, 2).reshape(self.batch, -1, packs.shape[2])[:, :count]
+        return items.reshape(self.batch, -1, width)
 
     def write(self, section: int, values: np.ndarray) -> None:
         """Set a section from values of shape (B, items, components)."""
         if section in (memory.VOXEL, memory.LINK, memory.STRAIN):
             self.packed.write(self.section(section), section, values)
             return
-        self.group_section(section)[:, : values.shape[1]] = values
         if section in (memory.CONSTANT, memory.BEAM):
             self.packed.write(self.section(section), section, values)
+        if section == memory.BEAM:
+            return
+        packs, width, count = self.packed.group_packs, self.real.width, len(self.tables.group_region)
+        items = np.zeros((self.batch, packs * width, values[0].size // count), self.real.numpy)
+        items[:, :count] = values.reshape(self.batch, count, -1)
+        lanes = np.moveaxis(items.reshape(self.batch, packs, width, -1), 2, 3)
+        self.groups[:, self.scalars.span(section)] = lanes.reshape(self.batch, -1, width)
 
     def read(self, section: int) -> np.ndarray:
         """A copy of a section, shape (B, items, components)."""

@@ -36,7 +36,7 @@ class Pairs(NamedTuple):
         seen: positions at which the short list was made, by pack.
         place, place_scalar: scratch, as vectors and as scalars: positions of surface voxels in their order, x, y and z
             by vector, while pairs are listed; the forces of a pack of pairs while they are added.
-        sizes: mean sizes of groups at that time, shape (B, G).
+        sizes: mean sizes of groups at that time, by pack of groups.
         drift: the largest squared distance from ``seen``, by robot.
         touched: whether a pack has a contact force, shape (B, P).
         changing: rows of what is spread that change from step to step, shape (B, rows).
@@ -62,7 +62,7 @@ class Record(NamedTuple):
         kept: whether there is a record; known when a kernel is compiled.
         first: step of the first state.
         states, scalar_states: shape (B * room * state slots, lanes), as reals and as scalars.
-        groups, group_column: channels, shape (B * room * slots of channels,), and the same as [slot, 0].
+        groups, group_column: channels, shape (B * room * slots, lanes), as reals and as scalars [slot, lane].
         room: states a robot.
         contacts: touching pairs of surface voxels, shape (B, contacts, 2).
         start: first contact of each step, shape (B, room).
@@ -182,7 +182,7 @@ def shorten(r: ti.template(), margin):
         for c in ti.static(range(3)):
             pairs.seen[first + c] = m[k + t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH + c]
     for c in range(tg.plan[memory.GROUPS]):
-        pairs.sizes[i, c] = g[h + mean_size(c, tg)]
+        pairs.sizes[i * tg.plan[memory.GROUPS] + c] = load(g, h, mean_size(c, tg))
 
 
 @ti.func
@@ -197,23 +197,23 @@ def enter(r: ti.template(), n, s1, s2):
 @ti.func
 def offsets(r: ti.template(), one: ti.template(), two: ti.template(), group1: ti.template(), group2: ti.template()):
     """Offsets between the voxels of a pack of pairs, and the distances at which they touch."""
-    k, h, ms, g, t, tg, w = ti.static((r.k, r.h, r.ms, r.g, r.t, r.tg, r.p.width))
-    first, size = (k + t.plan[memory.VOXEL]) * w, h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
+    k, h, ms, gs, t, tg, w = ti.static((r.k, r.h, r.ms, r.gs, r.t, r.tg, r.p.width))
+    first, size = (k + t.plan[memory.VOXEL]) * w, (h + tg.plan[memory.CURRENT] + memory.MEAN_SIZE) * w
     x1, y1, z1 = gather_all(ms, one, (0, 1, 2), w, first)
     x2, y2, z2 = gather_all(ms, two, (0, 1, 2), w, first)
-    limit = contact.reach(gather_all(g, group1, (0,), 1, size)[0], gather_all(g, group2, (0,), 1, size)[0])
+    limit = contact.reach(gather_all(gs, group1, (0,), w, size)[0], gather_all(gs, group2, (0,), w, size)[0])
     return x2 - x1, y2 - y1, z2 - z1, limit
 
 
 @ti.func
 def collide(r: ti.template(), log: ti.template()):
     """Contact forces of the short list, a pack of pairs at a time; they are added pair by pair, in the list's order."""
-    i, k, h, ms, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.ms, r.g, r.t, r.tg, r.p, r.pairs))
+    i, k, h, ms, g, gs, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.ms, r.g, r.gs, r.t, r.tg, r.p, r.pairs))
     w = ti.static(p.width)
     margin = SHORT * t.edge
     grown = 0
     for c in range(tg.plan[memory.GROUPS]):
-        if g[h + mean_size(c, tg)] > pairs.sizes[i, c] + margin:
+        if any_lane(load(g, h, mean_size(c, tg)) > pairs.sizes[i * tg.plan[memory.GROUPS] + c] + margin):
             grown = 1
     if any_lane(pairs.drift[i] > margin * margin) or grown == 1:
         shorten(r, margin)
@@ -225,12 +225,12 @@ def collide(r: ti.template(), log: ti.template()):
         near = dx * dx + dy * dy + dz * dz < limit * limit
         if any_lane(near):
             push = memory.MOMENTUM
-            first, constant = (k + t.plan[memory.VOXEL]) * w, h + tg.plan[memory.CONSTANT]
+            first, constant = (k + t.plan[memory.VOXEL]) * w, (h + tg.plan[memory.CONSTANT]) * w
             px, py, pz = gather_all(ms, one, (push, push + 1, push + 2), w, first)
             qx, qy, qz = gather_all(ms, two, (push, push + 1, push + 2), w, first)
             constants = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
-            w1, k1, c1 = gather_all(g, group1, constants, 1, constant)
-            w2, k2, c2 = gather_all(g, group2, constants, 1, constant)
+            w1, k1, c1 = gather_all(gs, group1, constants, w, constant)
+            w2, k2, c2 = gather_all(gs, group2, constants, w, constant)
             f = contact.force_between(dx, dy, dz, limit, px, py, pz, qx, qy, qz, w1, w2, k1, k2, c1, c2, near)
             scratch = i * scratch_rows(t, w) * 3
             store_all(pairs.place, scratch, (0, 1, 2), f)

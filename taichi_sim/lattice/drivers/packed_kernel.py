@@ -66,20 +66,22 @@ from taichi_sim.lattice.drivers.packed_lanes import (
 )
 from taichi_sim.lattice.laws import enclosure
 from taichi_sim.lattice.laws import link as laws
+from taichi_sim.lattice.laws.group import rest_length as rest_law
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import shared_types
 from taichi_sim.lattice.stages.groups import group_stage
-from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot, rest_slot
+from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot
 from taichi_sim.lattice.stages.voxel import keep_strains, share_slots, voxel_stage
-from taichi_sim.runtime import GRAIN, emit, kernel_of, ti
+from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
 
 
 class Memories(NamedTuple):
-    """The vector memory as reals and as scalars; that of groups, and as [slot, 0]."""
+    """The vector memory as reals and as scalars; that of groups as reals, as scalars, and as scalars [slot, lane]."""
 
     m: Any
     ms: Any
     g: Any
+    gs: Any
     g2: Any
 
 
@@ -129,50 +131,51 @@ def axis_strain(r: ti.template(), v, axis: ti.template(), zero):
 @ti.func
 def press(r: ti.template(), q):
     """Forces of the pressure on the corners of a pack of squares."""
-    k, h, m, ms, g, t, p = ti.static((r.k, r.h, r.m, r.ms, r.g, r.t, r.p))
-    given = square_inputs(ms, k + t.plan[memory.VOXEL], g, h, q, p)
+    k, h, m, ms, gs, t, p = ti.static((r.k, r.h, r.m, r.ms, r.gs, r.t, r.p))
+    given = square_inputs(ms, k + t.plan[memory.VOXEL], gs, h, q, p)
     place = t.plan[memory.PRESSED] + q * memory.PRESSED_WIDTH
     store_all(m, k, consecutive(place, memory.PRESSED_WIDTH), enclosure.pressed_square(*given))
 
 
 @primitive
-def square_inputs(ms: Any, first: Any, g: Any, h: Any, q: Any, p: Lanes) -> tuple[Any, ...]:
+def square_inputs(ms: Any, first: Any, gs: Any, h: Any, q: Any, p: Lanes) -> tuple[Any, ...]:
     """Positions of the corners of a pack of squares, and their pressures."""
     w = p.width
+    start = emit(h * w)
     found: tuple[Any, ...] = ()
     pressures: tuple[Any, ...] = ()
     for corner in range(columns.SQUARE_COLUMNS):
         row = emit((q * columns.SQUARE_COLUMNS + corner) * w)
         places = [emit(first * w + load(p.square_corner, row, i)) for i in range(w)]
         found += gather_all(ms, places, range(3), w)
-        pressures += (vector([load(g, h, emit(load(p.square_pressure, row, i))) for i in range(w)]),)
+        pressures += (vector([load(gs, start, emit(load(p.square_pressure, row, i))) for i in range(w)]),)
     return found + pressures
 
 
 @ti.func
 def spread_news(r: ti.template()):
     """Spread what changes from step to step, or everything after events."""
-    i, k, h, m, g, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.p, r.pairs))
+    i, k, h, m, gs, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.gs, r.p, r.pairs))
     if pairs.info[i, FRESH] == 1:
         pairs.info[i, FRESH] = 0
         for n in range(p.spreads.shape[0] // SPREAD_ROW):
-            spread(m, g, k, h, n, p)
+            spread(m, gs, k, h, n, p)
     else:
         for n in range(pairs.info[i, CHANGING]):
-            spread(m, g, k, h, pairs.changing[i, n], p)
+            spread(m, gs, k, h, pairs.changing[i, n], p)
 
 
 @ti.func
 def find_changing(r: ti.template()):
     """Note the rows of groups that have a channel which changes from step to step."""
-    i, h, g, tg, p, pairs = ti.static((r.i, r.h, r.g, r.tg, r.p, r.pairs))
+    i, h, gs, tg, p, pairs = ti.static((r.i, r.h, r.gs, r.tg, r.p, r.pairs))
     count = 0
     for n in range(p.spreads.shape[0] // SPREAD_ROW):
         changes = 0
         for j in range(p.width):
-            channels = h + tg.plan[memory.CHANNEL] + p.group[n * p.width + j] * columns.CHANNELS_PER_GROUP
+            channels = (h + tg.plan[memory.CHANNEL] + memory.RATE) * p.width + p.group[n * p.width + j]
             for q in range(p.spreads[n * SPREAD_ROW + FIRST_QUANTITY], p.spreads[n * SPREAD_ROW + END_QUANTITY]):
-                if g[channels + q * memory.CHANNEL_WIDTH + memory.RATE] != 0.0:
+                if gs[channels + q * (memory.CHANNEL_WIDTH * p.width)] != 0.0:
                     changes = 1
         if changes == 1:
             pairs.changing[i, count] = n
@@ -220,7 +223,39 @@ def record_snapshot(r: ti.template(), e, robot, marks: ti.template()):
             marks.poses[robot, snapshot, v, c] = ms[(k + t.plan[memory.VOXEL] + c) * w + t.lanes.voxel[v]]
     for l in range(tg.plan[memory.LINKS]):
         extension = ms[(k + t.plan[memory.LINK]) * w + t.lanes.link[l]]
-        marks.strains[robot, snapshot, l] = extension * g2[h + rest_slot(l, tg) + 1, 0]
+        slot, lane = inverse_rest(l, tg)
+        marks.strains[robot, snapshot, l] = extension * g2[h + slot, lane]
+
+
+@ti.func
+def inverse_rest(l, tg: ti.template()):
+    """Slot and lane, in the memory of groups, of the inverse of the rest length of link l."""
+    rest = tg.link[l * columns.LINK_COLUMNS + columns.LINK_REST] // memory.REST_WIDTH
+    w = ti.static(tg.lanes.width)
+    return tg.plan[memory.REST] + rest // w * memory.REST_WIDTH + 1, rest % w
+
+
+@primitive
+def rest_ends(gs: Any, h: Any, n: Any, tg: Any, p: Lanes) -> tuple[Any, Any]:
+    """Sizes of the groups at both ends of a pack of rest lengths."""
+    first = emit((h + element(tg.plan, memory.CURRENT)) * p.width)
+    return tuple(gather_all(gs, rest_places(n, end, p), (0,), 1, first)[0] for end in range(2))
+
+
+@primitive
+def rest_places(n: Any, end: int, p: Lanes) -> list[Any]:
+    """Places in CURRENT of the sizes at one end of a pack of rest lengths."""
+    row = emit((2 * n + end) * p.width)
+    return [emit(load(p.rests, row, j)) for j in range(p.width)]
+
+
+@ti.func
+def derive_rests(g: ti.template(), gs: ti.template(), h, tg: ti.template(), p: ti.template()):
+    """Rest lengths, from the sizes of groups."""
+    for n in range(p.rests.shape[0] // (2 * p.width)):
+        minus, plus = ti.static(rest_ends(gs, h, n, tg, p))
+        length = rest_law(minus, plus)
+        store_all(g, h, consecutive(tg.plan[memory.REST] + n * memory.REST_WIDTH, memory.REST_WIDTH), length)
 
 
 @ti.func
@@ -266,6 +301,7 @@ def step_robot(r: ti.template(), log: ti.template()):
     """One time step; notes how far voxels have moved since lists were made."""
     i, k, h, m, g, t, tg, p, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.t, r.tg, r.p, r.pairs))
     group_stage(g, h, tg)
+    derive_rests(g, r.gs, h, tg, p)
     spread_news(r)
     if t.plan[memory.CONTACT_ON] != 0:
         collide(r, log)
@@ -325,7 +361,7 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         marks: ti.template(),
         log: ti.template(),
     ):
-        m, ms, g, g2 = ti.static(memories)
+        m, ms, g, gs, g2 = ti.static(memories)
         info = ti.static(pairs.info)
         for n in range(GRAIN * launch.robots):
             if n % GRAIN == 0:
@@ -333,7 +369,7 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
                 tg = ti.static(of_groups(groups, t))
                 i = n // GRAIN
                 k, h = i * launch.slots, i * launch.group_slots
-                r = ti.static(Robot(i, k, h, m, ms, g, g2, t, tg, p, pairs))
+                r = ti.static(Robot(i, k, h, m, ms, g, gs, g2, t, tg, p, pairs))
                 left = launch.steps
                 while left > 0 and info[i, STATE] == RUNNING and info[i, STEP] < launch.until:
                     left -= 1
@@ -365,11 +401,11 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
     return kernel_of(
         run,
         Launch(i32, i32, i32, i32, i32, scalar, scalar),
-        Memories(real.memory, flat, flat, real.scalars(2)),
+        Memories(real.memory, flat, real.memory, flat, real.scalars(2)),
         shared_types(real, fluid, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity")),
         shared_types(real, fluid, ("link", "rest")),
         lane_types(real),
-        Pairs(ints(3), ints(3), *(real.memory,) * 2, flat, real.scalars(2), real.memory, table, table, table),
+        Pairs(ints(3), ints(3), *(real.memory,) * 2, flat, real.memory, real.memory, table, table, table),
         mark_types(real),
-        Record(True, i32, real.memory, None, flat, None, i32, ints(3), table) if recording else Record(),
+        Record(True, i32, real.memory, None, real.memory, None, i32, ints(3), table) if recording else Record(),
     )

@@ -26,6 +26,7 @@ TO, FIRST_QUANTITY, END_QUANTITY, SPREAD_ROW = range(4)
 # Columns of the rows of what is given back: slot in the vector memory; slot in the scalars of one of the groups that
 # were spread there; and the number of the mask that has 1 in the lanes of that group.
 SOURCE, MASK, GIVE_ROW = 1, 2, 3
+BY_LANE = -1  # instead of a mask: every lane has a group of its own, and the source is the number of the row
 
 
 class Lanes(NamedTuple):
@@ -39,7 +40,8 @@ class Lanes(NamedTuple):
         minus: lane numbers of the links on the "-" sides of packs, by axis.
         there, outer: 1 where a link pack has a link, by link pack, and where a pack has a surface voxel, by pack.
         shape: what the table of voxels says of those of a pack, see ``columns``.
-        source, group: slot and group in the scalars of what is spread, by row and lane.
+        source, group: places in the memory of groups of what is spread, and of the groups' channels, by row and lane.
+        rests: places in CURRENT of the groups at either end of a pack of rest lengths, by pack, end and lane.
         surface: place in VOXEL, group's place in CONSTANT, place in CONTACT of each surface voxel, and twice nobody.
         voxel, link: place of each voxel in VOXEL, and of each link in LINK.
         square_corner, square_pressure: places of the corners of squares in VOXEL, and slots of their pressures, by
@@ -59,6 +61,7 @@ class Lanes(NamedTuple):
     shape: Any
     source: Any
     group: Any
+    rests: Any
     surface: Any
     voxel: Any
     link: Any
@@ -74,7 +77,7 @@ def lane_types(real: Real) -> Lanes:
     """Types of ``Lanes`` in kernels."""
     flat, real_array = ints(1), real.memory
     rows, shapes = (flat,) * 5, (real_array,) * 3
-    return Lanes(real.width, *rows, *shapes, flat, flat, ints(2), *(flat,) * 5, real_array)
+    return Lanes(real.width, *rows, *shapes, *(flat,) * 3, ints(2), *(flat,) * 5, real_array)
 
 
 class Robot(NamedTuple):
@@ -82,7 +85,7 @@ class Robot(NamedTuple):
 
     Attributes:
         i, k, h: number; first slot in the vector memory, and among the scalars.
-        m, ms, g, g2: see ``Memories``.
+        m, ms, g, gs, g2: see ``Memories``.
         t, tg: what stages of voxels and links are given, and stages of groups.
         p, pairs: see ``Lanes`` and ``Pairs``.
     """
@@ -93,6 +96,7 @@ class Robot(NamedTuple):
     m: Any
     ms: Any
     g: Any
+    gs: Any
     g2: Any
     t: Any
     tg: Any
@@ -136,7 +140,7 @@ def with_lane(v: Any, lane: int, value: Any, width: int) -> Any:
 def of_groups(groups: Shared, t: Shared) -> Shared:
     """What stages of groups are given: tables of their own, and the world of the others."""
     plan = plan_in_variables(groups.plan)
-    return groups._replace(plan=plan, time_step=t.time_step, edge=t.edge, gravity=t.gravity)
+    return groups._replace(plan=plan, packed=True, lanes=t.lanes, time_step=t.time_step, edge=t.edge, gravity=t.gravity)
 
 
 @primitive
@@ -251,8 +255,8 @@ def transverse(m: ti.template(), ms: ti.template(), k, l, t: ti.template(), p: t
 
 
 @primitive
-def spread(m: Any, g: Any, k: Any, h: Any, n: Any, p: Lanes) -> None:
+def spread(m: Any, gs: Any, k: Any, h: Any, n: Any, p: Lanes) -> None:
     """Bring row n of what the program did to groups into the lanes of the packs that have them."""
-    first = emit(n * p.width)
-    places = [emit(h + load(p.source, first, j)) for j in range(p.width)]
-    store(m, k, emit(element(p.spreads, emit(n * SPREAD_ROW + TO))), vector([load(g, place, 0) for place in places]))
+    first, start = emit(n * p.width), emit(h * p.width)
+    values = vector([load(gs, start, emit(load(p.source, first, j))) for j in range(p.width)])
+    store(m, k, emit(element(p.spreads, emit(n * SPREAD_ROW + TO))), values)

@@ -23,8 +23,9 @@ from taichi_sim.lattice import materials
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.drivers.packed_contact import Record
-from taichi_sim.lattice.drivers.packed_kernel import square_inputs
+from taichi_sim.lattice.drivers.packed_kernel import derive_rests, inverse_rest, rest_ends, rest_places, square_inputs
 from taichi_sim.lattice.drivers.packed_lanes import (
+    BY_LANE,
     GAUGED,
     GIVE_ROW,
     LINK_ROW,
@@ -44,6 +45,7 @@ from taichi_sim.lattice.drivers.packed_lanes import (
     with_lanes,
 )
 from taichi_sim.lattice.laws import contact, enclosure
+from taichi_sim.lattice.laws import group as group_laws
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import shared_types
@@ -59,7 +61,7 @@ from taichi_sim.lattice.stages.link import (
     recorded_strains,
     rest_slot,
 )
-from taichi_sim.lattice.stages.undo import Undo
+from taichi_sim.lattice.stages.undo import Undo, take_all
 from taichi_sim.lattice.stages.voxel import share_slots
 from taichi_sim.lattice.stages.voxel_adjoint import strain_cotangents, voxel_adjoint
 from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
@@ -110,8 +112,10 @@ class Memories(NamedTuple):
     gauge: Any
     gauge_scalar: Any
     g: Any
+    gs: Any
     g2: Any
     ag: Any
+    ag_scalar: Any
     ag2: Any
     upcoming: Any
 
@@ -219,7 +223,7 @@ def scatter_all(ms: Any, places: Any, slots: Any, values: Any, width: int) -> No
 def undo_squares(b: ti.template(), q):
     """Reverse the pressure on a pack of squares."""
     u, ug, memories, rs, t, p = ti.static((b.u, b.ug, b.memories, b.rs, b.t, b.p))
-    inputs = square_inputs(rs, u.r + u.old + t.plan[memory.VOXEL], memories.g, ug.k, q, p)
+    inputs = square_inputs(rs, u.r + u.old + t.plan[memory.VOXEL], memories.gs, ug.k, q, p)
     seeds = ti.static(square_seeds(memories.a_scalar, u.k + t.plan[memory.FORCE], q, p))
     found = ti.static(pull_back(enclosure.pressed_square, inputs, (), seeds))
     give_squares(memories, u.k + t.plan[memory.VOXEL], ug.k, q, found, p)
@@ -256,8 +260,8 @@ def give_squares(memories: Any, first: Any, h: Any, q: Any, found: Any, p: Any) 
     for corner in range(columns.SQUARE_COLUMNS):
         places = [emit(first * w + at) for at in square_rows(p.square_corner, q, corner, w)]
         scatter_all(memories.a_scalar, places, range(3), found[3 * corner : 3 * corner + 3], w)
-        slots = [emit(h + at) for at in square_rows(p.square_pressure, q, corner, w)]
-        scatter_all(memories.ag, slots, (0,), found[12 + corner : 13 + corner], 1)
+        slots = [emit(h * w + at) for at in square_rows(p.square_pressure, q, corner, w)]
+        scatter_all(memories.ag_scalar, slots, (0,), found[12 + corner : 13 + corner], 1)
 
 
 @ti.func
@@ -271,13 +275,13 @@ def undo_contacts(b: ti.template(), first, end, contacts: ti.template()):
     motion = ti.static((0, 1, 2, memory.MOMENTUM, memory.MOMENTUM + 1, memory.MOMENTUM + 2))
     before = (u.r + u.old + t.plan[memory.VOXEL]) * w
     mass, stiff, damp = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
-    size = ug.k + tg.plan[memory.CURRENT] + memory.MEAN_SIZE
-    constant = ug.k + tg.plan[memory.CONSTANT]
+    size = (ug.k + tg.plan[memory.CURRENT] + memory.MEAN_SIZE) * w
+    constant = (ug.k + tg.plan[memory.CONSTANT]) * w
     x = gather_all(rs, one[0], motion, w, before)
     y = gather_all(rs, two[0], motion, w, before)
-    sizes = gather_all(memories.g, one[1], (0,), 1, size) + gather_all(memories.g, two[1], (0,), 1, size)
-    c1 = gather_all(memories.g, one[1], (mass, stiff, damp), 1, constant)
-    c2 = gather_all(memories.g, two[1], (mass, stiff, damp), 1, constant)
+    sizes = gather_all(memories.gs, one[1], (0,), w, size) + gather_all(memories.gs, two[1], (0,), w, size)
+    c1 = gather_all(memories.gs, one[1], (mass, stiff, damp), w, constant)
+    c2 = gather_all(memories.gs, two[1], (mass, stiff, damp), w, constant)
     inputs = x + y + sizes + (c1[0], c2[0], c1[1], c2[1], c1[2], c2[2])
     forces = (u.k + t.plan[memory.FORCE]) * w
     f1 = gather_all(memories.a_scalar, one[2], (0, 1, 2), w, forces)
@@ -287,10 +291,11 @@ def undo_contacts(b: ti.template(), first, end, contacts: ti.template()):
     after = (u.k + t.plan[memory.VOXEL]) * w
     scatter_all(memories.a_scalar, shifted(one[0], after), motion, found[:6], w)
     scatter_all(memories.a_scalar, shifted(two[0], after), motion, found[6:12], w)
-    scatter_all(memories.ag, shifted(one[1], size), (0,), found[12:13], 1)
-    scatter_all(memories.ag, shifted(two[1], size), (0,), found[13:14], 1)
-    scatter_all(memories.ag, shifted(one[1], constant), (mass, stiff, damp), (found[14], found[16], found[18]), 1)
-    scatter_all(memories.ag, shifted(two[1], constant), (mass, stiff, damp), (found[15], found[17], found[19]), 1)
+    scatter_all(memories.ag_scalar, shifted(one[1], size), (0,), found[12:13], w)
+    scatter_all(memories.ag_scalar, shifted(two[1], size), (0,), found[13:14], w)
+    for_one, for_two = ti.static((found[14], found[16], found[18]), (found[15], found[17], found[19]))
+    scatter_all(memories.ag_scalar, shifted(one[1], constant), (mass, stiff, damp), for_one, w)
+    scatter_all(memories.ag_scalar, shifted(two[1], constant), (mass, stiff, damp), for_two, w)
 
 
 @primitive
@@ -328,9 +333,16 @@ def collect(b: ti.template(), n):
     slot = p.gives[n * GIVE_ROW + TO]
     given = load(u.a, u.k, slot)
     if any_lane(given != 0.0):
-        mask = p.masks[p.gives[n * GIVE_ROW + MASK]]
-        memories.ag[ug.k + p.gives[n * GIVE_ROW + SOURCE]] += sum_of_lanes(given * mask, p.width)
-        store_all(u.a, u.k, (slot,), (given * (1.0 - mask),))
+        number, source, start = p.gives[n * GIVE_ROW + MASK], p.gives[n * GIVE_ROW + SOURCE], ug.k * p.width
+        if number == BY_LANE:
+            for j in range(p.width):
+                place = start + p.source[source * p.width + j]
+                memories.ag_scalar[place] += memories.a_scalar[(u.k + slot) * p.width + j]
+            store_all(u.a, u.k, (slot,), (0.0 * given,))
+        else:
+            mask = p.masks[number]
+            memories.ag_scalar[start + source] += sum_of_lanes(given * mask, p.width)
+            store_all(u.a, u.k, (slot,), (given * (1.0 - mask),))
 
 
 @primitive
@@ -344,12 +356,26 @@ def sum_of_lanes(v: Any, width: int) -> Any:
 
 
 @ti.func
+def undo_rests(ug: ti.template(), memories: ti.template(), tg: ti.template(), p: ti.template()):
+    """Reverse rest lengths: their cotangents go to the sizes of groups."""
+    first = (ug.k + tg.plan[memory.CURRENT]) * p.width
+    for n in range(p.rests.shape[0] // (2 * p.width)):
+        ends = ti.static(rest_ends(memories.gs, ug.k, n, tg, p))
+        given = take_all(ug, consecutive(tg.plan[memory.REST] + n * memory.REST_WIDTH, memory.REST_WIDTH))
+        found = ti.static(pull_back(group_laws.rest_length, ends, (), given))
+        for end in ti.static(range(2)):
+            places = ti.static(shifted(rest_places(n, end, p), first))
+            scatter_all(memories.ag_scalar, places, (0,), found[end : end + 1], 1)
+
+
+@ti.func
 def undo_step(b: ti.template(), n, log: ti.template()):
     """Reverse step n of the record."""
     u, ug, memories, i, t, tg, p = ti.static((b.u, b.ug, b.memories, b.i, b.t, b.tg, b.p))
     recall_groups(ug.m, ug.k, ug.record, ug.r, ug.new, tg)
+    derive_rests(memories.g, memories.gs, ug.k, tg, p)
     for r in range(p.spreads.shape[0] // SPREAD_ROW):
-        spread(memories.m, memories.g, u.k, ug.k, r, p)
+        spread(memories.m, memories.gs, u.k, ug.k, r, p)
     for v in range(t.plan[memory.VOXELS]):
         undo_gauges(b, v)
         voxel_adjoint(u, v, t)
@@ -364,6 +390,7 @@ def undo_step(b: ti.template(), n, log: ti.template()):
         undo_contacts(b, first + q * p.width, end, log.contacts)
     for r in range(p.gives.shape[0] // GIVE_ROW):
         collect(b, r)
+    undo_rests(ug, memories, tg, p)
     group_adjoint(ug, tg)
 
 
@@ -419,10 +446,10 @@ def receive(b: ti.template(), robot, snapshot, step, marks: ti.template()):
             u.a[place] += marks.poses[robot, snapshot, v, c]
     if step > 0:  # what links remember at the start of a run is given
         for l in range(tg.plan[memory.LINKS]):
-            rest = ug.k + rest_slot(l, tg) + 1
+            slot, lane = inverse_rest(l, tg)
             seed = marks.strains[robot, snapshot, l]
-            u.a[(u.k + t.plan[memory.LINK]) * w + p.link[l]] += seed * ug.m[rest, 0]
-            ug.a[rest, 0] += seed * rs[(u.r + u.new + t.plan[memory.LINK]) * w + p.link[l]]
+            u.a[(u.k + t.plan[memory.LINK]) * w + p.link[l]] += seed * ug.m[ug.k + slot, lane]
+            ug.a[ug.k + slot, lane] += seed * rs[(u.r + u.new + t.plan[memory.LINK]) * w + p.link[l]]
     marking.receive_sizes(ug, 0, robot, snapshot, step, tg, marks)
 
 
@@ -463,6 +490,7 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
                         undo_step(ti.static(Back(u, ug, memories, log.scalar_states, i, t, tg, p)), row, log)
                     if step == memories.upcoming[i]:
                         recall_groups(memories.g, h, log.groups, rg, row * channels, tg)
+                        derive_rests(memories.g, memories.gs, h, tg, p)
                         scalars = ti.static(Undo(memories.ms, k, None, r, memories.a_scalar, here, here))
                         column = ti.static(
                             Undo(memories.g2, h, log.group_column, rg, memories.ag2, row * channels, row * channels)
@@ -475,10 +503,10 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
     return kernel_of(
         undo,
         Launch(i32, i32, i32, i32, i32),
-        Memories(*both, *both, *both, *both, flat, table, flat, table, ints(1)),
+        Memories(*both, *both, *both, *both, *both, table, *both, table, ints(1)),
         shared_types(real, fluid, ("link", "voxel", "start", "time_step", "edge", "gravity")),
         shared_types(real, fluid, ("link", "rest")),
         lane_types(real)._replace(group=None, outer=None, gives=ints(1), masks=real.memory),
-        Record(True, i32, real.memory, flat, flat, table, i32, ints(3), ints(2)),
+        Record(True, i32, real.memory, flat, real.memory, table, i32, ints(3), ints(2)),
         mark_types(real, back=True),
     )

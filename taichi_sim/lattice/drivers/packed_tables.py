@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.autodiff.lanes import Real
-from taichi_sim.lattice.drivers.packed_lanes import FORCE_WIDTH, Lanes
+from taichi_sim.lattice.drivers.packed_lanes import BY_LANE, FORCE_WIDTH, Lanes
 from taichi_sim.lattice.drivers.packs import Packs, Reach, lay_out
 from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
@@ -14,7 +14,7 @@ from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.tables import Tables
 from taichi_sim.runtime import aligned
 
-OF_GROUPS = (memory.CHANNEL, memory.CURRENT, memory.CONSTANT, memory.BEAM, memory.REST)
+MOST_MASKS = 4  # groups of a row that are summed under masks, rather than lane by lane
 FAR = 1e6  # m: where those are who belong to nobody
 # Quantities that sizes follow from, and forces and damping: the first, and the one after the last.
 SIZING = (Quantity.SCALE, Quantity.TEMPERATURE + 1)
@@ -41,9 +41,14 @@ class PackedTables:
         self.tables, self.real = tables, real
         self.packs: Packs = lay_out(tables, places, real.width)
         whole = tables.layout(forces=(1, 1)).rows
-        self.scalars = memory.Memory.of(
-            (count if section in OF_GROUPS else 0, w) for section, (count, w) in enumerate(whole)
-        )
+        self.group_packs = -(-len(tables.group_region) // real.width)
+        of_groups = {
+            memory.CHANNEL: self.group_packs * QUANTITY_COUNT,
+            memory.CURRENT: self.group_packs,
+            memory.CONSTANT: self.group_packs,
+            memory.REST: -(-len(tables.rest) // real.width),
+        }
+        self.scalars = memory.Memory.of((of_groups.get(section, 0), w) for section, (_, w) in enumerate(whole))
         packs, given = self.packs, tables.voxel.reshape(-1, columns.VOXEL_COLUMNS)
         links = tables.link.reshape(-1, columns.LINK_COLUMNS)
         group = np.where(packs.voxel >= 0, tables.group[packs.voxel], -1)
@@ -90,6 +95,17 @@ class PackedTables:
         """Slots of the state in the vector memory; that of the channels is among the scalars."""
         return self.layout.starts[memory.CHANNEL]
 
+    def group_plan(self, switches: tuple[bool, bool]) -> np.ndarray:
+        """The plan of the memory of groups; packs of rest lengths are no business of the stage of groups."""
+        plan = self.tables.plan(self.scalars, *switches)
+        plan[memory.GROUPS], plan[memory.RESTS] = self.group_packs, 0
+        return plan
+
+    def group_place(self, group: np.ndarray, slots: int, slot: Any = 0) -> np.ndarray:
+        """Places of a slot of groups in a section of so many slots a group."""
+        width = self.real.width
+        return (group // width * slots + slot) * width + group % width
+
     def _any(self, of_voxels: np.ndarray) -> np.ndarray:
         """Whether it holds for any voxel of a pack, shape (P,)."""
         found: np.ndarray = (of_voxels[self.packs.voxel] & (self.packs.voxel >= 0)).any(axis=1)
@@ -129,7 +145,8 @@ class PackedTables:
         nobody = len(packs.voxel) * width + np.arange(2)
         of = np.concatenate([packs.voxel_place[tables.surface_voxels], nobody])
         group = np.append(tables.group[tables.surface_voxels], [0, 0])
-        surface = np.column_stack([self.place(of, memory.VOXEL_WIDTH), group * CONSTANT_COLUMNS, self.place(of, 3)])
+        groups = self.group_place(group, CONSTANT_COLUMNS)
+        surface = np.column_stack([self.place(of, memory.VOXEL_WIDTH), groups, self.place(of, 3)])
         square_corner, square_pressure = self._squares()
         full, gauged = (packs.link >= 0).all(axis=1), (at_gauge[packs.link] & (packs.link >= 0)).any(axis=1)
         ready = np.argsort(packs.last, kind="stable")
@@ -194,37 +211,53 @@ class PackedTables:
         if self.tables.poisson:  # which axes are in tension
             channels += tuple(channel for pair in columns.PULLING for channel in pair)
         rows: list[tuple[int, np.ndarray, np.ndarray, tuple[int, int]]] = []
-        width = memory.CURRENT_WIDTH
+        width, w = memory.CURRENT_WIDTH, self.real.width
         for c, lanes in enumerate(np.maximum(self.classes, 0)):
             for q in range(width):
                 follows = SIZING if q <= memory.MEAN_SIZE else LOADING
-                rows.append(
-                    (at[memory.CURRENT] + c * width + q, of[memory.CURRENT] + lanes * width + q, lanes, follows)
-                )
+                source = of[memory.CURRENT] * w + self.group_place(lanes, width, q)
+                rows.append((at[memory.CURRENT] + c * width + q, source, lanes, follows))
             for q in channels:
                 slot, quantity = q + memory.VALUE, q // memory.CHANNEL_WIDTH
                 to = at[memory.CHANNEL] + c * columns.CHANNELS_PER_GROUP + slot
-                source = of[memory.CHANNEL] + lanes * columns.CHANNELS_PER_GROUP + slot
+                source = of[memory.CHANNEL] * w + self.group_place(lanes, columns.CHANNELS_PER_GROUP, slot)
                 rows.append((to, source, lanes, (quantity, quantity + 1)))
-        for c, lanes in enumerate(self.rests):
-            ends = self.tables.rest[lanes // memory.REST_WIDTH]
+        for c, lanes in enumerate(self.rests // memory.REST_WIDTH):
+            ends = self.tables.rest[lanes]
             # A row for either group: the length changes with both.
             for q, end in product(range(memory.REST_WIDTH), (columns.REST_MINUS, columns.REST_PLUS)):
                 to = at[memory.REST] + c * memory.REST_WIDTH + q
-                rows.append((to, of[memory.REST] + lanes + q, ends[:, end], SIZING))
+                source = of[memory.REST] * w + self.group_place(lanes, memory.REST_WIDTH, q)
+                rows.append((to, source, ends[:, end], SIZING))
         to, source, group, follows = zip(*rows, strict=True)
-        spread = {"spreads": _ints(np.column_stack([to, follows])), "source": _ints(source), "group": _ints(group)}
-        return {**spread, **self._give_back(dict(zip(to, source, strict=True)))}
+        places = self.group_place(np.array(group), columns.CHANNELS_PER_GROUP)
+        spread = {"spreads": _ints(np.column_stack([to, follows])), "source": _ints(source), "group": _ints(places)}
+        return {**spread, **self._give_back(dict(zip(to, enumerate(source), strict=True))), "rests": self._rests()}
 
-    def _give_back(self, spread: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
-        """Rows by which groups get back cotangents of what was spread, by slots and the sources of their lanes."""
+    def _give_back(self, spread: dict[int, tuple[int, np.ndarray]]) -> dict[str, np.ndarray]:
+        """Rows by which groups get back the cotangents of what was spread to slots, from (row, sources of the lanes).
+
+        Lanes of one group are summed under a mask; where a row has many groups, it is given back lane by lane.
+        """
         masks: dict[tuple[bool, ...], int] = {}
         rows = []
-        for to, lanes in spread.items():
-            for source in np.unique(lanes):
+        for to, (row, lanes) in spread.items():
+            sources = np.unique(lanes)
+            if len(sources) > MOST_MASKS:
+                rows.append((to, row, BY_LANE))
+                continue
+            for source in sources:
                 mask = tuple((lanes == source).tolist())
                 rows.append((to, source, masks.setdefault(mask, len(masks))))
-        return {"gives": _ints(rows), "masks": self._reals(np.array(list(masks)))}
+        return {"gives": _ints(rows), "masks": self._reals(np.array(list(masks)).reshape(-1, self.real.width))}
+
+    def _rests(self) -> np.ndarray:
+        """Places in CURRENT of the sizes of which each rest length is the mean; the last ones fill up a pack."""
+        rest, width = self.tables.rest, self.real.width
+        filled = rest[np.minimum(np.arange(-(-len(rest) // width) * width), len(rest) - 1)].reshape(-1, width, 3)
+        slot = memory.SIZE + filled[..., columns.REST_AXIS]
+        ends = [self.group_place(filled[..., end], memory.CURRENT_WIDTH, slot) for end in (0, 1)]
+        return _ints(np.stack(ends, axis=1))
 
     def _squares(self) -> tuple[np.ndarray, np.ndarray]:
         """Where packs of squares find their corners, and the pressures there."""
@@ -232,8 +265,9 @@ class PackedTables:
         square = tables.square.reshape(-1, columns.SQUARE_COLUMNS)
         padded = np.concatenate([square, np.repeat(square[:1], -len(square) % width, axis=0)])
         corners = np.swapaxes(padded.reshape(-1, width, columns.SQUARE_COLUMNS), 1, 2)
-        slot = columns.PRESSURE + memory.VALUE + self.scalars.starts[memory.CHANNEL]
-        pressures = tables.group[corners] * columns.CHANNELS_PER_GROUP + slot
+        first = self.scalars.starts[memory.CHANNEL] * width
+        slot = columns.PRESSURE + memory.VALUE
+        pressures = first + self.group_place(tables.group[corners], columns.CHANNELS_PER_GROUP, slot)
         return _ints(self.place(self.packs.voxel_place[corners], memory.VOXEL_WIDTH)), _ints(pressures)
 
     def _corners(self, given: np.ndarray) -> np.ndarray:

@@ -84,3 +84,29 @@ def test_a_robot_that_diverges_is_told_and_disturbs_no_other():
         results.append(made.run(builder.build(100)))
     stepped, packed = results
     assert packed.status.tolist() == stepped.status.tolist() and packed.steps.tolist() == stepped.steps.tolist()
+
+
+def test_every_voxel_may_be_a_region_of_its_own():
+    """More groups than lanes, so several packs of them: the same bits, and the same gradients to rounding."""
+    voxels = np.argwhere(np.ones((5, 4, 3)))
+    count = len(voxels)
+    body = LatticeBody(voxels, (Material(1e5, 1e3),), np.zeros(count, int), 0.01, regions=np.arange(count))
+    generator = np.random.default_rng(0)
+    builder = ProgramBuilder(2)
+    for axis in range(3):
+        rates = generator.uniform(-2e-4, 2e-4, (2, count))
+        builder.set(Quantity.SCALE + axis, np.ones((2, count)), regions=np.arange(count), step=10, rate=rates)
+    program = builder.build(120, [[0, 60, 120]] * 2)
+    seeds = generator.normal(size=(2, 3, count, 3))
+    found = []
+    for driver in ("stepped", "packed"):
+        made = LatticeEngine(body, 2, floor=True, gravity=9.81, threads=1, driver=driver)
+        tape = made.record(program)
+        gradient = tape.pull_back(positions=seeds, sizes=seeds)
+        found.append((tape.result, gradient))
+    (stepped, slopes), (packed, packed_slopes) = found
+    for name in ("positions", "orientations", "strains", "sizes"):
+        np.testing.assert_array_equal(getattr(packed, name), getattr(stepped, name))
+    for name in ("values", "rates", "positions"):
+        wanted = getattr(slopes, name)
+        np.testing.assert_allclose(getattr(packed_slopes, name), wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
