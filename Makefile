@@ -2,6 +2,7 @@
 # make test       run the tests        make test-fast  run those that compile no kernel, in under a minute
 # make test-vulkan  run the drivers for GPUs on a Vulkan device (Debian's mesa-vulkan-drivers has one in software)
 # make validate   run the slow validations, of minutes to hours
+# make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
 # make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make wheel      build dist/          make clean     remove what make has made, results excepted
@@ -21,7 +22,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test test-fast test-vulkan coverage validate notebooks same-bits bench-history lint wheel clean
+.PHONY: demo test test-fast test-vulkan coverage validate validate-quadrants notebooks same-bits bench-history lint wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -42,6 +43,11 @@ coverage: $(venv)/dev
 validate: $(venv)/dev
 	$(python) -m pytest -q -m slow
 
+validate-quadrants: $(venv)/dev
+	$(MAKE) .venv-quadrants/quadrants venv=.venv-quadrants
+	MORPHOLAB_COMPILER=quadrants $(MAKE) test venv=.venv-quadrants
+	$(python) benchmarks/compilers.py --rounds 1
+
 notebooks: $(venv)/dev
 	MORPHOLAB_SHORT=1 $(python) -m pytest -q --nbmake notebooks
 
@@ -60,7 +66,7 @@ wheel: $(venv)/dev
 	$(python) -m build --no-isolation
 
 clean:
-	rm -rf $(venv) build dist *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache .same-bits
+	rm -rf $(venv) .venv-quadrants build dist *.egg-info .pytest_cache .hypothesis .mypy_cache .ruff_cache .same-bits
 
 # Stamps: what is installed is up to date with the files on the right.
 $(venv)/runtime: pyproject.toml constraints.txt | $(venv)/bin/pip
@@ -70,6 +76,10 @@ $(venv)/runtime: pyproject.toml constraints.txt | $(venv)/bin/pip
 $(venv)/dev: pyproject.toml constraints.txt | $(venv)/bin/pip
 	$(install) -e ".[dev]"
 	@touch $@ $(venv)/runtime
+
+$(venv)/quadrants: $(venv)/dev
+	$(install) -e ".[quadrants]"
+	@touch $@
 
 $(venv)/bin/pip:
 	@for candidate in $(PYTHON); do \

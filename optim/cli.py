@@ -57,9 +57,13 @@ class _Version(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from optim.runs.environment import versions
+        from taichi_sim.base.compiler import COMPILERS
 
         found = versions()
-        names = ["morpholab", *(name for name in found if name != "morpholab")]
+        names = [
+            "morpholab",
+            *(name for name in found if name != "morpholab" and (found[name] or name not in COMPILERS)),
+        ]
         print(", ".join(f"{name} {found[name] or 'not installed'}" for name in names))
         parser.exit()
 

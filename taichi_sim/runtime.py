@@ -1,8 +1,9 @@
-"""The one place that imports and starts Taichi.
+"""The one place that imports and starts Taichi, or Quadrants, its maintained fork (see ``base.compiler``).
 
-Taichi has one global runtime per process. :func:`start` owns it: asking for what already runs costs nothing, anything
-else restarts the runtime (about 0.2 s; compiled kernels come back from a cache on disk). Engines start it before every
-launch, so engines of different precision can live side by side as long as their memory is NumPy's.
+What is said of Taichi here goes for both; ``ti`` is whichever it is. It has one global runtime per process.
+:func:`start` owns it: asking for what already runs costs nothing, anything else restarts the runtime (about 0.2 s;
+compiled kernels come back from a cache on disk). Engines start it before every launch, so engines of different
+precision can live side by side as long as their memory is NumPy's.
 
 Threads: functions that launch kernels are :func:`exclusive`, so threads of Python may simulate at the same time; they
 wait for each other. Kernels use several CPU threads by themselves.
@@ -18,6 +19,7 @@ same operations as a scalar.
 import contextlib
 import ctypes
 import functools
+import importlib
 import io
 import linecache
 import os
@@ -25,24 +27,43 @@ import sys
 import textwrap
 import threading
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from taichi_sim.base.compiler import compiler
 from taichi_sim.base.compute import Compute
 
-os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")  # keeps stdout free for --json
-os.environ.setdefault("TI_ENABLE_PYBUF", "0")  # nor does it announce notebooks and pytest as "graphical shells"
-os.environ.setdefault("TI_ENABLE_TORCH", "0")  # Taichi would import torch at its start
+COMPILER = compiler()
+for _prefix, _name in (("TI", "TAICHI"), ("QD", "QUADRANTS")):
+    os.environ.setdefault(f"ENABLE_{_name}_HEADER_PRINT", "False")  # keeps stdout free for --json
+    os.environ.setdefault(f"{_prefix}_ENABLE_PYBUF", "0")  # nor are notebooks and pytest told to be "graphical shells"
+    os.environ.setdefault(f"{_prefix}_ENABLE_TORCH", "0")  # it would import torch at its start
 os.environ.setdefault("HOME", os.path.expanduser("~").replace("~", os.sep))  # without it Taichi ends the process
 
-import taichi as ti
-from taichi.lang import kernel_impl
-from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+
+def _imported() -> Any:
+    """The compiler, without torch, which Quadrants would import for seconds, and without warnings of its sources."""
+    hides_torch = sys.modules.setdefault("torch", None) is None  # type: ignore[arg-type]  # it then seems missing
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SyntaxWarning)
+            warnings.simplefilter("ignore", DeprecationWarning)
+            return importlib.import_module(COMPILER)
+    finally:
+        if hides_torch:
+            del sys.modules["torch"]
+
+
+if TYPE_CHECKING:
+    import taichi as ti
+else:
+    ti = _imported()
 
 # Taichi runs an outer loop of at most this many iterations on one CPU thread, so each block of a batch gets as many.
 GRAIN = 512
@@ -70,19 +91,44 @@ def _position(self: Any, node: Any) -> str:
     return f"{place}:\n{self.src[node.lineno - 1]}\n"
 
 
+def _internal(module: str) -> Any:
+    """A module within the compiler."""
+    return importlib.import_module(f"{COMPILER}.{module}")
+
+
+def _adapt_taichi() -> Any:
+    """Change what Taichi does for every node of a kernel's syntax tree; return the module that reads sources."""
+    _internal("lang.ast.ast_transformer_utils").ASTTransformerContext.get_pos_info = _position
+    reader = _internal("lang.kernel_impl")
+    for name in ("getsourcefile", "getsourcelines"):
+        setattr(reader, name, functools.cache(getattr(reader, name)))
+    return reader
+
+
+def _adapt_quadrants() -> Any:
+    """The same for Quadrants, and let calls in kernels have ``*arguments`` before others.
+
+    It refuses those because it looks for parts of dataclasses among the arguments, which no kernel here has.
+    """
+    _internal("lang.ast.ast_transformer_utils").ASTTransformerFuncContext.memoized_get_pos_info = _position
+    _internal("lang._pruning").Pruning.filter_call_args = lambda self, *given: given[-1]
+    reader = _internal("lang._func_base")
+    reader.get_source_info_and_src = functools.cache(reader.get_source_info_and_src)
+    return reader
+
+
 # Building a kernel, also one whose machine code is cached, Taichi wraps source lines to paper width for every node of
 # its syntax tree and reads the source of a function at every call of it: two thirds of the time. These do it once.
-ASTTransformerContext.get_pos_info = _position
-for _name in ("getsourcefile", "getsourcelines"):
-    setattr(kernel_impl, _name, functools.cache(getattr(kernel_impl, _name)))
-kernel_impl.textwrap = SimpleNamespace(fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent))
+_wrapping = {"fill": functools.cache(textwrap.fill), "dedent": functools.cache(textwrap.dedent)}
+(_adapt_taichi if COMPILER == "taichi" else _adapt_quadrants)().textwrap = SimpleNamespace(**_wrapping)
 
 
 def cache_folder() -> Path:
     """Folder of compiled kernels; ``MORPHOLAB_CACHE`` overrides ``~/.cache/morpholab``."""
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     root = Path(os.environ.get("MORPHOLAB_CACHE") or user / "morpholab")
-    return root / f"kernels-{'.'.join(map(str, ti.__version__))}"
+    name = "kernels" if COMPILER == "taichi" else f"{COMPILER}-kernels"
+    return root / f"{name}-{'.'.join(map(str, ti.__version__))}"
 
 
 def exclusive(function: Callable[P, R]) -> Callable[P, R]:
@@ -241,6 +287,20 @@ def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
 def inside_kernel() -> bool:
     """Whether a kernel is being compiled, so that arithmetic writes instructions instead of giving numbers."""
     return bool(ti.lang.impl.inside_kernel())
+
+
+class _Prints:
+    """What a compiler asks of a function that kernels call."""
+
+    has_print = False
+
+
+def callable_in_kernels(function: Callable[..., Any]) -> Any:
+    """Mark a plain Python function that kernels call while they are compiled; else there is a warning of each call."""
+    marks = {f"_is_{COMPILER}_function": True, "func" if COMPILER == "taichi" else "wrapper": _Prints}
+    for name, value in marks.items():
+        setattr(function, name, value)
+    return function
 
 
 def emit(value: Any) -> Any:

@@ -5,11 +5,12 @@ import platform
 import shlex
 import sys
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-JUDGING = ("morpholab", "numpy", "taichi")  # packages that evaluations depend on
+from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
+
+JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 
 
@@ -38,7 +39,7 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def versions() -> dict[str, str | None]:
-    """Versions of Python and of the packages that results depend on; None for a package that is not installed."""
+    """Versions of Python and of the packages that results depend on; None for those that are missing or not used."""
     return {"python": platform.python_version(), **{name: _version(name) for name in (*JUDGING, *SEARCHING)}}
 
 
@@ -50,7 +51,5 @@ def cpu_model() -> str:
 
 
 def _version(package: str) -> str | None:
-    try:
-        return version(package)  # from the package's metadata: importing it would start it
-    except PackageNotFoundError:
-        return None
+    """Version of a package; None for one that is not installed, and for the compiler that is not in use."""
+    return None if package in COMPILERS and package != compiler() else installed_version(package)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from taichi_sim.runtime import emit, inside_kernel, ti
+from taichi_sim.runtime import callable_in_kernels, emit, inside_kernel, ti
 
 Contributions = list[tuple["Traced", Any]]
 
@@ -163,17 +163,9 @@ def _accumulate(real: Any, share: Any) -> None:
         real.cotangent = share if real.cotangent is None else real.cotangent + share
 
 
-class _Prints:
-    """What Taichi asks of a function that it calls."""
-
-    has_print = False
-
-
 def primitive(function: Callable[..., Any]) -> Any:
     """A plain Python function that laws and kernels may call: it handles every kind of real itself."""
-    function._is_taichi_function = True  # type: ignore[attr-defined]  # or Taichi warns of a call that leaves the kernel
-    function.func = _Prints  # type: ignore[attr-defined]
-    return function
+    return callable_in_kernels(function)
 
 
 def law(function: Callable[..., Any]) -> Any:

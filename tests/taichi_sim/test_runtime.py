@@ -5,6 +5,8 @@ import pytest
 from taichi_sim import runtime
 from taichi_sim.runtime import ti
 
+NAME_ERROR = ti.TaichiNameError if runtime.COMPILER == "taichi" else ti.QuadrantsNameError
+
 pytestmark = pytest.mark.kernels
 
 
@@ -15,5 +17,5 @@ def test_an_error_in_a_kernel_names_its_line():
     def wrong() -> ti.i32:
         return absent  # noqa: F821
 
-    with pytest.raises(ti.TaichiNameError, match=r'(?s)test_runtime.py", line \d+, in wrong:.*absent'):
+    with pytest.raises(NAME_ERROR, match=r'(?s)test_runtime.py", line \d+, in wrong:.*absent'):
         wrong()

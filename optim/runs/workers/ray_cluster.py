@@ -18,6 +18,7 @@ from optim.runs.environment import JUDGING, cpu_model, versions
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 from taichi_sim.base.checks import install_extra
+from taichi_sim.base.compiler import VARIABLE, compiler
 
 NOTE_AFTER = 30.0  # seconds in which actors should have found a place
 GIVE_UP_AFTER = 120.0
@@ -196,7 +197,7 @@ def open_cluster(
     quiet = _QUIET if here else _QUIET | _CONNECTING
     with environment_set(quiet):
         ray = _import_ray()
-    variables = thread_environment(threads)
+    variables = {**thread_environment(threads), VARIABLE: compiler()}
     if here:  # what can be imported here can be imported there
         variables["PYTHONPATH"] = os.pathsep.join(path or os.getcwd() for path in sys.path)
     handler = signal.getsignal(signal.SIGTERM)

@@ -14,6 +14,7 @@ from robots.hardware import read_csv
 from robots.inflatable import INCHING, ROLLING, load_design
 from robots.inflatable.schedule import GaitSchedule
 from robots.world import Terrain
+from taichi_sim.base.compiler import compiler
 
 pytestmark = pytest.mark.usefixtures("simulator")
 
@@ -45,7 +46,7 @@ def test_codesign_end_to_end(morpholab, simulator, tmp_path):
         "seed",
         "command",
     } <= environment.keys()
-    assert environment["seed"] == 2 and environment["versions"]["taichi"].startswith("1.")
+    assert environment["seed"] == 2 and environment["versions"][compiler()].startswith("1.")
 
 
 def test_codesign_ends_with_the_speed_on_screen(morpholab):

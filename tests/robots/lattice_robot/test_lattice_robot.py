@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from compiled import noting_compilations
 from voxel_files import material, numbers, vxa
 
 from robots.lattice_robot import (
@@ -278,22 +279,13 @@ def test_a_robot_of_a_vxa_file_walks(tmp_path):
 
 @pytest.mark.kernels
 def test_a_phase_for_every_voxel_compiles_nothing_new(tmp_path, monkeypatch):
-    from taichi.lang.kernel_impl import Kernel
-
     phases = np.random.default_rng(0).uniform(0, 1, (4, 2, 2))
     plain, waving = load_robot(heated(tmp_path)), load_robot(heated(tmp_path, phases, "waving.vxa"))
     quick = {"cycles": 1, "settling": 0.05}
     plain, waving = dataclasses.replace(plain, **quick), dataclasses.replace(waving, **quick)
     assert (plain.body.region_count, waving.body.region_count) == (2, 12)
     still = simulate(plain, threads=1)
-    built = []
-    original = Kernel.materialize
-
-    def counted(self, key=None, args=None, arg_features=None):
-        built.append((self.func.__name__, key in self.compiled_kernels))
-        return original(self, key, args, arg_features)
-
-    monkeypatch.setattr(Kernel, "materialize", counted)
+    built = noting_compilations(monkeypatch)
     moved = simulate(waving, threads=1)
     assert built and all(known for _, known in built)
     assert moved.status[0] == "ok" and moved.distance[0] != still.distance[0]
