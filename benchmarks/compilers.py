@@ -23,17 +23,11 @@ ROOT = Path(__file__).resolve().parents[1]
 CONTROLLERS = np.random.default_rng(1).uniform(-1, 1, (64, 5, 8))
 
 
-def lattice(batch: int, precision: str, driver: str, steps: int) -> Callable[[], Any]:
-    """Published robots at the inching gait, from its 3000th step on: how a piece of it is run."""
+def lattice(precision: str, steps: int) -> Callable[[], Any]:
+    """The published robot at the inching gait, from its 3000th step on: how a piece of it is run."""
     from robots.bench.lattice import WARM_UP, Batch
 
-    robots = Batch(batch, precision, threads=1, width=None if driver == "fused" else 1)
-    if driver == "packed":
-        from robots.inflatable.body import PUBLISHED
-        from taichi_sim.lattice import LatticeEngine
-
-        where = {"precision": precision, "threads": 1, "driver": driver}
-        robots.engine = LatticeEngine(PUBLISHED.body, batch, time_step=PUBLISHED.time_step, floor=True, **where)
+    robots = Batch(1, precision, threads=1)
     robots.advance(WARM_UP)
 
     def advance() -> Any:
@@ -79,11 +73,8 @@ def vehicles(precision: str, gradient: bool) -> Callable[[], Any]:
 
 
 CASES: dict[str, Callable[[], Callable[[], Any]]] = {
-    "lattice, 16 robots in lanes, f32": lambda: lattice(16, "f32", "fused", 1500),
-    "lattice, 8 robots in lanes, f64": lambda: lattice(8, "f64", "fused", 1500),
-    "lattice, one robot packed, f32": lambda: lattice(1, "f32", "packed", 6000),
-    "lattice, one robot packed, f64": lambda: lattice(1, "f64", "packed", 6000),
-    "lattice, one robot in scalars, f64": lambda: lattice(1, "f64", "scalar", 2000),
+    "lattice, one robot, f32": lambda: lattice("f32", 6000),
+    "lattice, one robot, f64": lambda: lattice("f64", 6000),
     "lattice, gradient, f64": lambda: lattice_gradient("f64"),
     "rigid, 64 robots, f64": lambda: rigid("f64", False),
     "rigid, 64 robots, f32": lambda: rigid("f32", False),
