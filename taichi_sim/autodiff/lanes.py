@@ -1,7 +1,7 @@
-"""What a "real" is: a scalar, or a native vector that holds the same quantity of many robots.
+"""What a "real" is: a scalar, or a native vector that holds one quantity of many voxels or robots.
 
 The laws of the package are written once, over reals (see ``tracing``). With ``width == 1`` a real is a scalar (one
-robot per thread: GPU, a single robot); else it is a vector of ``width`` robots, which LLVM keeps as one machine
+robot per thread: GPU, a single robot); else it is a vector of ``width`` lanes, which LLVM keeps as one machine
 vector. Only these may touch a real: arithmetic, comparisons, ``&`` and ``|``, ``sqrt``, ``select`` and the functions
 of this file. Unary minus, ``abs``, ``-=``, trigonometry and casts do not compile on native vectors.
 """
@@ -21,11 +21,11 @@ WIDTHS = (1, 2, 4, 8, 16, 32)  # LLVM lays out no others without gaps
 
 @dataclass(frozen=True)
 class Real:
-    """A kind of real: precision and number of robots side by side.
+    """A kind of real: precision and number of lanes.
 
     Attributes:
         precision: ``"f32"`` or ``"f64"``.
-        width: robots per real.
+        width: lanes: voxels of one lattice robot, or several vehicles or rigid robots.
 
     Raises:
         ValueError: for a width that is none of ``WIDTHS``.

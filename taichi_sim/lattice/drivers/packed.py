@@ -171,7 +171,7 @@ class PackedRun(Run):
 
 
 class PackedDriver(Driver):
-    """A batch of robots whose voxels and links lie in native vectors, and whose groups are scalars."""
+    """A batch of robots whose voxels, links and groups lie in native vectors."""
 
     run_type = PackedRun
 

@@ -1,6 +1,6 @@
 """The packed driver: one robot at a time, its voxels in native vector lanes, the time loop inside one kernel (CPU).
 
-A step has five parts: what the program does to groups, in scalars, which is then *spread* to the classes of packs
+A step has five parts: what the program does to groups, which is then *spread* to the classes of packs
 (lanes of equal groups); contact; pressure on squares; links, which leave their forces in memory; and voxels, which
 fetch them from there in the order of their sides, so that sums have the bits of a robot in scalars. Robots are
 independent of each other; threads take them one by one. See ``packs`` for how voxels lie.

@@ -23,8 +23,8 @@ READY, READY_END, PACK_ROW = 6, 7, 8
 # Columns of the rows of what is spread: slot in the vector memory; the quantities that it follows from, the first and
 # the one after the last.
 TO, FIRST_QUANTITY, END_QUANTITY, SPREAD_ROW = range(4)
-# Columns of the rows of what is given back: slot in the vector memory; slot in the scalars of one of the groups that
-# were spread there; and the number of the mask that has 1 in the lanes of that group.
+# Columns of the rows of what is given back: slot in the vector memory; place in the memory of groups of a group that
+# was spread there; and the number of the mask that has 1 in the lanes of that group.
 SOURCE, MASK, GIVE_ROW = 1, 2, 3
 BY_LANE = -1  # instead of a mask: every lane has a group of its own, and the source is the number of the row
 
@@ -84,7 +84,7 @@ class Robot(NamedTuple):
     """One robot in a kernel: its number, first slots in both memories, these, what stages get, and who may touch whom.
 
     Attributes:
-        i, k, h: number; first slot in the vector memory, and among the scalars.
+        i, k, h: number; first slot in the vector memory, and in that of groups.
         m, ms, g, gs, g2: see ``Memories``.
         t, tg: what stages of voxels and links are given, and stages of groups.
         p, pairs: see ``Lanes`` and ``Pairs``.

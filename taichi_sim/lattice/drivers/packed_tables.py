@@ -92,7 +92,7 @@ class PackedTables:
 
     @property
     def state_slots(self) -> int:
-        """Slots of the state in the vector memory; that of the channels is among the scalars."""
+        """Slots of the state in the vector memory; channels are in that of groups."""
         return self.layout.starts[memory.CHANNEL]
 
     def group_plan(self, switches: tuple[bool, bool]) -> np.ndarray:
