@@ -6,6 +6,7 @@ worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by whi
 
 import dataclasses
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,14 +64,16 @@ class Trial:
         compute: device, precision and threads.
         record_every: time steps between recorded poses; None for none.
         progress: called now and then with the fraction done.
-        gradients: whether gradients are asked for.
+        gradients: names of the measures whose gradients are asked for.
+        sharpness: how strongly designs between true ones are pushed towards these; infinite: only true ones count.
     """
 
     world: World
     compute: Compute = HERE
     record_every: int | None = None
     progress: Progress | None = None
-    gradients: bool = False
+    gradients: tuple[str, ...] = ()
+    sharpness: float = math.inf
 
 
 class Robot:
@@ -85,6 +88,7 @@ class Robot:
     parameters: tuple[Parameter, ...] = ()
     measures: tuple[Measure, ...]
     worlds: tuple[World, ...] = (Place(),)
+    relaxable = False  # whether :meth:`run` judges what lies between true designs, if a trial's sharpness is finite
     differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
     exportable = False  # whether :meth:`table` makes a table for hardware
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
@@ -113,6 +117,7 @@ class Robot:
         compute: Compute = HERE,
         record_every: int | None = None,
         progress: Progress | None = None,
+        sharpness: float = math.inf,
     ) -> Outcome:
         """Try N designs in a world, as one batch.
 
@@ -122,23 +127,32 @@ class Robot:
             compute: device, precision and threads.
             record_every: time steps between recorded poses, for ``Outcome.frames`` and motions; None for none.
             progress: called now and then with the fraction done.
+            sharpness: as of a ``Trial``.
 
         Raises:
             ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
         """
-        return self.run(self.points(points), Trial(world, compute, record_every, progress))
+        return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
 
     def differentiate(
-        self, points: ArrayLike, world: World, *, compute: Compute = HERE, progress: Progress | None = None
+        self,
+        points: ArrayLike,
+        world: World,
+        *,
+        measures: Sequence[str] | None = None,
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+        sharpness: float = math.inf,
     ) -> Outcome:
-        """Try N designs in a world, with the derivatives of at least the first measure by the parameters.
+        """Try N designs in a world, with the derivatives of some measures, the first by default, by the parameters.
 
         Raises:
             ValueError: if the robot has no gradients.
         """
         if not self.differentiable:
             raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
-        return self.run(self.points(points), Trial(world, compute, None, progress, gradients=True))
+        names = tuple(measures) if measures is not None else (self.measures[0].name,)
+        return self.run(self.points(points), Trial(world, compute, None, progress, names, sharpness))
 
     @property
     def steps(self) -> int:

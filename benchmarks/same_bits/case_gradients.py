@@ -104,13 +104,17 @@ def of_levels() -> Arrays:
     return of_gait_problem("graded", columns=2, steps=3000, ramp_steps=500)
 
 
+LATER_MEASURES = ("jump", "turning", "energy", "mass", "payload")  # of lattice robots, which version 1.0 has not
+
+
 @case("gradients/lattice-robot", quick=True)
 def of_lattice_robot() -> Arrays:
     """An inchworm of an array, at three points."""
     problem = places.LatticeRobotProblem(inchworm(), precision="f64", threads=1)
     points = problem.space.sample(np.random.default_rng(9), 3)
     found = evaluation(problem.evaluate_relaxed(points, 1.0, gradients=True), "relaxed.")
-    return found | evaluation(problem.evaluate(points), "true.")
+    found |= evaluation(problem.evaluate(points), "true.")
+    return {name: array for name, array in found.items() if name.rpartition(".")[2] not in LATER_MEASURES}
 
 
 def inchworm():
@@ -167,4 +171,5 @@ def of_vehicle_problem() -> Arrays:
     problem = places.VehicleProblem(controller="full", task=task, threads=1)
     points = problem.space.sample(np.random.default_rng(10), 12)
     found = evaluation(problem.evaluate_relaxed(points, 1.0, gradients=True), "relaxed.")
-    return found | evaluation(problem.evaluate(points), "true.")
+    found |= evaluation(problem.evaluate(points), "true.")
+    return {name: array for name, array in found.items() if name.rpartition(".")[2] not in LATER_MEASURES}

@@ -79,7 +79,7 @@ def differentiate(
     Raises:
         ValueError: for what is not allowed, Coulomb friction included: it has no derivatives here.
     """
-    return try_points(robot, points, Trial(GROUND, Compute.given(compute), None, progress, gradients=True))
+    return try_points(robot, points, Trial(GROUND, Compute.given(compute), None, progress, gradients=("distance",)))
 
 
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:

@@ -7,7 +7,6 @@ from functools import cached_property
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.simulation import scattered
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, LatticeEngine
 
@@ -68,5 +67,5 @@ class Laboratory:
             threads=self.threads,
         )
         replicas = [trial.replica for trial in trials]
-        engine.set_positions(scattered(bodies[0], self.perturbation, self.seed, replicas))
+        engine.set_positions(bodies[0].scattered(self.perturbation, self.seed, replicas))
         return bodies[0], engine

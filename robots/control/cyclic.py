@@ -17,7 +17,9 @@ from taichi_sim.lattice import LatticeProgram, Quantity
 from taichi_sim.lattice.program import EVENT
 
 SEGMENTS = 16  # straight pieces of a cycle
-STARTS = 2  # snapshots before those for frames: the ends of the first and of the last cycle
+# Snapshots: the ends of the first and of the last cycle, the nodes of the last cycle with both its ends, then frames.
+LAST_CYCLE = slice(2, 2 + SEGMENTS + 1)
+FRAMES_FROM = LAST_CYCLE.stop
 
 
 @dataclass(frozen=True)
@@ -84,8 +86,8 @@ def build_cyclic_program(
 ) -> LatticeProgram:
     """The program of B robots. While they settle, channels go straight from rest to where the cycle begins.
 
-    Snapshot 0 is the end of the first cycle, snapshot 1 the end of the last; frames follow. The events of the cycle are
-    the last of all, in the order of :func:`cycle_events`.
+    Snapshot 0 is the end of the first cycle, snapshot 1 the end of the last; then come those of the last cycle, see
+    ``LAST_CYCLE``, and frames. The events of the cycle are the last of all, in the order of :func:`cycle_events`.
 
     Args:
         regions: of the C channels, shape (C,).
@@ -109,7 +111,8 @@ def build_cyclic_program(
     steps = begin + np.arange((cycle.cycles + 1) * SEGMENTS) * segment
     driven["step"] = np.concatenate([[0], steps] if begin else [steps])[:, None, None]
     driven["value"], driven["rate"] = values, rates
-    marks = [begin + SEGMENTS * segment, end, *(range(begin, end + 1, record_every) if record_every else ())]
+    last = (end - node * segment for node in range(SEGMENTS, -1, -1))
+    marks = [begin + SEGMENTS * segment, end, *last, *(range(begin, end + 1, record_every) if record_every else ())]
     events = np.concatenate([pull.ravel(), driven.ravel()])
     return LatticeProgram(np.full(robots, end), events, np.tile(marks, (robots, 1)))
 

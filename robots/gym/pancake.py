@@ -22,7 +22,7 @@ from robots.inflatable.body import (
 from robots.inflatable.design import Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import ROWS, GaitSchedule
-from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions
+from robots.inflatable.simulation import engine_of, read_poses, travel_directions
 from robots.inflatable.timing import nominal_steps, play
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import value_of
@@ -112,7 +112,7 @@ class PancakeEnvironment(RobotEnvironment):
             self._engine.reset()
             if self._perturbation:
                 drawn = int(self.np_random.integers(2**31))
-                self._engine.set_positions(scattered(self.geometry.body, self._perturbation, drawn, [0]))
+                self._engine.set_positions(self.geometry.body.scattered(self._perturbation, drawn, [0]))
             builder, events = self._events()
             steps = self.actuation.initial_steps(highest_pressure(self.pressure))
             events.initialise(steps)

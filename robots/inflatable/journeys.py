@@ -18,7 +18,7 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import BLADDER_COUNT, PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign, Pressure, highest_pressure, kilopascals
 from robots.inflatable.program import RobotEvents
-from robots.inflatable.simulation import engine_of, read_poses, scattered, travel_directions
+from robots.inflatable.simulation import engine_of, read_poses, travel_directions
 from robots.inflatable.timing import play
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import value_of
@@ -118,7 +118,7 @@ def simulate_journey(
     body = geometry.body
     engine = engine_of(runs, geometry, legs[0].terrain, Compute.given(compute))
     if perturbation > 0:
-        engine.set_positions(scattered(body, perturbation, whole_number("seed", seed, 0), range(runs)))
+        engine.set_positions(body.scattered(perturbation, whole_number("seed", seed, 0), range(runs)))
     run = engine.run(program, progress)
     first = len(legs) + 1
     middle, frames = read_poses(run, geometry, first, record_every)

@@ -100,7 +100,7 @@ def simulate(
     program = build_program(sorted_designs, grounds, actuation, record_every, geometry, counting)
     engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute))
     if perturbation > 0:
-        engine.set_positions(scattered(geometry.body, perturbation, seed, order))
+        engine.set_positions(geometry.body.scattered(perturbation, seed, order))
     run = engine.run(program, progress)
     found = summarise(run, program, sorted_designs, geometry, actuation, counting, record_every)
     return reordered(found, np.argsort(order))
@@ -146,12 +146,6 @@ def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
         per_frame = ("positions", "orientations", "extents", "sizes")
         frames = replace(frames, **{name: getattr(frames, name)[:, order] for name in per_frame})
     return replace(result, **{name: getattr(result, name)[order] for name in PER_ROBOT}, frames=frames)
-
-
-def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
-    """Start positions [m] with Gaussian noise of a standard deviation [m], shape (B, V, 3); a robot has its own."""
-    noise = [np.random.default_rng([seed, r]).normal(0.0, deviation, body.voxels.shape) for r in np.asarray(robots)]
-    return body.start_positions + np.array(noise)
 
 
 def travel_directions(headings: np.ndarray) -> np.ndarray:

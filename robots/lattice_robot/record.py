@@ -7,7 +7,7 @@ from typing import Any
 
 from robots.lattice_robot.drive import FIELDS, Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
-from robots.lattice_robot.robot import SETTINGS, LatticeRobot
+from robots.lattice_robot.robot import LATER, SETTINGS, LatticeRobot
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import read_vxl_json
 
@@ -37,6 +37,7 @@ def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
         tuple(_drive(drive) for drive in record["drives"]),
         {int(number): Free(**free) for number, free in record["moduli"]},
         **{name: record[name] for name in SETTINGS},
+        **{name: record[name] for name in LATER if name in record},
     )
 
 

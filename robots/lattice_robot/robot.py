@@ -2,8 +2,9 @@
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -15,12 +16,14 @@ from numpy.typing import ArrayLike
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
+from robots.lattice_robot.measures import measures_of
+from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
-from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.checks import number, positive, whole_number
 from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
@@ -31,7 +34,23 @@ if TYPE_CHECKING:
 MOST_CYCLES = 10_000
 STEP = 0.1  # of a mutation, part of a parameter's range
 SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
+LATER = ("target", "reference_length", "perturbation", "seed")  # settings that files have where they are not as usual
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
+
+
+def checked_target(given: Any) -> tuple[float, float]:
+    """A point (x, y) [m].
+
+    Raises:
+        ValueError: for anything else.
+    """
+    try:
+        x, y = (float(each) for each in given)
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"target: {given!r} is not allowed; give (x, y) in metres")
+    return x, y
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +68,10 @@ class LatticeRobot(Robot):
         heading: direction of travel [degrees] from x towards y; on a slope it is uphill.
         time_step_safety: the largest stable time step is divided by this.
         name: for people.
+        target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
+        reference_length: length in which speeds are told [m]; None is that of the body along its heading.
+        perturbation: standard deviation of noise on the start positions [m], below a voxel's edge.
+        seed: of the noise.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -63,12 +86,12 @@ class LatticeRobot(Robot):
     heading: float = 0.0
     time_step_safety: float = 1.3
     name: str = "robot"
+    target: tuple[float, float] | None = None
+    reference_length: float | None = None
+    perturbation: float = 0.0
+    seed: int = 0
 
     kind = "lattice"
-    measures = (
-        Measure("speed", "BL/s", "speed along its heading"),
-        Measure("distance", "m", "distance along its heading"),
-    )
     worlds = (Terrain(),)
     differentiable = True
     horizons = (1, 2, 4)
@@ -79,6 +102,12 @@ class LatticeRobot(Robot):
         number("settling", self.settling, 0.0, 1000.0, "s")
         number("heading", self.heading, unit="degrees")
         number("time_step_safety", self.time_step_safety, 1e-3)
+        number("perturbation", self.perturbation, 0.0, self.body.voxel_size, "m")
+        whole_number("seed", self.seed, 0)
+        if self.reference_length is not None:
+            positive("reference_length", self.reference_length, 1e6)
+        if self.target is not None:
+            object.__setattr__(self, "target", checked_target(self.target))
         object.__setattr__(self, "drives", tuple(self.drives))
         if not self.drives:
             raise ValueError("drives: there are none; give at least one Drive")
@@ -191,6 +220,11 @@ class LatticeRobot(Robot):
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
 
     @property
+    def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
+        """What it is judged by; a target adds the distance that remains."""
+        return measures_of(self.target)
+
+    @property
     def direction(self) -> Floats:
         """Direction of travel, shape (3,)."""
         heading = np.deg2rad(self.heading)
@@ -198,8 +232,15 @@ class LatticeRobot(Robot):
 
     @property
     def length(self) -> float:
-        """Length of the body along its heading [m]."""
+        """Length in which speeds are told [m]: that of the body along its heading, unless another one is given."""
+        if self.reference_length is not None:
+            return self.reference_length
         return float(np.ptp(self.body.start_positions @ self.direction)) + self.body.voxel_size
+
+    @property
+    def aim(self) -> Aim:
+        """What its motion is measured by."""
+        return Aim(self.direction, self.length, self.heading, self.target)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
         """With the friction of a terrain, where it has one.
@@ -266,12 +307,9 @@ class LatticeRobot(Robot):
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
         found = try_points(self, points, trial)
-        gradients = {}
-        if found.gradient is not None:
-            seconds = self.cycle.duration
-            gradients = {"speed": found.gradient / (self.length * seconds), "distance": found.gradient}
-        measures, frames = {"speed": found.speed, "distance": found.distance}, recorded(found.frames[0])
-        return Outcome(measures, found.status, found.reason, found.steps, gradients, frames, found)
+        return Outcome(
+            found.measures, found.status, found.reason, found.steps, found.gradients, recorded(found.frames[0]), found
+        )
 
     @property
     def steps(self) -> int:
@@ -292,10 +330,20 @@ class LatticeRobot(Robot):
         """All of the robot, with what is free of it, fit for JSON; ``robot_of_record`` gives it back to the bit."""
         return {
             **{name: getattr(self, name) for name in SETTINGS},
+            **{
+                f.name: getattr(self, f.name)
+                for f in fields(self)
+                if f.name in LATER and getattr(self, f.name) != f.default
+            },
             "drives": [drive.describe() for drive in self.drives],
             "moduli": [[number, dataclasses.asdict(free)] for number, free in self.free_moduli.items()],
             "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
         }
+
+    def _later(self) -> dict[str, Any]:
+        """Settings that are not as usual."""
+        later = {each.name: each.default for each in fields(self) if each.name in LATER}
+        return {name: getattr(self, name) for name, usual in later.items() if getattr(self, name) != usual}
 
     def facts(self) -> Facts:
         """Body, drives and cycle."""

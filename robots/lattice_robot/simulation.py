@@ -1,28 +1,26 @@
 """What lattice robots do on a terrain, and how far that depends on what is free of them."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.control.cyclic import SEGMENTS, STARTS, build_cyclic_program, cycle_events, surroundings
+from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
+from robots.lattice_robot.rollout import Channels, Moved, Rollout
 from robots.robot import Progress, Trial, part_of
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
-from taichi_sim.lattice.faces import half_extents
+from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
-
-RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,28 +28,40 @@ class LatticeRobotResult:
     """What a robot did at N points.
 
     Attributes:
-        distance: of the centre of mass along the heading in the cycles that count [m], shape (N,); NaN unless the
-            status is "ok".
-        speed: body lengths along the heading per second, shape (N,).
+        measures: by the names in ``robots.lattice_robot.measures``, shape (N,) each; NaN unless the status is "ok".
         status: "ok", "diverged" or "invalid", shape (N,).
         reason: why a point is no robot, shape (N,); empty if it is one.
         steps: time steps simulated, shape (N,).
         time_step: dt [s].
         bodies: the lattice of each; None of a point that is no robot.
         frames: recorded poses of each, times from the start of the cycles; None where not asked for, or no robot.
-        gradient: derivatives of the distance by what is free, in the order of ``LatticeRobot.free`` [m per unit],
-            shape (N, P); NaN unless the status is "ok"; None where not asked for.
+        gradients: derivatives of measures by what is free, in the order of ``LatticeRobot.free``, by name, shape
+            (N, P) each; NaN unless the status is "ok". Those that were not asked for are left out.
     """
 
-    distance: Floats
-    speed: Floats
+    measures: Mapping[str, Floats]
     status: NDArray[np.str_]
     reason: NDArray[np.str_]
     steps: Ints
     time_step: float
     bodies: tuple[LatticeBody, ...]
     frames: tuple[Frames | None, ...]
-    gradient: Floats | None = None
+    gradients: Mapping[str, Floats] = field(default_factory=dict)
+
+    @property
+    def distance(self) -> Floats:
+        """Distance of the centre of mass along the heading in the cycles that count [m], shape (N,)."""
+        return self.measures["distance"]
+
+    @property
+    def speed(self) -> Floats:
+        """Body lengths along the heading per second, shape (N,)."""
+        return self.measures["speed"]
+
+    @property
+    def gradient(self) -> Floats | None:
+        """Derivatives of the distance [m per unit], shape (N, P); None where not asked for."""
+        return self.gradients.get("distance")
 
 
 def simulate(
@@ -100,7 +110,7 @@ def differentiate(
     Raises:
         ValueError: one line that names the argument, the value and what is allowed.
     """
-    trial = Trial(terrain or Terrain(), Compute.given(compute), None, progress, gradients=True)
+    trial = Trial(terrain or Terrain(), Compute.given(compute), None, progress, gradients=("distance",))
     return try_points(robot, robot.start if points is None else points, trial, memory)
 
 
@@ -117,22 +127,75 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
     parts = []
     for done, group in enumerate(groups):
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
-        if not len(rows):
-            continue
-        batch = _Batch(robot, points[rows], terrain, compute, every)
-        if trial.gradients:
-            found = _differentiate(batch, memory, tick or (lambda _: None))
-        else:
-            found = batch.result(batch.engine.run(batch.program, tick))
-        parts.append((rows, found))
-    return assembled(parts, reason, robot.cycle.time_step, points.shape[1] if trial.gradients else None)
+        if len(rows):
+            parts.append((rows, _try_group(robot, points[rows], trial, every, memory, tick)))
+    names, slopes = [m.name for m in robot.measures], {name: points.shape[1] for name in trial.gradients}
+    return assembled(parts, reason, robot.cycle.time_step, names, slopes)
+
+
+def _try_group(
+    robot: "LatticeRobot",
+    points: Floats,
+    trial: Trial,
+    record_every: int | None,
+    memory: float,
+    progress: Progress | None,
+) -> LatticeRobotResult:
+    """What a robot does at points that all are robots."""
+    bodies = robot.bodies(points)
+    drives = robot.drives
+    channels = Channels(
+        np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),
+        np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
+        np.concatenate([robot.rest_of(drive).ravel() for drive in drives]),
+    )
+
+    def swing(points: Any) -> Any:
+        """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
+        pairs = zip(drives, robot.nodes(points), strict=True)
+        moved = [nodes - robot.rest_of(drive)[..., None] for drive, nodes in pairs]
+        return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
+
+    swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
+    starts = None
+    if robot.perturbation:  # one noise for all points, so that none depends on the others
+        starts = robot.body.scattered(robot.perturbation, robot.seed, np.zeros(len(points), int))
+    rollout = Rollout(
+        bodies,
+        channels,
+        swung,
+        robot.cycle,
+        terrain_of(trial.world),
+        robot.aim,
+        trial.compute,
+        record_every,
+        starts,
+    )
+    if pull_back is None:
+        return _result(robot, bodies, rollout.run(progress), {})
+    moved = rollout.differentiate(trial.gradients, memory, progress)
+    gradients = {}
+    for name, slopes in moved.slopes.items():
+        gradients[name] = np.array(pull_back(slopes.swing)[0])
+        if numbers := list(robot.free_moduli):
+            gradients[name][:, -len(numbers) :] = slopes.materials["youngs_modulus"][:, numbers]
+    return _result(robot, bodies, moved, gradients)
+
+
+def _result(
+    robot: "LatticeRobot", bodies: list[LatticeBody], moved: Moved, gradients: Mapping[str, Floats]
+) -> LatticeRobotResult:
+    reason = np.full(len(bodies), "")
+    found = moved.measures, moved.status, reason, moved.steps, robot.cycle.time_step, tuple(bodies), moved.frames
+    return LatticeRobotResult(*found, gradients)
 
 
 def assembled(
     parts: Iterable[tuple[NDArray[Any], LatticeRobotResult]],
     reason: NDArray[np.str_],
     time_step: float,
-    free_count: int | None = None,
+    names: Sequence[str],
+    slopes: Mapping[str, int],
 ) -> LatticeRobotResult:
     """The result of N points from the results of some of them each.
 
@@ -140,101 +203,20 @@ def assembled(
         parts: which points they are, and their result.
         reason: why a point is no robot and in no part, shape (N,).
         time_step: dt [s].
-        free_count: P, if there are gradients.
+        names: of the measures.
+        slopes: names of the measures with gradients, with the number of free values P.
     """
     count = len(reason)
-    distance, speed = np.full((2, count), np.nan)
+    measures = {name: np.full(count, np.nan) for name in names}
+    gradients = {name: np.full((count, size), np.nan) for name, size in slopes.items()}
     status, steps = np.full(count, "invalid", object), np.zeros(count, np.int64)
     bodies, frames = np.full((2, count), None)
-    gradient = None if free_count is None else np.full((count, free_count), np.nan)
     for rows, part in parts:
-        distance[rows], speed[rows], status[rows], steps[rows] = part.distance, part.speed, part.status, part.steps
+        for whole, pieces in ((measures, part.measures), (gradients, part.gradients)):
+            for name, values in whole.items():
+                values[rows] = pieces[name]
+        status[rows], steps[rows] = part.status, part.steps
         bodies[rows], frames[rows] = part.bodies, part.frames
-        if gradient is not None:
-            gradient[rows] = part.gradient
     return LatticeRobotResult(
-        distance, speed, status.astype(str), reason, steps, time_step, tuple(bodies), tuple(frames), gradient
+        measures, status.astype(str), reason, steps, time_step, tuple(bodies), tuple(frames), gradients
     )
-
-
-def _differentiate(batch: "_Batch", memory: float, progress: Progress) -> LatticeRobotResult:
-    tape = batch.engine.record(batch.program, memory, lambda f: progress(RECORDING * f))
-    ok = tape.result.status == "ok"
-    seeds = np.zeros(tape.result.positions.shape)
-    push = batch.shares[:, None] * batch.robot.direction
-    seeds[ok, 0], seeds[ok, 1] = -push, push
-    back = tape.pull_back(positions=seeds, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
-    (values, _), pull_back = trace(batch.events, batch.points)
-    gradient: Floats = pull_back(*(each[-values.size :].reshape(values.shape) for each in (back.values, back.rates)))[0]
-    if numbers := list(batch.robot.free_moduli):
-        gradient[:, -len(numbers) :] = back.materials["youngs_modulus"][:, numbers]
-    gradient[~ok] = np.nan
-    return batch.result(tape.result, gradient)
-
-
-class _Batch:
-    """A robot at points, all of which are robots, on a terrain: its program and its engine."""
-
-    def __init__(
-        self,
-        robot: "LatticeRobot",
-        points: Floats,
-        terrain: Terrain,
-        compute: Compute,
-        record_every: int | None,
-    ) -> None:
-        self.robot, self.points, self.record_every = robot, points, record_every
-        self.bodies = robot.bodies(points)
-        density = np.array([m.density for m in robot.body.materials])[robot.body.material_index]
-        self.shares = density / density.sum()  # of the mass
-        drives = robot.drives
-        self.program = build_cyclic_program(
-            np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),
-            np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
-            np.concatenate([robot.rest_of(drive).ravel() for drive in drives]),
-            self.swing(points),
-            robot.cycle,
-            surroundings(terrain, robot.heading),
-            robot.body.region_count,
-            record_every,
-        )
-        self.engine = LatticeEngine(
-            self.bodies if robot.free_moduli else robot.body,
-            len(points),
-            time_step=robot.cycle.time_step,
-            **terrain.medium,
-            compute=compute,
-        )
-
-    def swing(self, points: Any) -> Any:
-        """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
-        pairs = zip(self.robot.drives, self.robot.nodes(points), strict=True)
-        moved = [nodes - self.robot.rest_of(drive)[..., None] for drive, nodes in pairs]
-        return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
-
-    def events(self, points: Any) -> tuple[Any, Any]:
-        """Values and rates of the events of the cycle, shape (events, N, C), at points that may be traced."""
-        return cycle_events(self.robot.cycle, 0.0, self.swing(points))
-
-    def result(self, run: LatticeResult, gradient: Floats | None = None) -> LatticeRobotResult:
-        """What all points came to."""
-        robot, dt = self.robot, self.robot.cycle.time_step
-        way = (run.positions[:, :2] @ robot.direction) @ self.shares
-        distance = np.where(run.status == "ok", way[:, 1] - way[:, 0], np.nan)
-        speed = distance / robot.length / robot.cycle.duration
-        frames: tuple[Frames | None, ...] = (None,) * len(self.points)
-        if self.record_every:
-            interval = self.record_every * dt
-            frames = tuple(_frames(body, run, row, interval) for row, body in enumerate(self.bodies))
-        reason = np.full(len(self.points), "")
-        bodies = tuple(self.bodies)
-        return LatticeRobotResult(distance, speed, run.status, reason, run.steps, dt, bodies, frames, gradient)
-
-
-def _frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:
-    """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
-    positions, orientations, strains, sizes = (
-        each[robot, STARTS:, None] for each in (run.positions, run.orientations, run.strains, run.sizes)
-    )
-    times = np.arange(len(positions)) * interval
-    return Frames(positions, orientations, times, half_extents(body, strains, sizes), sizes)

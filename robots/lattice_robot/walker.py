@@ -18,6 +18,7 @@ from scipy import ndimage
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import WALKER_FORMAT
+from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled
 from robots.lattice_robot.simulation import simulate as simulate_lattice_robot
@@ -216,9 +217,11 @@ def simulate(
         tick = part_of(progress, done, len(groups))
         found = simulate_lattice_robot(robot, points, terrain, record_every=record_every, progress=tick, **compute)
         parts.append((np.array(members), found))
-    result = assembled(parts, reason, walker_cycle(drive, tissue).time_step)
+    names = [m.name for m in measures_of(None)]
+    result = assembled(parts, reason, walker_cycle(drive, tissue).time_step, names, {})
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
-    return replace(result, speed=result.distance / lengths * drive.frequency / drive.cycles)
+    speed = result.distance / lengths * drive.frequency / drive.cycles
+    return replace(result, measures={**result.measures, "speed": speed})
 
 
 def _batch(

@@ -13,7 +13,8 @@ from taichi_sim.base.options import checked, number, whole
 ENCODINGS = ("direct", "pattern")
 
 
-def _shape(text: str) -> tuple[int, ...]:
+def shape_of(text: str) -> tuple[int, ...]:
+    """Cells along x, y and z, of a text such as ``4,4,3``."""
     parts = text.split(",")
     if len(parts) != 3 or not all(part.strip().isdecimal() and int(part) for part in parts):
         raise ValueError(f"shape: {text!r} is not allowed; give three whole numbers such as 4,4,3")
@@ -26,7 +27,7 @@ class WalkerKind(TerrainKind):
     name = "walker"
     title = "soft walker"
     options = (
-        Option("shape", "places of the lattice along each axis (default: 4,4,3)", checked(_shape), "X,Y,Z"),
+        Option("shape", "places of the lattice along each axis (default: 4,4,3)", checked(shape_of), "X,Y,Z"),
         Option("encoding", "of the body: each voxel, or a pattern in space (default: direct)", choices=ENCODINGS),
         Option("amplitude", "of the edges of active voxels, part of their length (default: 0.14)", number(0, 0.5), "A"),
         Option("frequency", "of the actuation (default: 4)", number(0.1, 100, "Hz"), "HZ"),

@@ -67,7 +67,7 @@ class OfferedQuadruped(LightSeeker):
             variant=VARIANTS[self.variant],
             steps=self.looks,
             record_every=trial.record_every,
-            gradients=trial.gradients,
+            gradients=bool(trial.gradients),
             **trial.compute.options,
         )
 

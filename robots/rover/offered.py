@@ -48,7 +48,7 @@ class OfferedRover(LightSeeker):
 
     def rollout(self, points: Floats, trial: Trial, lights: Lights) -> RoverResult:
         """Pairs of weights in the body."""
-        every, gradients, compute = trial.record_every, trial.gradients, trial.compute.options
+        every, gradients, compute = trial.record_every, bool(trial.gradients), trial.compute.options
         return simulate(self.body, points, lights, steps=self.looks, record_every=every, gradients=gradients, **compute)
 
     def judged(self, found: Any, light: LightAt) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -133,6 +133,25 @@ def placed(shape: tuple[int, ...], index: Any, values: Any) -> Any:
     return _derived(result, (values, lambda g: g[index]))
 
 
+def mapped(matrix: Any, values: Any) -> Any:
+    """A matrix of shape (M, N), sparse or dense, times the last axis of an array, shape (..., N); row by row.
+
+    So what becomes of a row has the same bits whatever the others are.
+    """
+
+    def apply(m: Any, x: Any) -> Any:
+        rows = [m @ row for row in np.reshape(x, (-1, m.shape[1]))]
+        return np.array(rows).reshape(*x.shape[:-1], m.shape[0])
+
+    return _derived(apply(matrix, plain(values)), (values, lambda g: apply(matrix.T, np.asarray(g))))
+
+
+def _vector(array: Any) -> Any:
+    if np.ndim(array) != 1:
+        raise TypeError(f"matmul: an array of shape {np.shape(array)} on the right is not traced; give a vector")
+    return array
+
+
 def sine(angle: Any) -> Any:
     """Sine of an angle [rad]."""
     return _by_number(math.sin, math.cos, angle)
@@ -262,6 +281,8 @@ _RULES: dict[Any, tuple[Callable[..., Any], ...]] = {
     np.cos: (lambda g, out, x: -g * np.sin(x),),
     np.tanh: (lambda g, out, x: g * (1.0 - out * out),),
     np.deg2rad: (lambda g, out, x: g * (np.pi / 180.0),),
+    np.arctan2: (lambda g, out, y, x: g * x / (x * x + y * y), lambda g, out, y, x: -g * y / (x * x + y * y)),
+    np.matmul: (lambda g, out, x, y: g[..., None] * _vector(y), lambda g, out, x, y: g[..., None] * x),  # y a vector
 }
 _CONSTANTS = {np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal, np.isfinite, np.isnan}
 _CONSTANTS |= {np.floor, np.ceil, np.rint, np.sign}

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_mass
 from taichi_sim.lattice.topology import Topology, build_topology
@@ -114,6 +115,12 @@ class LatticeBody:
     def start_positions(self) -> np.ndarray:
         """Voxel centres before the simulation [m], shape (V, 3)."""
         return self.voxels * self.voxel_size
+
+    def scattered(self, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
+        """Start positions [m] with Gaussian noise of a standard deviation [m], shape (B, V, 3); a robot has its own."""
+        rows = np.asarray(robots)
+        noise = [np.random.default_rng([seed, row]).normal(0.0, deviation, self.voxels.shape) for row in rows]
+        return self.start_positions + np.array(noise)
 
     @cached_property
     def topology(self) -> Topology:

@@ -43,20 +43,22 @@ def material_gradients(
     numbers = [f.name for f in fields(Material) if f.name not in ("name", "scale")]
     value = {n: np.array([[getattr(m, n) for m in body.materials] for body in bodies], float) for n in numbers}
     found = {n: np.zeros((batch, materials)) for n in numbers}
-    for group, material in enumerate(tables.group_material):
-        inputs = [value[n][:, material] for n in VOXEL_FIELDS]
-        for name, part in zip(
-            VOXEL_FIELDS, pull_back(voxel_row, inputs, (edge,), [*constants[:, group].T]), strict=True
-        ):
-            found[name][:, material] += part
-        for name, quantity in CHANNEL_FIELDS.items():
-            found[name][:, material] += bases[:, group, quantity]
-    for beam, ends in enumerate(tables.beam_materials):
-        inputs = [value[n][:, end] for end in ends for n in BEAM_FIELDS]
-        parts = pull_back(beam_row, inputs, (edge, time_step), [*beams[:, beam].T])
-        for (name, end), part in zip([(n, end) for end in ends for n in BEAM_FIELDS], parts, strict=True):
-            found[name][:, end] += part
+    groups, ends = np.asarray(tables.group_material), np.asarray(tables.beam_materials).reshape(-1, 2)
+    inputs = [value[n][:, groups] for n in VOXEL_FIELDS]
+    parts = pull_back(voxel_row, inputs, (edge,), [*np.moveaxis(constants, -1, 0)])
+    for name, part in zip(VOXEL_FIELDS, parts, strict=True):
+        add_to_columns(found[name], groups, part)
+    for name, quantity in CHANNEL_FIELDS.items():
+        add_to_columns(found[name], groups, bases[:, :, quantity])
+    inputs = [value[n][:, end] for end in ends.T for n in BEAM_FIELDS]
+    parts = pull_back(beam_row, inputs, (edge, time_step), [*np.moveaxis(beams, -1, 0)])
+    for name, minus, plus in zip(BEAM_FIELDS, parts, parts[len(BEAM_FIELDS) :], strict=False):
+        add_to_columns(found[name], ends.ravel(), np.stack([minus, plus], axis=-1).reshape(batch, -1))
     scale = np.zeros((batch, materials, 3))
-    for group, material in enumerate(tables.group_material):
-        scale[:, material] += bases[:, group, Quantity.SCALE : Quantity.SCALE + 3]
+    add_to_columns(scale, groups, bases[:, :, Quantity.SCALE : Quantity.SCALE + 3])
     return {**found, "scale": scale}
+
+
+def add_to_columns(totals: np.ndarray, columns: np.ndarray, shares: np.ndarray) -> None:
+    """Add shares, shape (B, N, ...), to columns of totals, shape (B, M, ...), one after the other."""
+    np.add.at(np.moveaxis(totals, 1, 0), columns, np.moveaxis(shares, 1, 0))

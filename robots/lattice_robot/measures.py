@@ -1,0 +1,185 @@
+"""What the motion of a soft robot is worth: speed, height, turning, work, mass.
+
+Measures are functions of arrays that may be traced (``taichi_sim.autodiff.arrays``), so each is written once and has
+derivatives by everything that it depends on.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
+from robots.robot import Measure
+from taichi_sim.autodiff.arrays import value_of
+from taichi_sim.base.arrays import Floats
+from taichi_sim.lattice import LatticeBody, LatticeResult
+
+MEASURES = (
+    Measure("speed", "BL/s", "speed along its heading"),
+    Measure("distance", "m", "distance along its heading"),
+    Measure("jump", "m", "rise of the centre of mass in the last cycle"),
+    Measure("turning", "degrees/s", "turning to the left"),
+    Measure("energy", "J", "work of the muscles in the last cycle"),
+    Measure("mass", "kg", "mass"),
+    Measure("payload", "kg", "mass of what nothing drives"),
+)
+TARGETED = Measure("remaining", "m", "distance that remains to the target")
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What a run recorded for its measures: after the first cycle, after the last, then through the last cycle.
+
+    Attributes:
+        positions: voxel centres [m], shape (B, 19, V, 3).
+        strains: of every link, shape (B, 19, L).
+        sizes: rest size of every voxel along its own axes [m], shape (B, 19, V, 3).
+    """
+
+    positions: Any
+    strains: Any
+    sizes: Any
+
+    @classmethod
+    def of(cls, run: LatticeResult) -> "Record":
+        """The part of a run that counts."""
+        return cls(*(each[:, :FRAMES_FROM] for each in (run.positions, run.strains, run.sizes)))
+
+    @property
+    def arrays(self) -> tuple[Any, Any, Any]:
+        """Positions, strains, sizes."""
+        return self.positions, self.strains, self.sizes
+
+
+@dataclass(frozen=True, eq=False)
+class Constants:
+    """What measures know of the robots beside their motion.
+
+    Attributes:
+        density: of each voxel [kg/m^3], shape (B, V).
+        modulus: Young's modulus of each voxel [Pa], shape (B, V).
+        driven: how much of each voxel is driven, 0 to 1, shape (B, V).
+        body: the first robot's, whose links and voxels are those of all.
+        direction: of travel, shape (3,).
+        length: in which speeds are told [m].
+        duration: of the cycles that count [s].
+        frequency: cycles per second [Hz].
+        target: point (x, y) that the centre of mass should come near, from where it starts [m]; None for none.
+    """
+
+    density: Any
+    modulus: Any
+    driven: Any
+    body: LatticeBody
+    direction: Floats
+    length: float
+    duration: float
+    frequency: float
+    target: tuple[float, float] | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the measures that can be told."""
+        return tuple(m.name for m in measures_of(self.target))
+
+    @property
+    def materials(self) -> tuple[Any, Any, Any]:
+        """Density, modulus, and how much is driven."""
+        return self.density, self.modulus, self.driven
+
+    def shares(self) -> list[Any]:
+        """Each voxel's part of the mass, shape (V,), robot by robot."""
+        return [row / row.sum() for row in self.density]
+
+    def centres(self, positions: Any) -> Any:
+        """Coordinates of centres of mass, shape (B, ...), of those of voxels, shape (B, ..., V)."""
+        return np.stack([row @ share for row, share in zip(positions, self.shares(), strict=True)])
+
+
+def measures_of(target: tuple[float, float] | None) -> tuple[Measure, ...]:
+    """The measures of a robot, with or without a target."""
+    return MEASURES if target is None else (*MEASURES, TARGETED)
+
+
+def measure(name: str, record: Record, constants: Constants) -> Any:
+    """A measure by its name, shape (B,)."""
+    return _LAWS[name](record, constants)
+
+
+def _distance(record: Record, constants: Constants) -> Any:
+    way = constants.centres(record.positions[:, :2] @ constants.direction)
+    return way[:, 1] - way[:, 0]
+
+
+def _speed(record: Record, constants: Constants) -> Any:
+    return _distance(record, constants) / constants.length / constants.duration
+
+
+def _jump(record: Record, constants: Constants) -> Any:
+    """Highest centre of mass at a node of the last cycle, above where it started."""
+    heights = constants.centres(record.positions[:, LAST_CYCLE, :, 2])
+    start = np.broadcast_to(constants.body.start_positions[:, 2], constants.density.shape)
+    highest = value_of(heights).argmax(axis=1)
+    return heights[np.arange(len(highest)), highest] - constants.centres(start)
+
+
+def _turning(record: Record, constants: Constants) -> Any:
+    """Angle by which the last cycle turns the voxels about their centre of mass, in the plane, at best."""
+    begin, end = (record.positions[:, node] for node in (LAST_CYCLE.start, LAST_CYCLE.stop - 1))
+    (x0, y0), (x1, y1) = ([_about(each[..., axis], constants) for axis in (0, 1)] for each in (begin, end))
+    along, across = x0 * x1 + y0 * y1, x0 * y1 - y0 * x1
+    angle = np.arctan2(constants.centres(across), constants.centres(along))
+    return angle * (constants.frequency * 180 / np.pi)
+
+
+def _about(coordinates: Any, constants: Constants) -> Any:
+    """Coordinates of voxels, shape (B, V), from the centre of mass."""
+    return coordinates - np.reshape(constants.centres(coordinates), (-1, 1))
+
+
+def _energy(record: Record, constants: Constants) -> Any:
+    """Positive work that changes of rest lengths do against the elastic forces of the links.
+
+    A link of rest length l pulls with E_l h^2 times its strain; between two nodes of the cycle the work is that of the
+    mean of both forces. Nothing that a muscle gets back counts.
+    """
+    body = constants.body
+    links, axes = body.topology.links, body.topology.link_axes
+    minus, plus = (constants.modulus[:, end] for end in links.T)
+    stiffness = 2 * minus * plus / (minus + plus) * body.voxel_size**2
+    forces = record.strains[:, LAST_CYCLE] * stiffness[:, None]
+    sizes = record.sizes[:, LAST_CYCLE]
+    lengths = 0.5 * (sizes[:, :, links[:, 0], axes] + sizes[:, :, links[:, 1], axes])
+    work = -0.5 * (forces[:, 1:] + forces[:, :-1]) * (lengths[:, 1:] - lengths[:, :-1])
+    return np.maximum(work, 0.0).sum(axis=(1, 2))
+
+
+def _mass(record: Record, constants: Constants) -> Any:
+    return constants.density.sum(axis=1) * constants.body.voxel_size**3
+
+
+def _payload(record: Record, constants: Constants) -> Any:
+    return (constants.density * (1.0 - constants.driven)).sum(axis=1) * constants.body.voxel_size**3
+
+
+def _remaining(record: Record, constants: Constants) -> Any:
+    away = []
+    for axis, goal in enumerate(constants.target or ()):
+        end = constants.centres(record.positions[:, 1, :, axis])
+        start = np.broadcast_to(constants.body.start_positions[:, axis], constants.density.shape)
+        away.append(end - constants.centres(start) - goal)
+    return np.sqrt(away[0] * away[0] + away[1] * away[1])
+
+
+_LAWS: dict[str, Callable[[Record, Constants], Any]] = {
+    "speed": _speed,
+    "distance": _distance,
+    "jump": _jump,
+    "turning": _turning,
+    "energy": _energy,
+    "mass": _mass,
+    "payload": _payload,
+    "remaining": _remaining,
+}

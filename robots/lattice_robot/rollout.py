@@ -1,0 +1,240 @@
+"""A batch of lattice bodies that repeat a cycle: what they do, and how that depends on the cycle and the materials."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.control.cyclic import FRAMES_FROM, Cycle, build_cyclic_program, cycle_events, surroundings
+from robots.frames import Frames
+from robots.lattice_robot.measures import Constants, Record, measure
+from robots.robot import Progress
+from robots.world import Terrain
+from taichi_sim.autodiff.arrays import trace
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
+from taichi_sim.lattice.faces import half_extents
+from taichi_sim.lattice.gradient import Tape
+from taichi_sim.lattice.material_gradient import add_to_columns
+
+_ALIKE = {"speed": "distance"}  # measures that take the way back of another one
+RECORDING = 0.3  # part of a differentiation's time that goes before the way back
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What a robot's motion is measured by.
+
+    Attributes:
+        direction: of travel, shape (3,).
+        length: in which speeds are told [m].
+        heading: the direction [degrees] from x towards y.
+        target: point (x, y) [m] that it should come near, from where its centre of mass starts; None for none.
+    """
+
+    direction: Floats
+    length: float
+    heading: float
+    target: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Channels:
+    """The C channels that a cycle drives, see ``taichi_sim.lattice.program``.
+
+    Attributes:
+        regions: of each channel, shape (C,).
+        quantities: of each channel, shape (C,).
+        rest: their values before anything moves, broadcast to shape (B, C).
+    """
+
+    regions: ArrayLike
+    quantities: ArrayLike
+    rest: ArrayLike
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Derivatives of one measure of each of B robots; NaN for robots that diverged.
+
+    Attributes:
+        swing: by what the cycle adds to the channels at its nodes, shape (B, C, 16).
+        materials: by the numbers of the materials, name to shape (B, M).
+        driven: by how much of each voxel is driven, shape (B, V).
+    """
+
+    swing: Floats
+    materials: Mapping[str, Floats]
+    driven: Floats
+
+    def over(self, number: float) -> "Slopes":
+        """The derivatives of the measure over a number."""
+        materials = {name: found / number for name, found in self.materials.items()}
+        return Slopes(self.swing / number, materials, self.driven / number)
+
+
+class Rollout:
+    """Bodies with the same voxels on a terrain, ready to move.
+
+    Attributes:
+        bodies: one for each robot.
+        cycle: when what happens.
+    """
+
+    def __init__(
+        self,
+        bodies: Sequence[LatticeBody],
+        channels: Channels,
+        swing: Floats,
+        cycle: Cycle,
+        terrain: Terrain,
+        aim: Aim,
+        compute: Compute,
+        record_every: int | None = None,
+        starts: Floats | None = None,
+        driven: Floats | None = None,
+    ) -> None:
+        """Write the program and set up the engine.
+
+        Args:
+            bodies: B of them; they may differ in the values of their materials only.
+            channels: that the cycle drives.
+            swing: what the cycle adds to them at its nodes, shape (B, C, 16).
+            cycle: when what happens.
+            terrain: where.
+            aim: what the motion is measured by.
+            compute: device, precision and threads.
+            record_every: steps between frames; None for none.
+            starts: voxel centres at the start [m], shape (B, V, 3); those of the bodies by default.
+            driven: how much of each voxel is driven, 0 to 1, shape (B, V); by default 1 in the regions of channels.
+        """
+        self.bodies, self.cycle, self._aim, self._channels = tuple(bodies), cycle, aim, channels
+        self._swing, self._record_every = swing, record_every
+        first = self.bodies[0]
+        around = surroundings(terrain, aim.heading)
+        self._program = build_cyclic_program(
+            channels.regions,
+            channels.quantities,
+            channels.rest,
+            swing,
+            cycle,
+            around,
+            first.region_count,
+            record_every,
+        )
+        same = all(body is first for body in self.bodies)
+        self._engine = LatticeEngine(
+            first if same else self.bodies,
+            len(self.bodies),
+            time_step=cycle.time_step,
+            **terrain.medium,
+            compute=compute,
+        )
+        if starts is not None:
+            self._engine.set_positions(starts)
+        moduli, densities = (
+            np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
+            for field in ("youngs_modulus", "density")
+        )
+        if driven is None:
+            driven = np.tile(np.isin(np.asarray(first.regions), channels.regions).astype(float), (len(bodies), 1))
+        self._constants = Constants(
+            densities, moduli, driven, first, aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target
+        )
+
+    def run(self, progress: Progress | None = None) -> "Moved":
+        """Let the robots move."""
+        return self._moved(self._engine.run(self._program, progress), {})
+
+    def differentiate(self, names: Sequence[str], memory: float = 1e9, progress: Progress | None = None) -> "Moved":
+        """Let the robots move, with the derivatives of some measures.
+
+        Args:
+            names: of the measures.
+            memory: bound for what is kept of the way there [B].
+            progress: called now and then with the fraction done.
+        """
+        told = progress or (lambda _: None)
+        tape = self._engine.record(self._program, memory, lambda f: told(RECORDING * f))
+        ways = list(dict.fromkeys(_ALIKE.get(name, name) for name in names))
+        share = (1 - RECORDING) / len(ways)
+        found = {}
+        for number, name in enumerate(ways):
+            done = RECORDING + number * share
+            found[name] = self._back(tape, name, lambda f, done=done: told(done + share * f))  # type: ignore[misc]
+        if "speed" in names:
+            found["speed"] = found["distance"].over(self._constants.length * self._constants.duration)
+        return self._moved(tape.result, {name: found[name] for name in names})
+
+    def _back(self, tape: Tape, name: str, progress: Progress) -> Slopes:
+        """Derivatives of one measure."""
+        ok = tape.result.status == "ok"
+        fields = [np.where(np.isfinite(each), each, 0.0) for each in Record.of(tape.result).arrays]
+        _, pull = trace(self._measured(name), *fields, *self._constants.materials)
+        *seeds, density, modulus, driven = pull(ok.astype(float))
+        zeros = [np.zeros(each.shape) for each in (tape.result.positions, tape.result.strains, tape.result.sizes)]
+        for cotangents, seed in zip(zeros, seeds, strict=True):
+            cotangents[:, : seed.shape[1]] = seed
+        positions, strains, sizes = zeros
+        back = tape.pull_back(positions=positions, strains=strains, sizes=sizes, progress=progress)
+        (values, _), pull_back = trace(lambda swing: cycle_events(self.cycle, self._channels.rest, swing), self._swing)
+        swing = pull_back(*(each[-values.size :].reshape(values.shape) for each in (back.values, back.rates)))[0]
+        materials = {field: np.array(found) for field, found in back.materials.items()}
+        for field, direct in (("density", density), ("youngs_modulus", modulus)):
+            add_to_columns(materials[field], self.bodies[0].material_index, direct)
+        for found in (swing, driven, *materials.values()):
+            found[~ok] = np.nan
+        return Slopes(swing, materials, driven)
+
+    def _measured(self, name: str) -> Callable[..., Any]:
+        """The measure as a function of arrays, which may be traced."""
+
+        def found(*arrays: Any) -> Any:
+            density, modulus, driven = arrays[3:]
+            known = replace(self._constants, density=density, modulus=modulus, driven=driven)
+            return measure(name, Record(*arrays[:3]), known)
+
+        return found
+
+    def _moved(self, run: LatticeResult, slopes: Mapping[str, Slopes]) -> "Moved":
+        record = Record.of(run)
+        lost = run.status != "ok"
+        measures = {name: measure(name, record, self._constants) for name in self._constants.names}
+        for values in measures.values():
+            values[lost] = np.nan
+        frames: tuple[Frames | None, ...] = (None,) * len(self.bodies)
+        if self._record_every:
+            interval = self._record_every * self.cycle.time_step
+            frames = tuple(_frames(body, run, row, interval) for row, body in enumerate(self.bodies))
+        return Moved(measures, run.status, run.steps, frames, slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """What B robots did.
+
+    Attributes:
+        measures: by name, shape (B,) each; NaN unless the status is "ok".
+        status: "ok" or "diverged", shape (B,).
+        steps: time steps simulated, shape (B,).
+        frames: recorded poses of each, times from the start of the cycles; None where not asked for.
+        slopes: derivatives of the measures that were asked for, by name.
+    """
+
+    measures: Mapping[str, Floats]
+    status: Any
+    steps: Any
+    frames: tuple[Frames | None, ...]
+    slopes: Mapping[str, Slopes]
+
+
+def _frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:
+    """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
+    positions, orientations, strains, sizes = (
+        each[robot, FRAMES_FROM:, None] for each in (run.positions, run.orientations, run.strains, run.sizes)
+    )
+    times = np.arange(len(positions)) * interval
+    return Frames(positions, orientations, times, half_extents(body, strains, sizes), sizes)
