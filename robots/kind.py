@@ -115,6 +115,7 @@ KINDS = _Kinds(
     "robot",
     {
         "inflatable": "robots.inflatable.kind:InflatableKind",
+        "freeform": "robots.freeform.kind:FreeformKind",
         "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
         "articulated": "robots.articulated.kind:ArticulatedKind",
         "quadruped": "robots.quadruped.kind:QuadrupedKind",

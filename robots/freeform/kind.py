@@ -1,0 +1,76 @@
+"""Freeform robots as a kind of robot: grids whose cells, tissues and muscles are free."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from robots.lattice_robot.walker_kind import shape_of
+from robots.robot import Option, Robot
+from robots.world import TerrainKind
+from taichi_sim.base.files import read_text
+from taichi_sim.base.options import checked, number, numbers, whole
+
+FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
+GRID = ("shape", "voxel_size", "symmetry")
+ACTUATION = ("amplitude", "frequency", "cycles", "settling", "channels")
+OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed")
+
+
+class FreeformKind(TerrainKind):
+    """Freeform robots: what is in each cell of a grid is searched."""
+
+    name = "freeform"
+    title = "freeform robot"
+    options = (
+        Option("shape", "cells of the grid along each axis (default: 12,4,3)", checked(shape_of), "X,Y,Z"),
+        Option("voxel_size", "edge of a cell in metres (default: 0.01)", number(1e-6, 1e3), "M"),
+        Option("symmetry", "axes along which both halves are alike, such as y (default: none)", metavar="AXES"),
+        Option("palette", "JSON file of the tissues, a list of materials (default: silicone)", metavar="FILE"),
+        Option("fields", "how a search writes what cells are (default: cells)", choices=FIELDS),
+        Option("detail", "radius of filtered fields, balls of blobs, nodes of networks", number(0, 1e4), "N"),
+        Option("full", "all cells are there; muscles and tissues alone are free", None),
+        Option("feature", "least thickness of a robot in cells (default: 1)", whole(1), "N"),
+        Option("amplitude", "largest of the muscles, part of an edge (default: 0.2)", number(1e-6, 0.5), "A"),
+        Option("channels", "different waves that a robot may have (default: one for each muscle)", whole(1), "K"),
+        Option("frequency", "of the muscles (default: 4)", number(0.1, 100, "Hz"), "HZ"),
+        Option("cycles", "that count (default: 2)", whole(1), "N"),
+        Option("settling", "before anything moves, in seconds (default: 0.1)", number(0), "S"),
+        Option("target", "point that it should come near, in metres from its start", numbers(2), "X,Y"),
+        Option("perturbation", "noise on start positions, in metres (default: 1e-5)", number(0), "M"),
+        Option("seed", "of that noise (default: 0)", whole(0), "N"),
+    )
+
+    def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
+        """A grid in which robots are searched."""
+        from robots.freeform.grid import Grid
+        from robots.freeform.palette import Palette, palette_of
+        from robots.freeform.robot import FreeformActuation, FreeformRobot
+
+        if source is not None:
+            raise ValueError(f"robot: {source} is no freeform robot; a design of one is a lattice robot")
+
+        def given(names: tuple[str, ...]) -> dict[str, Any]:
+            return {name: options[name] for name in names if name in options}
+
+        palette = Palette()
+        if path := options.get("palette"):
+            palette = palette_of(_records(Path(path)))
+        return FreeformRobot(Grid(**given(GRID)), palette, FreeformActuation(**given(ACTUATION)), **given(OWN))
+
+    def from_description(self, description: Mapping[str, Any]) -> Robot:
+        """The grid that was described."""
+        from robots.freeform.robot import freeform_of
+
+        return freeform_of(description)
+
+
+def _records(path: Path) -> list[dict[str, Any]]:
+    """The tissues of a file."""
+    try:
+        records = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise ValueError(f"palette: {path} is no JSON ({error})") from None
+    if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
+        raise ValueError(f"palette: {path} is not allowed; give a list of tissues, each a table of numbers")
+    return records

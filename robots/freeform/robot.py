@@ -1,0 +1,275 @@
+"""Freeform robots: grids of cells, each of which may be there or not, of any tissue, with a muscle of its own."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.control.cyclic import Cycle
+from robots.freeform.fields import PARAMETRISATIONS, RESOLUTION, Fields, Parametrisation
+from robots.freeform.grid import Grid
+from robots.freeform.palette import Palette, palette_of
+from robots.freeform.solid import Solid, drives_of, solid_of
+from robots.freeform.trials import try_designs
+from robots.lattice_robot.measures import measures_of
+from robots.lattice_robot.robot import LatticeRobot, checked_target
+from robots.lattice_robot.rollout import Aim
+from robots.outcome import recorded
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, counted
+from robots.world import Terrain
+from taichi_sim.autodiff.arrays import mapped
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice, number, whole_number
+
+if TYPE_CHECKING:
+    pass
+
+AHEAD = np.array([1.0, 0.0, 0.0])
+LARGEST_AMPLITUDE = 0.5
+DETAILS = {"filtered": "radius", "blobs": "balls", "network": "hidden", "pattern": "hidden"}
+
+
+@dataclass(frozen=True)
+class FreeformActuation:
+    """How muscles move, and how long: edges of 1 + amplitude sin(2 pi (f t + phase)).
+
+    Attributes:
+        amplitude: largest of the edges, part of their length, up to 0.5.
+        frequency: f [Hz].
+        cycles: whole cycles that count; another one comes before them.
+        settling: time on the ground, or afloat, before anything moves [s].
+        channels: K, how many different waves a robot may have, as many as a rig can drive; None for one a muscle.
+        time_step_safety: the largest stable time step is divided by this.
+    """
+
+    amplitude: float = 0.2
+    frequency: float = 4.0
+    cycles: int = 2
+    settling: float = 0.1
+    channels: int | None = None
+    time_step_safety: float = 1.3
+
+    def __post_init__(self) -> None:
+        number("amplitude", self.amplitude, 1e-6, LARGEST_AMPLITUDE)
+        number("frequency", self.frequency, 0.1, 100.0, "Hz")
+        whole_number("cycles", self.cycles, 1)
+        number("settling", self.settling, 0.0, 1000.0, "s")
+        number("time_step_safety", self.time_step_safety, 1e-3)
+        if self.channels is not None:
+            whole_number("channels", self.channels, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeformRobot(Robot):
+    """A grid whose cells a search may fill, mix and move; it travels along x.
+
+    A point is judged as the robot that can be built of it: see :mod:`robots.freeform.solid`. Between such robots, with
+    a finite sharpness of the trial, cells are mixtures of tissues and nothing, which have gradients.
+
+    Attributes:
+        grid: of the cells.
+        palette: what cells may be made of.
+        actuation: of the muscles.
+        fields: name in ``PARAMETRISATIONS``: how a point writes what cells are.
+        detail: of the parametrisation: its radius, balls or hidden nodes; None for the usual.
+        full: whether all cells are there, so that muscles and tissues alone are free.
+        feature: least thickness of a robot [cells].
+        target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
+        perturbation: standard deviation of noise on the start positions of robots that can be built [m].
+        seed: of the noise.
+
+    Raises:
+        ValueError: one line that names the field, the value and what is allowed.
+    """
+
+    grid: Grid = field(default_factory=Grid)
+    palette: Palette = field(default_factory=Palette)
+    actuation: FreeformActuation = field(default_factory=FreeformActuation)
+    fields: str = "cells"
+    detail: float | None = None
+    full: bool = False
+    feature: int = 1
+    target: tuple[float, float] | None = None
+    perturbation: float = 1e-5
+    seed: int = 0
+
+    kind = "freeform"
+    worlds = (Terrain(),)
+    horizons = (1, 2, 4)
+
+    def __post_init__(self) -> None:
+        choice("fields", self.fields, PARAMETRISATIONS)
+        if self.detail is not None and self.fields not in DETAILS:
+            raise ValueError(f"detail: {self.detail} is not allowed with {self.fields}, which have none; leave it out")
+        whole_number("feature", self.feature, 1)
+        if self.feature > min(self.grid.shape):
+            thinnest = min(self.grid.shape)
+            raise ValueError(
+                f"feature: {self.feature} cells are not allowed; the grid is {counted(thinnest, 'cell')} thin"
+            )
+        number("perturbation", self.perturbation, 0.0, self.grid.voxel_size, "m")
+        whole_number("seed", self.seed, 0)
+        if self.target is not None:
+            object.__setattr__(self, "target", checked_target(self.target))
+        _ = self.parametrisation
+
+    @cached_property
+    def parametrisation(self) -> Parametrisation:
+        """How a point writes fields."""
+        detail: dict[str, Any] = {}
+        if self.detail is not None:
+            name = DETAILS[self.fields]
+            detail[name] = self.detail if name == "radius" else whole_number(name, self.detail, 1)
+        basics = self.grid, len(self.palette), self.full, self.actuation.amplitude
+        return PARAMETRISATIONS[self.fields](*basics, **detail)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """The variables of the parametrisation."""
+        return tuple(self.parametrisation.variables())
+
+    @property
+    def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
+        """Those of lattice robots; speeds are in lengths of the grid."""
+        return measures_of(self.target)
+
+    @property
+    def differentiable(self) -> bool:  # type: ignore[override]
+        """Whether its parametrisation has gradients."""
+        return self.fields != "pattern"
+
+    @property
+    def relaxable(self) -> bool:  # type: ignore[override]
+        """Whether there is anything between two robots that can be built."""
+        return self.differentiable and not (self.full and len(self.palette) == 1)
+
+    @cached_property
+    def cycle(self) -> Cycle:
+        """When what happens; the time step is one for all designs."""
+        drive = self.actuation
+        largest = self.palette.time_step(self.grid.voxel_size) / drive.time_step_safety
+        return Cycle(drive.frequency, drive.settling, drive.cycles, Cycle.fit(drive.frequency, largest))
+
+    @property
+    def length(self) -> float:
+        """Length of the grid along x [m]."""
+        return self.grid.shape[0] * self.grid.voxel_size
+
+    @property
+    def aim(self) -> Aim:
+        """What its motion is measured by."""
+        return Aim(AHEAD, self.length, 0.0, self.target)
+
+    def solid_at(self, fields: Fields, row: int) -> Solid:
+        """The robot that can be built of one row of plain fields."""
+        return solid_of(self.grid, self.palette, fields, row, self.feature, self.actuation.channels)
+
+    def waves(self, solid: Solid, points: Any) -> tuple[Any, Any]:
+        """Amplitude and phase [cycles] of a solid's channels, shape (N, count), at points that may be traced.
+
+        A channel has the mean of the waves of its cells.
+        """
+        cells = np.moveaxis(self.parametrisation(points).swing[:, solid.cells], 1, -1)
+        cosine, sine = np.moveaxis(mapped(solid.members, cells), 1, 0)
+        length = np.sqrt(cosine * cosine + sine * sine + RESOLUTION**2)
+        return self.actuation.amplitude * length, np.arctan2(sine, cosine + RESOLUTION) / (2 * np.pi)
+
+    def built(self, solid: Solid, amplitude: Floats, phase: Floats) -> LatticeRobot:
+        """The lattice robot of a solid with these waves of its channels, shape (count,) each."""
+        drive, body = self.actuation, solid.body(self.grid, self.palette)
+        return LatticeRobot(
+            body,
+            drives_of(solid, amplitude, phase, drive.channels is not None),
+            frequency=drive.frequency,
+            cycles=drive.cycles,
+            settling=drive.settling,
+            time_step_safety=drive.time_step_safety
+            * body.recommended_time_step
+            / self.palette.time_step(self.grid.voxel_size),
+            name="freeform robot",
+            target=self.target,
+            reference_length=self.length,
+            perturbation=self.perturbation,
+            seed=self.seed,
+        )
+
+    def design(self, point: ArrayLike) -> LatticeRobot:
+        """The robot that can be built of one point, shape (P,).
+
+        Raises:
+            ValueError: if it is no robot.
+        """
+        points = self.points(point)
+        solid = self.solid_at(self.parametrisation(points), 0)
+        if solid.fault:
+            raise ValueError(f"point: it is no robot: {solid.fault}")
+        amplitude, phase = self.waves(solid, points)
+        return self.built(solid, amplitude[0], phase[0])
+
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Let the robots of N points move."""
+        found = try_designs(self, points, trial)
+        frames = recorded(found.frames[0])
+        return Outcome(found.measures, found.status, found.reason, found.steps, found.gradients, frames, found)
+
+    @property
+    def steps(self) -> int:
+        """Time steps of the cycles."""
+        return self.cycle.end - self.cycle.begin
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the robot that can be built of one point, as a lattice robot."""
+        self.design(point).save((), path)
+
+    def describe(self) -> dict[str, Any]:
+        """Everything that results depend on, fit for JSON."""
+        palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
+        return {**dataclasses.asdict(self), "palette": palette}
+
+    def facts(self) -> Facts:
+        """Grid, palette, parametrisation and cycle."""
+        drive, sides = self.actuation, " x ".join(map(str, self.grid.shape))
+        names = [t.material.name or f"tissue {n}" for n, t in enumerate(self.palette.tissues, 1)]
+        each = "a wave for each muscle" if drive.channels is None else counted(drive.channels, "channel")
+        return [
+            ("Robot", f"{self.name}: {sides} cells of {1000 * self.grid.voxel_size:g} mm"),
+            ("Tissues", ", ".join(names)),
+            ("Fields", f"{self.fields}, {counted(len(self.parameters), 'variable')}"),
+            ("Muscles", f"{each}, up to {drive.amplitude:g} of an edge"),
+            ("Cycle", f"{drive.frequency:g} Hz; the speed is that of {counted(drive.cycles, 'cycle')}"),
+        ]
+
+    def columns(self, points: ArrayLike) -> dict[str, list[str]]:
+        """Cells and channels of several designs."""
+        fields = self.parametrisation(self.points(points))
+        solids = [self.solid_at(fields, row) for row in range(len(fields.presence))]
+        return {
+            "Cells": [str(len(solid.cells)) for solid in solids],
+            "Channels": [str(solid.count) for solid in solids],
+        }
+
+    def at_horizon(self, length: int) -> tuple[str, "FreeformRobot"]:
+        """The robot for so many cycles."""
+        drive = dataclasses.replace(self.actuation, cycles=length)
+        return counted(length, "cycle"), dataclasses.replace(self, actuation=drive)
+
+
+def freeform_of(description: Mapping[str, Any]) -> FreeformRobot:
+    """The robot that :meth:`FreeformRobot.describe` described.
+
+    Raises:
+        ValueError, KeyError, TypeError: for a damaged one.
+    """
+    return FreeformRobot(
+        **{
+            **description,
+            "grid": Grid(**{**description["grid"], "shape": tuple(description["grid"]["shape"])}),
+            "palette": palette_of(description["palette"]),
+            "actuation": FreeformActuation(**description["actuation"]),
+        }
+    )
