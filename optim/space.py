@@ -1,5 +1,6 @@
 """What a search may change: named variables with bounds, and vectors of their values."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -31,7 +32,7 @@ class Space:
     def __post_init__(self) -> None:
         if not self.variables:
             raise ValueError("variables: a space needs at least one")
-        repeated = {name for name in self.names if self.names.count(name) > 1}
+        repeated = {name for name, count in Counter(self.names).items() if count > 1}
         if repeated:
             raise ValueError(f"variables: {', '.join(sorted(repeated))} given more than once; names must differ")
 

@@ -2,10 +2,11 @@
 
 import dataclasses
 import json
+import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Self
 
@@ -197,7 +198,7 @@ class JudgedRobot(RobotDesigning):
         Details: the other measures by name, each of shape (N,); in several worlds all of them, such as
         ``speed_flat``.
         """
-        outcomes = self._tried(points, self.offered.simulate)
+        outcomes = self._tried(self.space.validate(points), self.offered.simulate)
         return self._judged(outcomes, self._objective.values(outcomes, self.judged_by), None)
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
@@ -206,18 +207,32 @@ class JudgedRobot(RobotDesigning):
         Raises:
             ValueError: if the robot has binary parameters, or no gradients.
         """
-        if self.space.relaxed() != self.space:
+        robot, compute = self.offered, self.compute
+        if self.space.relaxed() != self.space and not robot.relaxable:
             raise ValueError("robot: it has binary parameters, which have no gradient; choose another method")
-        if not gradients:
+        if not robot.relaxable or sharpness == math.inf:
+            points, sharpness = self.space.round(points), math.inf
+        elif robot.relaxable:
+            compute = dataclasses.replace(compute, precision="f32")  # mixtures only lead to results
+        if not gradients and sharpness == math.inf:
             return self.evaluate(points)
-        outcomes = self._tried(points, self.offered.differentiate)
+        attempt = (
+            partial(robot.differentiate, sharpness=sharpness)
+            if gradients
+            else partial(robot.simulate, sharpness=sharpness)
+        )
+        outcomes = self._tried(points, attempt, compute)
+        if not gradients:
+            return self._judged(outcomes, self._objective.values(outcomes, self.judged_by), None)
         values = self._objective.values(outcomes, self.judged_by)
         return self._judged(outcomes, values, self._objective.gradients(outcomes, self.judged_by))
 
-    def _tried(self, points: ArrayLike, attempt: Callable[..., Outcome]) -> list[Outcome]:
-        points, count = self.space.validate(np.atleast_2d(points)), len(self.tried_in)
+    def _tried(
+        self, points: ArrayLike, attempt: Callable[..., Outcome], compute: Compute | None = None
+    ) -> list[Outcome]:
+        points, count = self.space.relaxed().validate(np.atleast_2d(points)), len(self.tried_in)
         return [
-            attempt(points, world, compute=self.compute, progress=part_of(self.progress, number, count))
+            attempt(points, world, compute=compute or self.compute, progress=part_of(self.progress, number, count))
             for number, world in enumerate(self.tried_in)
         ]
 

@@ -31,6 +31,7 @@ METHODS: Registry[type[Method]] = Registry(
         "memetic": "optim.search.memetic:MemeticSearch",
         "nes": "optim.search.nes:SeparableNES",
         "nsga2": "optim.search.nsga2:NSGA2",
+        "race": "optim.search.race:GradientRace",
         "random": "optim.search.random_search:RandomSearch",
     },
 )

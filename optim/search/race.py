@@ -1,0 +1,173 @@
+"""Gradient ascent for many variables: a race of climbers that ends in one, through ever truer designs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from optim.problem import Evaluation
+from optim.search import method
+from optim.search.base import Search, number, positive, table, whole
+from optim.search.step_rules import Adam, free_variables
+from taichi_sim.base.arrays import Arrays, Floats, Indices
+
+
+@dataclass(eq=False, kw_only=True)
+class GradientRace(Search):
+    """Rounds of C climbers that follow gradients; every few moves the worse half of them gives up.
+
+    So most gradients are spent on starts that turned out well (successive halving: Jamieson & Talwalkar, AISTATS 2016).
+    A round begins at random points. Where variables are binary, or ``sharpens`` says so, the climbers go through
+    mixtures of designs that become ever sharper, from 1 to ``sharpest``; then they are rounded and go on as true
+    designs, whose binary variables stay (continuation: Wang, Lazarov & Sigmund, Struct. Multidisc. Optim. 43, 2011).
+    Only true designs are results: also those next to the climbers, judged whenever some of these give up.
+
+    A point that failed, or whose gradient did, is taken back half way to the last that did not.
+
+    Attributes:
+        climbers: C, at the start of a round.
+        seed: of all random numbers.
+        start: values by name with which every climber starts; the others are random.
+        moves: of a round.
+        halving: moves between two halvings; the last climber goes on alone.
+        learning_rate: typical step at the start of a round [ranges of the variables].
+        settling: part of the learning rate that is left at the end of a round.
+        clip: length to which longer gradients are shortened [objective per range].
+        sharpens: whether designs become sharper though no variable is binary.
+        sharpest: the last sharpness of mixtures.
+        mixed: part of a round that climbs through mixtures.
+    """
+
+    arrays: ClassVar[tuple[str, ...]] = (
+        *("points", "score", "here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),
+    )
+
+    climbers: int = whole(8, 1, method.MOST_POINTS)
+    seed: int = whole(0, 0, 2**63 - 1)
+    start: Mapping[str, float] | None = table()
+    moves: int = whole(100, 2)
+    halving: int = whole(6, 1)
+    learning_rate: float = positive(0.05, 1.0)
+    settling: float = number(0.2, 0.0, 1.0)
+    clip: float = positive(1.0, 1e12)
+    sharpens: bool = False
+    sharpest: float = number(8.0, 1.0, 1e12)
+    mixed: float = number(0.6, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        method.check_slopes(self.space)
+        for variable in self.space.variables:
+            if variable.kind == "integer":
+                raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
+        self.relaxed = self.space.relaxed()
+        self.mixes = self.sharpens or self.relaxed != self.space
+        self.between = round(self.mixed * self.moves) if self.mixes else 0  # moves through mixtures
+        shape = (self.climbers, self.space.size)
+        self.steps = Adam(*shape, 1.0, self.clip)
+        self.points, self.score = np.full((1, self.space.size), np.nan), np.nan  # the best true design
+        self.here, self.anchor, self.step = np.empty((3, *shape))
+        self.scale, self.record = np.empty((2, self.climbers))
+        self.racing = np.zeros(self.climbers, bool)
+        self.move, self.round, self.judging = 0, 0, False
+        self._begin()
+
+    @property
+    def wants(self) -> method.Wants:
+        """Gradients; true points whenever climbers have given up among mixtures."""
+        return "points" if self.judging else "gradients"
+
+    @property
+    def sharpness(self) -> float:
+        """From 1 to ``sharpest`` through the mixtures of a round, then infinite."""
+        if self.move >= self.between:
+            return np.inf
+        return float(self.sharpest ** (self.move / max(self.between - 1, 1)))
+
+    @property
+    def _rows(self) -> Indices:
+        return np.flatnonzero(self.racing)
+
+    def ask(self) -> Floats:
+        """Where the climbers are that still race, shape (N, D); rounded where true points are wanted."""
+        here = self.here[self.racing]
+        return self.space.round(here) if self.judging else here.copy()
+
+    def tell(self, points: Floats, evaluation: Evaluation) -> None:
+        """Move on from the points just judged, and let the worse half give up when it is time."""
+        scores = method.single_objective(evaluation, len(points))
+        true = self.judging or self.sharpness == np.inf
+        if true:
+            self._keep(self.space.round(points), scores)
+        if self.judging:
+            self.judging = False
+        else:
+            slopes = method.slopes_per_range(evaluation, self.space, len(points))
+            self._climb(scores, slopes)
+            self.judging = self._next_move()
+        self.generation += 1
+
+    def result(self) -> method.SearchResult:
+        """The best true design."""
+        score = np.array([[self.score]])
+        numbers = {"round": self.round, "climbers racing": int(self.racing.sum())}
+        return method.SearchResult(self.points[0].copy(), float(self.score), self.points.copy(), score, numbers)
+
+    def _begin(self) -> None:
+        """Begin a round with climbers at random points."""
+        rngs = [method.generator(self.seed, self.round, climber) for climber in range(self.climbers)]
+        starts = np.concatenate([self.relaxed.sample(rng, 1) for rng in rngs])
+        self.here = method.with_values(self.relaxed, starts, self.start)
+        self.move, self.racing[:] = 0, True
+        self.steps.forget(np.ones(self.climbers, bool))
+        self._leave()
+
+    def _leave(self) -> None:
+        """Never go back to where climbers have been, as they are judged otherwise now."""
+        self.anchor[:], self.step[:], self.scale[:], self.record[:] = np.nan, 0.0, 1.0, -np.inf
+
+    def _keep(self, points: Floats, scores: Floats) -> None:
+        best = int(np.argmax(method.below_all(scores)))
+        if np.isnan(self.points).any() or scores[best] > self.score or np.isnan(self.score) > np.isnan(scores[best]):
+            self.points, self.score = points[best : best + 1].copy(), float(scores[best])
+
+    def _climb(self, scores: Floats, slopes: Floats) -> None:
+        """A step of Adam for each climber that races, or half way back where one failed."""
+        rows = self._rows
+        valid = (abs(scores) < method.LARGEST) & (abs(slopes) < method.LARGEST).all(axis=1)
+        self.record[rows] = np.maximum(self.record[rows], np.where(valid, scores, -np.inf))
+        moved = np.zeros(self.climbers, bool)
+        moved[rows[valid]] = True
+        gradients = np.zeros(self.here.shape)
+        gradients[rows] = np.where(valid[:, None], slopes, 0.0)
+        free = free_variables(self.relaxed, self.here, gradients)
+        rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.moves)
+        steps = rate * self.steps.steps(moved, gradients, free)
+        self.anchor[moved], self.step[moved] = self.here[moved], steps[moved]
+        self.scale = np.where(moved, np.minimum(1.0, 2 * self.scale), self.scale / 2)
+        there = self.relaxed.bound(self.anchor + self.scale[:, None] * self.step * self.space.span)
+        known = self.racing & ~np.isnan(self.anchor).any(axis=1)
+        self.here[known] = there[known]
+
+    def _next_move(self) -> bool:
+        """Count the move; whether true points shall be judged next."""
+        self.move += 1
+        if self.move == self.moves:
+            self.round += 1
+            self._begin()
+            return False
+        among_mixtures = self.move < self.between
+        halves = self.move % self.halving == 0
+        if halves and self.racing.sum() > 1:
+            order = self._rows[np.argsort(-self.record[self._rows], kind="stable")]
+            self.racing[order[(len(order) + 1) // 2 :]] = False
+        if halves:
+            self.record[:] = -np.inf
+        if self.move == self.between:  # true designs from here on, as quick as they were
+            self.here = self.space.round(self.here)
+            self._leave()
+        return halves and among_mixtures
+
+    def _groups(self) -> Mapping[str, Arrays]:
+        return {"rule": self.steps.arrays}
