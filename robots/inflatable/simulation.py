@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.program import WHOLE, Counting, build_program
 from robots.inflatable.timing import counted_steps, predicted_steps
@@ -98,7 +98,7 @@ def simulate(
     order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
     sorted_designs, grounds = [designs[i] for i in order], [terrains[i] for i in order]
     program = build_program(sorted_designs, grounds, actuation, record_every, geometry, counting)
-    engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute))
+    engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute), sorted_designs)
     if perturbation > 0:
         engine.set_positions(scattered(geometry.body, perturbation, seed, order))
     run = engine.run(program, progress)
@@ -124,14 +124,36 @@ def checked_designs(
         if not isinstance(value, kind):
             raise ValueError(f"{name}: {value!r} is not allowed; give an {kind.__name__}, such as {example}")
     for design in listed:
-        each_pressure(design.pressure, geometry)  # type: ignore[arg-type]
+        check_body(design, geometry)  # type: ignore[arg-type]
     return listed
 
 
-def engine_of(batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute) -> LatticeEngine:
-    """An engine of so many robots of a geometry, at rest."""
+def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
+    """Refuse a design that a robot of a geometry cannot have, for its cores or regions.
+
+    Raises:
+        ValueError: that names the value and what is allowed.
+    """
+    each_pressure(design.pressure, geometry)
+    after = design.schedule.core_pressure
+    if after is not None and after.ndim == 2 and len(after) != geometry.cores:
+        allowed = f"give one row, or {geometry.cores}, one a core"
+        raise ValueError(f"core_pressure: {len(after)} rows are not allowed; {allowed}")
+    if design.materials is not None:
+        design.materials.check(geometry)
+
+
+def engine_of(
+    batch: int,
+    geometry: InflatableGeometry,
+    terrain: Terrain,
+    compute: Compute,
+    designs: Sequence[InflatableDesign] = (),
+) -> LatticeEngine:
+    """An engine of so many robots of a geometry, at rest; with the moduli of their designs, if these are given."""
+    moduli = [design.materials.modulus if design.materials else None for design in designs]
     return LatticeEngine(
-        geometry.body,
+        bodies_of(geometry, moduli),
         batch,
         time_step=geometry.time_step,
         **terrain.medium,
