@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -257,7 +257,8 @@ def _by_region(geometry: InflatableGeometry) -> LatticeBody:
     """The body with a material of its own in every region."""
     body = geometry.body
     kinds = np.minimum(kinds_of(np.arange(geometry.region_count)), FIRST_BLADDER)
-    return _of_materials(replace(body, material_index=body.regions, materials=[body.materials[k] for k in kinds]), body)
+    materials: Any = tuple(body.materials[kind] for kind in kinds)
+    return _of_materials(replace(body, materials=materials, material_index=np.array(body.regions)), body)
 
 
 def _of_materials(body: LatticeBody, like: LatticeBody) -> LatticeBody:

@@ -22,7 +22,9 @@ from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import (
     PER_ROBOT,
     InflatableResult,
+    Seeds,
     checked_designs,
+    checked_seeds,
     engine_of,
     scattered,
     stage_order,
@@ -33,7 +35,7 @@ from robots.world import Terrain, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.arrays import Array, trace
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.checks import number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeResult, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
@@ -90,9 +92,8 @@ class GradientOptions(ComputeOptions, total=False):
     actuation: InflatableActuation
     counting: Counting
     memory: float
-    window: int
     perturbation: float
-    seed: int
+    seed: int | Sequence[int]
     progress: Callable[[float], None] | None
 
 
@@ -104,9 +105,8 @@ def differentiate(
     actuation: InflatableActuation = ACTUATION,
     counting: Counting = WHOLE,
     memory: float = 1e9,
-    window: int = 0,
     perturbation: float = 0.0,
-    seed: int = 0,
+    seed: int | Sequence[int] = 0,
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> InflatableGradient:
@@ -115,19 +115,20 @@ def differentiate(
     With stages, what is differentiated is the least distance of a stage, times their number. Levels of 0 and 1 have
     derivatives, too: those of the side that is allowed.
 
+    With a window, the distance of so many cycles at the end is differentiated, as if those before, that count, went as
+    far: the state in which they begin is held constant, as that of a gait that has found its stride. So a gradient
+    costs less, and crosses fewer jumps. Stages have no effect on it then.
+
     Args:
         designs: gaits of one number of columns, with the same numbers that may change: all or none with core pressures
             of columns, a pace, friction and so on.
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
-        counting: which part of a gait counts, and its stages.
+        counting: which part of a gait counts, its stages, and the window.
         memory: bound for what is kept of the way there [B]. On a CPU, robots are differentiated in groups of
             ``ROBOTS_PER_THREAD`` a thread, one after the other.
-        window: cycles at the end of a gait whose distance is differentiated, as if those before, that count, went as
-            far: the state in which they begin is held constant, as that of a gait that has found its stride. So a
-            gradient costs less, and crosses fewer jumps. 0 is all that counts. Stages have no effect then.
-        perturbation, seed: noise on the start positions [m], see ``simulate``; it is the same for every group.
+        perturbation, seed: noise on the start positions [m], see ``simulate``.
         progress: called now and then with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``simulate``.
 
@@ -135,9 +136,8 @@ def differentiate(
         ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-    noise = Noise(perturbation, whole_number("seed", seed, 0))
-    how = _Way(counting, memory, whole_number("window", window, 0), noise)
     designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
+    way = _Way(counting, memory, perturbation, checked_seeds(seed, len(designs)))
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     check_alike(designs)
     where = Compute.given(compute)
@@ -150,8 +150,8 @@ def differentiate(
         def tick(fraction: float, start: int = start) -> None:
             report(min((start + fraction * size) / len(designs), 1.0))
 
-        robots = replace(how, first=start)
-        result, found = _side_by_side(designs[group], terrains[group], geometry, actuation, where, robots, tick)
+        part = replace(way, first=start)
+        result, found = _side_by_side(designs[group], terrains[group], geometry, actuation, where, part, tick)
         results.append(result)
         slopes.extend(found)
     joined: dict[str, Any] = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
@@ -160,21 +160,13 @@ def differentiate(
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Noise on start positions: standard deviation [m], and seed."""
-
-    perturbation: float = 0.0
-    seed: int = 0
-
-
-@dataclass(frozen=True)
 class _Way:
     """How distances are differentiated, see :func:`differentiate`; ``first`` is the place of a group's first robot."""
 
     counting: Counting
     memory: float
-    window: int
-    noise: Noise
+    perturbation: float
+    seeds: Seeds
     first: int = 0
 
 
@@ -188,22 +180,22 @@ def _side_by_side(
     progress: Callable[[float], None],
 ) -> tuple[InflatableResult, list[dict[str, Floats]]]:
     """Results of robots that run as one batch, and the derivatives of each one's distance by its numbers, by name."""
-    program = build_program(designs, terrains, actuation, None, geometry, way.counting, way.window)
+    program = build_program(designs, terrains, actuation, None, geometry, way.counting)
     engine = engine_of(len(designs), geometry, terrains[0], compute, designs)
-    if way.noise.perturbation > 0:
+    if way.perturbation > 0:
         robots = way.first + np.arange(len(designs))
-        engine.set_positions(scattered(geometry.body, way.noise.perturbation, way.noise.seed, robots))
+        engine.set_positions(scattered(geometry.body, way.perturbation, way.seeds, robots))
     # A window begins at the last snapshot; without one the whole program is differentiated.
-    begins = program.snapshots[:, -1] if way.window else np.zeros(len(designs), int)
+    begins = program.snapshots[:, -1] if way.counting.window else np.zeros(len(designs), int)
     before, rest = program.split(begins)
     early = engine.run(before) if begins.any() else None
     tape = engine.record(rest.program, memory=way.memory, progress=lambda f: progress(RECORDING * f))
     run = tape.result if early is None else _joined(early, tape.result, program.snapshots >= begins[:, None])
     result = summarise(run, program, designs, geometry, actuation, way.counting)
     headings = np.array([design.orientation for design in designs])
-    weights = _window_weights(program.snapshots) if way.window else worst_stages(result)
+    weights = _window_weights(program.snapshots) if way.counting.window else worst_stages(result)
     *seeds, by_headings = distance_cotangents(geometry.body, run, headings, weights)
-    if way.window:  # where it begins is constant
+    if way.counting.window:  # where it begins is constant
         for seed in seeds:
             seed[:, -1] = 0.0
     cotangents: dict[str, Any] = dict(zip(READ_OFF, seeds, strict=True))
@@ -224,10 +216,10 @@ def _side_by_side(
 
 def _joined(early: LatticeResult, late: LatticeResult, is_late: Bools) -> LatticeResult:
     """The result of a program that ran in two parts; snapshots of the second are marked, shape (B, S)."""
-    recorded: dict[str, Any] = {
-        name: np.where(is_late[(..., *[None] * (getattr(late, name).ndim - 2))], getattr(late, name), getattr(early, name))
-        for name in READ_OFF
-    }
+    recorded: dict[str, Any] = {}
+    for name in READ_OFF:
+        parts = getattr(late, name), getattr(early, name)
+        recorded[name] = np.where(is_late.reshape(is_late.shape + (1,) * (parts[0].ndim - 2)), *parts)
     return replace(late, steps=early.steps + late.steps, **recorded)
 
 
@@ -283,8 +275,8 @@ class _Kept(ProgramBuilder):
         robots: ArrayLike | None = None,
     ) -> None:
         """Keep the numbers of an event in each region."""
-        for numbers, number in ((self.values, value), (self.rates, rate)):
-            numbers.append(np.broadcast_to(number, np.size(regions)))
+        for kept, each in ((self.values, value), (self.rates, rate)):
+            kept.append(np.broadcast_to(each, np.size(regions)))
 
 
 def pull_back(

@@ -42,7 +42,6 @@ class RegionMaterials:
     size: tuple[Row, Row] | None = None
 
     def __post_init__(self) -> None:
-        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731 - a frozen dataclass fills itself
         if self.friction is not None:
             rows = _rows("friction", self.friction, 0.0, MOST_FRICTION, 2)
             if rows.shape != (2, 2):
@@ -51,11 +50,13 @@ class RegionMaterials:
                 foot = int(np.argmax(rows[1] > rows[0]))
                 high, low = rows[:, foot]
                 raise ValueError(f"friction: {low:g} of sliding foot {foot + 1} is not allowed; at most {high:g}")
-            put("friction", _frozen(rows))
+            object.__setattr__(self, "friction", _frozen(rows))
         if self.modulus is not None:
-            put("modulus", _frozen(_rows("modulus", [self.modulus], LEAST_MODULUS, MOST_MODULUS, 1))[0])
+            object.__setattr__(
+                self, "modulus", _frozen(_rows("modulus", [self.modulus], LEAST_MODULUS, MOST_MODULUS, 1))[0]
+            )
         if self.size is not None:
-            put("size", _frozen(_rows("size", self.size, LEAST_SIZE, MOST_SIZE, 2)))
+            object.__setattr__(self, "size", _frozen(_rows("size", self.size, LEAST_SIZE, MOST_SIZE, 2)))
 
     @property
     def given(self) -> dict[str, Any]:

@@ -63,9 +63,7 @@ class Numbers:
         gait = design.schedule
         made = {} if design.materials is None else design.materials.given
         friction, size = (np.array(made[name]) if name in made else None for name in ("friction", "size"))
-        return cls(
-            design.pressure, design.orientation, gait.levels, gait.core_pressure, gait.pace, friction, size
-        )
+        return cls(design.pressure, design.orientation, gait.levels, gait.core_pressure, gait.pace, friction, size)
 
     @property
     def given(self) -> dict[str, Any]:
@@ -81,10 +79,13 @@ class Counting:
         warm_up: time steps of the gait before its distance begins to count, and the rest of the cycle in which they
             end.
         stages: equally long parts of which distances are known, see ``timing.stage_starts``.
+        window: cycles at the end of a gait by which its distance is differentiated, all if it has fewer; 0 is all that
+            counts, see ``differentiate``.
     """
 
     warm_up: Annotated[int, partial(whole_number, low=0)] = 0
     stages: Annotated[int, partial(whole_number, low=1)] = 1
+    window: Annotated[int, partial(whole_number, low=0)] = 0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -100,13 +101,12 @@ def build_program(
     record_every: int | None = None,
     geometry: InflatableGeometry = PUBLISHED,
     counting: Counting = WHOLE,
-    window: int = 0,
 ) -> LatticeProgram:
     """The program of a batch of designs on a terrain, or on one each.
 
     Snapshot 0 is the end of the initialisation and of the warm-up, snapshot 1 the end of the gait; the ends of all
-    stages but the last follow; with a ``window`` the beginning of the last so many cycles, or of the gait if it has
-    fewer; with ``record_every``, the poses every so many steps from the end of the initialisation.
+    stages but the last follow; then the beginning of the window, if there is one; with ``record_every``, the poses
+    every so many steps from the end of the initialisation.
 
     Raises:
         ValueError: if a gait is not longer than the warm-up.
@@ -120,7 +120,7 @@ def build_program(
         first, *others = (begin + start for start in stage_starts(starts, steps, counting.warm_up, counting.stages))
         end = begin + steps
         lengths.append(end)
-        windows = [begin + starts[-min(window, len(starts))]] if window else []
+        windows = [begin + starts[-min(counting.window, len(starts))]] if counting.window else []
         marks.append([first, end, *others, *windows, *(range(begin, end + 1, record_every) if record_every else ())])
     snapshots = np.full((len(marks), max(map(len, marks))), -1)  # rows of robots with fewer end with -1
     for row, taken in zip(snapshots, marks, strict=True):
@@ -260,9 +260,10 @@ class RobotEvents:
         self._set_friction(a.high_friction / 3, BLADDER_REGIONS, 0)
         if self.friction is not None:
             self._set_feet(self.friction[0], 0)
-        for axis in range(2 if self.skin_sizes and self.bladder_sizes is not None else 0):
-            self._set(Quantity.SCALE + axis, self.skin_sizes[axis], skin)
-            self._set(Quantity.SCALE + axis, self.bladder_sizes[axis], BLADDER_REGIONS)
+        if self.skin_sizes is not None and self.bladder_sizes is not None:
+            for axis, sizes in enumerate(self.skin_sizes):
+                self._set(Quantity.SCALE + axis, sizes, skin)
+                self._set(Quantity.SCALE + axis, self.bladder_sizes[axis], BLADDER_REGIONS)
         self._set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
         if self.terrain.is_fluid:
             for part, resistance in enumerate(self.terrain.resistance):

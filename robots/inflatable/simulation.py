@@ -66,7 +66,7 @@ def simulate(
     counting: Counting = WHOLE,
     record_every: int | None = None,
     perturbation: float = 0.0,
-    seed: int = 0,
+    seed: int | Sequence[int] = 0,
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> InflatableResult:
@@ -81,7 +81,8 @@ def simulate(
         record_every: record the poses every so many time steps from the end of the initialisation on.
         perturbation: standard deviation of noise on the start positions [m]; contact makes long runs chaotic, so a
             few perturbed copies show how far a speed can be trusted.
-        seed: of that noise; robot i of a batch always draws the same.
+        seed: of that noise; robot i of a batch always draws the same. Of several, one for each robot, it draws what
+            the first robot of a batch does.
         progress: called now and then with the fraction done.
         compute: ``precision`` ("f64" or "f32"), ``device`` ("cpu", "cuda", "vulkan" or "metal") and ``threads`` (CPU
             threads, all cores by default), see ``taichi_sim.base.compute.Compute``.
@@ -92,7 +93,7 @@ def simulate(
     designs = checked_designs(designs, geometry, actuation)
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-    seed = whole_number("seed", seed, 0)
+    seeds = checked_seeds(seed, len(designs))
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     # Robots of a block wait for its slowest: put those of like length together.
     order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
@@ -100,7 +101,7 @@ def simulate(
     program = build_program(sorted_designs, grounds, actuation, record_every, geometry, counting)
     engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute), sorted_designs)
     if perturbation > 0:
-        engine.set_positions(scattered(geometry.body, perturbation, seed, order))
+        engine.set_positions(scattered(geometry.body, perturbation, seeds, order))
     run = engine.run(program, progress)
     found = summarise(run, program, sorted_designs, geometry, actuation, counting, record_every)
     return reordered(found, np.argsort(order))
@@ -170,9 +171,26 @@ def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
     return replace(result, **{name: getattr(result, name)[order] for name in PER_ROBOT}, frames=frames)
 
 
-def scattered(body: LatticeBody, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
+Seeds = int | tuple[int, ...]
+
+
+def checked_seeds(given: object, count: int) -> Seeds:
+    """A seed for a batch, or one for each of so many robots as a tuple.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if not isinstance(given, Sequence):
+        return whole_number("seed", given, 0)
+    if len(given) != count:
+        raise ValueError(f"seed: {len(given)} are not allowed for {count} robots; give one, or one each")
+    return tuple(whole_number("seed", one, 0) for one in given)
+
+
+def scattered(body: LatticeBody, deviation: float, seeds: Seeds, robots: ArrayLike) -> np.ndarray:
     """Start positions [m] with Gaussian noise of a standard deviation [m], shape (B, V, 3); a robot has its own."""
-    noise = [np.random.default_rng([seed, r]).normal(0.0, deviation, body.voxels.shape) for r in np.asarray(robots)]
+    streams = [(seeds[robot], 0) if isinstance(seeds, tuple) else (seeds, robot) for robot in np.asarray(robots)]
+    noise = [np.random.default_rng(stream).normal(0.0, deviation, body.voxels.shape) for stream in streams]
     return body.start_positions + np.array(noise)
 
 
@@ -205,7 +223,7 @@ def summarise(
 ) -> InflatableResult:
     """Read distances, speeds and frames off the snapshots of a run of ``build_program``'s program."""
     dt, (begin, end) = geometry.time_step, program.snapshots[:, :2].T
-    middle, frames = read_poses(run, geometry, counting.stages + 1, record_every)
+    middle, frames = read_poses(run, geometry, counting.stages + 1 + (counting.window > 0), record_every)
     headings = travel_directions(np.array([d.orientation for d in designs]))
     nominal = np.array([counted_steps(d.schedule, actuation) for d in designs])
     way = (middle[..., :2] * headings[:, None]).sum(axis=-1)

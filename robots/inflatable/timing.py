@@ -1,9 +1,9 @@
 """When the inflatable robot does what: strokes of its bladders, columns in time, and the steps by which speeds count.
 
-A bladder told a level u goes towards the thickness empty + u (full - empty) at the rate of the published robot, and
-shortens its last step so that it arrives exactly; at a pace of its own it takes that part of the rate. Empty and full are where full strokes of the published rule end;
-where u is 0 or 1 and the stroke is full, the published rule counts its steps. As published, a bladder at or below
-``deflated`` is not deflated further.
+A bladder told a level u goes towards the thickness empty + u (full - empty) at the rate of the published robot, or at
+a part of it, its pace, and shortens its last step so that it arrives exactly. Empty and full are where full strokes of
+the published rule end; where u is 0 or 1 and the stroke is full, the published rule counts its steps. As published, a
+bladder at or below ``deflated`` is not deflated further.
 
 Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
 """

@@ -132,7 +132,9 @@ class LatticeProgram:
         events["value"] += events["rate"] * ages
         events["step"] = np.maximum(events["step"] - cut[source], 0)
         snapshots = np.where(kept, -1, self.snapshots - cuts[:, None])
-        return first, ProgramRest(LatticeProgram(self.lengths - cuts, events, snapshots), source, ages, len(self.events))
+        return first, ProgramRest(
+            LatticeProgram(self.lengths - cuts, events, snapshots), source, ages, len(self.events)
+        )
 
 
 @dataclass(frozen=True, eq=False)
