@@ -14,6 +14,7 @@ STUDIES: Registry[Study] = Registry(
         "training": "optim.studies.chapter4.training:STUDY",
         "co-optimisation": "optim.studies.chapter4.co_optimisation:STUDY",
         "search-comparison": "optim.studies.beyond.search_comparison:STUDY",
+        "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",
         "homeostasis-of-bodies": "optim.studies.chapter4.homeostasis_of_bodies:STUDY",
         "reality-gap": "optim.studies.chapter4.reality_gap:STUDY",
         "homeostasis-objective": "optim.studies.chapter4.homeostasis_objective:STUDY",

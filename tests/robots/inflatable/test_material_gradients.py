@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graded import GRIPPING, LOW, QUICK, TINY, TINY_TWO, tabled
+from graded import GRIPPING, LOW, tabled
 
 from robots.inflatable import InflatableDesign, differentiate, simulate
 from robots.inflatable.materials import RegionMaterials
