@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 EMPTY_CORE = -4000.0  # the least pressure that graded gaits may ask for [Pa]; below zero the core is empty
 LEAST_MOTION = 100  # time steps of a column's motion; valves switch no faster
 LEVEL_STEP = 0.2  # of a level, from -0.5 to 1.5
-SLOWEST, PACE_END, PACE_STEP = 0.3, 1.4, 0.1  # of a pace; above 1 it is cut, so that full speed is easily kept
+SLOWEST, PACE_END, PACE_STEP = 0.5, 1.5, 0.1  # of a pace; above 1 it is cut, so that full speed is easily kept
 SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from optim.space import Variable
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.materials import LEAST_MODULUS, LEAST_SIZE, MOST_MODULUS, MOST_SIZE, RegionMaterials
+from robots.inflatable.materials import LEAST_MODULUS, MOST_MODULUS, RegionMaterials
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MATERIAL_PARTS = ("friction", "modulus", "size")
 GRIPPING, SLIDING = (0.5, 2.0), (1e-4, 0.5)  # friction that a search may ask for; rubber, and a smooth skid
+SIZES = (0.95, 1.05)  # relative rest sizes that a search may ask for: fabric that differs by more wrinkles
 STEP = 0.1  # of a mutation, in ranges
 
 
@@ -43,7 +44,7 @@ class MaterialGenes:
                 (f"{kind}_{foot}", *b) for kind, b in (("grip", GRIPPING), ("slide", SLIDING)) for foot in (1, 2)
             ],
             "modulus": [(f"modulus_{region}", LEAST_MODULUS, MOST_MODULUS) for region in regions],
-            "size": [(f"{way}_{region}", LEAST_SIZE, MOST_SIZE) for way in ("width", "length") for region in regions],
+            "size": [(f"{way}_{region}", *SIZES) for way in ("width", "length") for region in regions],
         }
 
     def variables(self) -> list[Variable]:
