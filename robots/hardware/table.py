@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -123,10 +124,10 @@ class GaitTable:
     def played(self) -> InflatableDesign:
         """What the rows play, by the inverse of the map.
 
-        The header only says whether the gait is on and off, changes its core pressure and has times of its own, and the
-        orientation, paces and materials, of which lines know nothing. Where the gait is on and off, an actuator is on above the middle
-        between its two pressures. How long states of a gait with times of its own last after all lines have arrived is
-        how long it settles.
+        The header only says whether the gait is on and off, changes its core pressure and has times of its own, and
+        what lines know nothing of: the orientation, paces and materials. Where the gait is on and off, an actuator is on
+        above the middle between its two pressures. How long states of a gait with times of its own last after all lines
+        have arrived is how long it settles.
 
         Raises:
             ValueError: if the rows play no schedule.
@@ -187,7 +188,7 @@ def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
 def design_hash(design: InflatableDesign) -> str:
     """A short fingerprint of a robot's design, equal for equal designs on every machine."""
     played, schedule = with_one_pressure(design), design.schedule
-    content = [played.pressure, played.orientation, schedule.to_text(), schedule.repeats]
+    content: list[Any] = [played.pressure, played.orientation, schedule.to_text(), schedule.repeats]
     content += [design.materials.given] if design.materials is not None else []
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 

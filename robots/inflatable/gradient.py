@@ -241,7 +241,7 @@ def check_alike(designs: Sequence[InflatableDesign]) -> None:
     """
     if len({np.size(design.pressure) for design in designs}) > 1:
         raise ValueError("designs: a mixture is not allowed; give all one core pressure, or all one a core")
-    if len({(*map(np.shape, _numbers_of(design).values()), *_numbers_of(design)) for design in designs}) == 1:
+    if len({(*map(np.shape, numbers_of(design).values()), *numbers_of(design)) for design in designs}) == 1:
         return
     if len({(design.schedule.columns, design.schedule.core_pressure is None) for design in designs}) > 1:
         raise ValueError(
@@ -250,7 +250,7 @@ def check_alike(designs: Sequence[InflatableDesign]) -> None:
     raise ValueError("designs: a mixture is not allowed; give all of them a pace, friction, moduli and sizes, or none")
 
 
-def _numbers_of(design: InflatableDesign) -> dict[str, Any]:
+def numbers_of(design: InflatableDesign) -> dict[str, Any]:
     """All numbers of a design by which it is differentiated, by name."""
     modulus = None if design.materials is None else design.materials.modulus
     return {**Numbers.of(design).given, **({} if modulus is None else {"modulus": modulus})}

@@ -147,7 +147,9 @@ def _check(legs: Sequence[Leg]) -> None:
         core = leg.design.schedule.core_pressure
         if leg.design.materials is not None or (core is not None and core.ndim == 2):
             what = "core pressures of several cores" if leg.design.materials is None else "materials"
-            raise ValueError(f"legs: a gait with {what} is not allowed in a journey; all legs are of the robot as built")
+            raise ValueError(
+                f"legs: a gait with {what} is not allowed in a journey; all legs are of the robot as built"
+            )
     for place, (before, leg) in enumerate(pairwise(legs), 2):
         if leg.design.pressure != before.last_pressure:
             raise ValueError(

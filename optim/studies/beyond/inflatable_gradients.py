@@ -196,8 +196,9 @@ def _task(
 ) -> None:
     """Run a search, and replay what it has found, if that is not done."""
     world, name, seed = run
-    path = _gait(folder, *run)
-    if path.with_suffix(".csv").exists():
+    path, kept = _gait(folder, *run), _gait(folder, *run).with_suffix(".csv")
+    budget = settings.contest(world, folder).budget
+    if kept.exists() and read_records(kept)[0].get("budget") == budget:
         return
     _warm_up(settings, ARMS[name].gradients)
     contest = settings.contest(world, folder)
@@ -211,7 +212,7 @@ def _task(
         save_design(problem.design(problem.space.from_dict(best)), path)
     speeds = replayed(problem, path, settings.starts)
     columns = [terrain.name for terrain in problem.terrains]
-    write_records(path.with_suffix(".csv"), [dict(zip(columns, row, strict=True)) for row in speeds.T.tolist()])
+    write_records(kept, [{"budget": budget, **dict(zip(columns, row, strict=True))} for row in speeds.T.tolist()])
 
 
 def _gait(folder: Path, world: str, name: str, seed: int) -> Path:
@@ -253,7 +254,7 @@ def _found(folder: Path, settings: Comparison, world: str, name: str, seed: int)
     contest = settings.contest(world, folder)
     curve, end = contest.curve(name, seed), _end(contest, name, seed)
     records = read_records(_gait(folder, world, name, seed).with_suffix(".csv"))
-    speeds = np.array([list(record.values()) for record in records], float).mean(axis=1)
+    speeds = np.mean([column(records, terrain.name) for terrain in WORLDS[world]], axis=0)
     about = {"world": world, "search": name, "seed": seed}
     row = {
         **about,

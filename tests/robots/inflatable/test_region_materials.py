@@ -133,7 +133,12 @@ def test_bodies_differ_by_their_moduli_only_where_some_have_them():
     assert soft.topology is plain.topology is TINY.body.topology
     assert {m.youngs_modulus for m in soft.materials[:5]} == {TINY.youngs_modulus / 2}
     assert [m.youngs_modulus for m in plain.materials[4:6]] == [TINY.youngs_modulus, TINY.bladder_modulus]
-    assert len(TINY_TWO.region_names) == TINY_TWO.region_count == 18 == len(bodies_of(TINY_TWO, [(1.0,) * 18])[0].materials)
+    assert (
+        len(TINY_TWO.region_names)
+        == TINY_TWO.region_count
+        == 18
+        == len(bodies_of(TINY_TWO, [(1.0,) * 18])[0].materials)
+    )
 
 
 @pytest.mark.parametrize(
@@ -147,7 +152,10 @@ def test_bodies_differ_by_their_moduli_only_where_some_have_them():
         (lambda: RegionMaterials(size=((1.0,), (1.0, 2.0))), "size: .* is not allowed; give numbers from 0.85 to 1.15"),
         (lambda: RegionMaterials.of({"colour": 1}), "materials: 'colour' cannot be read"),
         (lambda: design("soft"), "materials: str is not allowed; give RegionMaterials"),
-        (lambda: design(pace=np.zeros((8, 2))), "pace: 0.0 of bladder1, column 1 is not allowed; give numbers from 0.1"),
+        (
+            lambda: design(pace=np.zeros((8, 2))),
+            "pace: 0.0 of bladder1, column 1 is not allowed; give numbers from 0.1",
+        ),
         (lambda: design(core_pressure=np.full((2, 2), -1.0)), "core_pressure: -1.0 of core 1, column 1 is not allowed"),
         (lambda: design(pace=np.ones((8, 2))).schedule.project(), "steps: times of its own are not allowed"),
         (
