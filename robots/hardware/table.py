@@ -125,9 +125,9 @@ class GaitTable:
         """What the rows play, by the inverse of the map.
 
         The header only says whether the gait is on and off, changes its core pressure and has times of its own, and
-        what lines know nothing of: the orientation, paces and materials. Where the gait is on and off, an actuator is on
-        above the middle between its two pressures. How long states of a gait with times of its own last after all lines
-        have arrived is how long it settles.
+        what lines know nothing of: the orientation, paces and materials. Where the gait is on and off, an actuator is
+        on above the middle between its two pressures. How long states of a gait with times of its own last after all
+        lines have arrived is how long it settles.
 
         Raises:
             ValueError: if the rows play no schedule.
