@@ -1,7 +1,7 @@
 """Hill climbers that step along gradients, and mutate where gradients lead nowhere."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -22,12 +22,13 @@ class GradientHillClimb(HillClimb):
     A climber's step is twice as long after a success, half as long after a failure. Where steps keep failing, at a
     jump that gradients do not see or where chaos blows them up, the climber mutates as :class:`HillClimb` does until
     that helps. Gradients are asked for only where climbers have moved, in a turn of its own; only their directions
-    count.
+    count. Variables of no slope, such as times that last whole steps, can be left to mutation all along.
 
     Attributes:
         first_step: length of the first step, and of that after a mutation that helped [ranges].
         longest_step: the longest step [ranges].
         patience: steps in vain before a climber mutates.
+        blind: what a step does with variables whose slope is zero: ``"keep"`` or ``"mutate"`` them.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("uphill", "step", "failures", "moved")
@@ -35,6 +36,7 @@ class GradientHillClimb(HillClimb):
     first_step: float = positive(0.05, MOST)
     longest_step: float = positive(0.5, MOST)
     patience: int = whole(5, 1)
+    blind: Literal["keep", "mutate"] = "keep"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -57,6 +59,8 @@ class GradientHillClimb(HillClimb):
         if self.generation == 0:
             return mutated
         stepped = self._inside(self.points + self.step[:, None] * self.uphill * self.space.span)
+        if self.blind == "mutate":
+            stepped = np.where(self.uphill == 0, mutated, stepped)
         return np.where(self._patient[:, None], stepped, mutated)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:

@@ -24,6 +24,7 @@ STUDIES: Registry[Study] = Registry(
         "shape-change": "optim.studies.chapter5.study:STUDY",
         "gait-hunt": "optim.studies.beyond.gait_hunt.study:STUDY",
         "gait-climb": "optim.studies.beyond.gait_hunt.climb:STUDY",
+        "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",
         "friction-sweeps": "optim.studies.chapter5.friction:STUDY",
         "slope-sweep": "optim.studies.chapter5.slopes:STUDY",
         "hand-gait-sensitivity": "optim.studies.chapter5.sensitivity:STUDY",

@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
+from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.files import read_text, write_text
@@ -122,10 +124,10 @@ class GaitTable:
     def played(self) -> InflatableDesign:
         """What the rows play, by the inverse of the map.
 
-        The header only says whether the gait is on and off, changes its core pressure and has times of its own, and the
-        orientation, of which lines know nothing. Where the gait is on and off, an actuator is on above the middle
-        between its two pressures. How long states of a gait with times of its own last after all lines have arrived is
-        how long it settles.
+        The header only says whether the gait is on and off, changes its core pressure and has times of its own, and
+        what lines know nothing of: the orientation, paces and materials. Where the gait is on and off, an actuator is
+        on above the middle between its two pressures. How long states of a gait with times of its own last after all
+        lines have arrived is how long it settles.
 
         Raises:
             ValueError: if the rows play no schedule.
@@ -143,10 +145,11 @@ class GaitTable:
             raise ValueError("gait table: the columns of its prefix differ from those of its main")
         told = None if given.core_pressure is None else second[ROWS]
         gait = GaitSchedule(second[:ROWS], self.loops + 1, told, skip_idle=given.skip_idle)
+        gait = replace(gait, pace=given.pace)
         if given.has_own_times:
             moved = np.zeros(gait.columns, int) if told is None else self._steps(slice(0, 1))[:, 0]
             gait = replace(gait, motion_steps=moved, settle_steps=self._steps(slice(None))[:, 1])
-        return InflatableDesign(float(core[0]), self.design.orientation, gait)
+        return replace(self.design, pressure=float(core[0]), schedule=gait)
 
     def _steps(self, lines: slice) -> Ints:
         """Time steps of each column until some lines have arrived, and from there to its end, shape (T, 2).
@@ -173,13 +176,20 @@ def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
     if (pressure := common_pressure(design.pressure)) is None:
         told = kilopascals(design.pressure)
         raise ValueError(f"pressure: {told} are not allowed; a rig has one line for the core, so give all cores one")
-    return InflatableDesign(pressure, design.orientation, design.schedule)
+    schedule, core = design.schedule, design.schedule.core_pressure
+    if core is not None and core.ndim == 2:
+        if np.ptp(core, axis=0).any():
+            allowed = "a rig has one line for the core, so give all cores one"
+            raise ValueError(f"core_pressure: {len(core)} rows are not allowed; {allowed}")
+        schedule = replace(schedule, core_pressure=core[0])
+    return replace(design, pressure=pressure, schedule=schedule)
 
 
 def design_hash(design: InflatableDesign) -> str:
     """A short fingerprint of a robot's design, equal for equal designs on every machine."""
     played, schedule = with_one_pressure(design), design.schedule
-    content = [played.pressure, played.orientation, schedule.to_text(), schedule.repeats]
+    content: list[Any] = [played.pressure, played.orientation, schedule.to_text(), schedule.repeats]
+    content += [design.materials.given] if design.materials is not None else []
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
@@ -208,6 +218,7 @@ def _header(table: GaitTable) -> list[tuple[str, str]]:
         ("orientation_deg", repr(design.orientation)),
         ("schedule", design.schedule.to_text()),
         ("repeats", str(design.schedule.repeats)),
+        *([("materials", json.dumps(design.materials.given))] if design.materials is not None else []),
         ("loops", str(table.loops)),
         ("rig", table.rig),
         ("rate_hz", "corners" if table.rate is None else repr(table.rate)),
@@ -254,7 +265,8 @@ def _read(lines: list[str]) -> GaitTable:
     _check_columns(lines, len(head), units)
     try:
         schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
-        design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
+        materials = RegionMaterials.of(json.loads(header["materials"])) if "materials" in header else None
+        design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule, materials)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
         seed = None if header["seed"] == _NO_SEED else int(header["seed"])

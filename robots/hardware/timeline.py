@@ -87,6 +87,8 @@ def commands_of(design: InflatableDesign, line_map: LineMap) -> Commands:
     portions = np.ones((len(states) + 1, states.shape[1]))
     ways = np.abs(np.diff(levels, axis=1)).T
     portions[1:-1, 1:] = np.where(ways > 0, ways, 1.0)
+    if schedule.pace is not None:  # a stroke takes the longer, the slower it is
+        portions[1:-1, 1 : BLADDERS + 1] /= np.tile(schedule.pace, 2).T
     moving, resting = np.pad(np.tile(times.T, 2), ((0, 0), (1, 1)))
     return Commands(np.vstack([states, np.zeros(states.shape[1])]), portions, moving, resting)
 

@@ -11,14 +11,15 @@ Layers from the ground up: lower bladders, lower skin, upper skin, upper bladder
 
 import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_sim.base.arrays import Ints
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import Positive, check_fields, whole_number
 from taichi_sim.lattice import LatticeBody, Material
 
@@ -32,6 +33,7 @@ SKIN_REGIONS = np.arange(FIRST_BLADDER)
 FOOT_REGIONS = np.array([FOOT_1, FOOT_2])
 BLADDER_REGIONS = np.arange(FIRST_BLADDER, REGION_COUNT)
 Count = Annotated[int, partial(whole_number, low=1)]
+SKIN_NAMES = ("skin", "seam", "foot1", "foot2", "footseam")
 LEAST_CORE_ROWS = 3  # a wall at either end, and a row between
 
 
@@ -102,6 +104,23 @@ class InflatableGeometry:
     def columns(self) -> int:
         """Width of the pouch in voxels."""
         return 4 * self.bladder_columns + 3
+
+    @property
+    def region_count(self) -> int:
+        """R, the number of regions: of the skin of every core, and of the bladders."""
+        return REGION_COUNT + FIRST_BLADDER * (self.cores - 1)
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Names of the regions, such as ``skin`` and ``bladder3``; those of further cores end with ``_2`` and on."""
+        bladders = [f"bladder{number}" for number in range(1, BLADDER_COUNT + 1)]
+        others = [f"{kind}_{core}" for core in range(2, self.cores + 1) for kind in SKIN_NAMES]
+        return (*SKIN_NAMES, *bladders, *others)
+
+    def rest_sizes(self, regions: ArrayLike) -> tuple[Floats, Floats]:
+        """Rest sizes of regions across and along the pouch, in voxels, shape (N,) each; bladders deflated."""
+        kinds = kinds_of(regions)
+        return np.where(kinds == FOOT_SEAM, self.foot_seam_scale, 1.0), np.ones(len(kinds))
 
     @property
     def core_rows(self) -> tuple[range, ...]:
@@ -231,3 +250,35 @@ def _materials(geometry: InflatableGeometry) -> tuple[Material, ...]:
         )
         for name, modulus, across in kinds
     )
+
+
+@lru_cache(maxsize=16)
+def _by_region(geometry: InflatableGeometry) -> LatticeBody:
+    """The body with a material of its own in every region."""
+    body = geometry.body
+    kinds = np.minimum(kinds_of(np.arange(geometry.region_count)), FIRST_BLADDER)
+    materials: Any = tuple(body.materials[kind] for kind in kinds)
+    return _of_materials(replace(body, materials=materials, material_index=np.array(body.regions)), body)
+
+
+def _of_materials(body: LatticeBody, like: LatticeBody) -> LatticeBody:
+    """The body, with the links and faces of one that differs in its materials alone, which are not derived again."""
+    vars(body)["topology"] = like.topology
+    return body
+
+
+def bodies_of(geometry: InflatableGeometry, moduli: Sequence[tuple[float, ...] | None]) -> list[LatticeBody]:
+    """A body for each robot of a batch, or a single one where no robot has moduli of its own.
+
+    Args:
+        geometry: of all.
+        moduli: of the regions of each robot, relative to those of the geometry, shape (R,); None has those.
+    """
+    if not any(moduli):
+        return [geometry.body]
+    common, built = _by_region(geometry), dict[tuple[float, ...] | None, LatticeBody]()
+    for factors in set(moduli):
+        each = zip(common.materials, factors or (1.0,) * geometry.region_count, strict=True)
+        materials = tuple(replace(m, youngs_modulus=m.youngs_modulus * factor) for m, factor in each)
+        built[factors] = _of_materials(replace(common, materials=materials), common)
+    return [built[factors] for factors in moduli]

@@ -1,7 +1,7 @@
 """Designs of the inflatable shape-changing robot, their files, and the two gaits that were made by hand.
 
 Gait files are JSON, in two formats: schedules of on and off are rows of 0 and 1, all others are tables of numbers, see
-``docs/gait-files.md``.
+``docs/gait-files.md``; with materials of its regions a design is of a third.
 
 Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
 et al., Nature Machine Intelligence 3, 51-59, 2021.
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import MAXIMUM_PRESSURE, GaitSchedule
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import read_record, read_text, write_record
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 ROWS_FORMAT = "morpholab-inflatable-design-1"
 TABLES_FORMAT = "morpholab-graded-design-1"
+MATERIALS_FORMAT = "morpholab-inflatable-design-2"
+FORMATS = (ROWS_FORMAT, TABLES_FORMAT, MATERIALS_FORMAT)
 BESIDE_TABLES = ("format", "pressure", "orientation", "repeats")  # in files of the second format
 
 Pressure = float | tuple[float, ...]  # of all cores alike, or of each [Pa]
@@ -82,21 +85,26 @@ class InflatableDesign:
     Attributes:
         pressure: of the core [Pa], 0 (flat) to 15,000; 12,000 makes it round. In a body with several cores a number
             is that of all of them, and a tuple has one for each, from the end of foot 1 on. Where columns of the
-            schedule have core pressures, this is one number, the pressure before the gait.
+            schedule have core pressures, this is the pressure before the gait: one number, if cores share them.
         orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
         schedule: when and how far bladders inflate and feet grip.
+        materials: of the body's regions, and friction of the feet; None is as the geometry has them.
     """
 
     pressure: Pressure
     orientation: float
     schedule: GaitSchedule
+    materials: RegionMaterials | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pressure", checked_pressure(self.pressure))
         object.__setattr__(self, "orientation", number("orientation", self.orientation, 0.0, 90.0, "degrees"))
         if not isinstance(self.schedule, GaitSchedule):
             raise ValueError(f"schedule: {type(self.schedule).__name__} is not allowed; give a GaitSchedule")
-        if isinstance(self.pressure, tuple) and self.schedule.core_pressure is not None:
+        if self.materials is not None and not isinstance(self.materials, RegionMaterials):
+            raise ValueError(f"materials: {type(self.materials).__name__} is not allowed; give RegionMaterials")
+        after = self.schedule.core_pressure
+        if isinstance(self.pressure, tuple) and after is not None and after.ndim == 1:
             raise ValueError(
                 f"pressure: {len(self.pressure)} values are not allowed with a gait that has core pressures of its "
                 "columns; give one"
@@ -136,15 +144,23 @@ def core_shapes(geometry: "InflatableGeometry", pressure: float) -> list[tuple[f
 
 
 def save_design(design: InflatableDesign, path: str | PathLike[str]) -> None:
-    """Write a design as JSON: pressure [Pa], one or a list, orientation [degrees], the schedule and its repeats."""
+    """Write a design as JSON: pressure [Pa], one or a list, orientation [degrees], the schedule and its repeats.
+
+    Materials of its regions follow, if it has some.
+    """
     gait = design.schedule
+    if design.materials is not None and design.materials.given:
+        own = {"schedule": gait.to_text(), "repeats": gait.repeats, "materials": design.materials.given}
+        shape = {"pressure": design.pressure, "orientation": design.orientation}
+        write_record(path, MATERIALS_FORMAT, {**shape, **own})
+        return
     schedule = {"schedule": gait.to_text().split("/")} if gait.skip_idle else gait.tables
     record = {"pressure": design.pressure, "orientation": design.orientation, **schedule, "repeats": gait.repeats}
     write_record(path, ROWS_FORMAT if gait.skip_idle else TABLES_FORMAT, record)
 
 
 def load_design(path: str | PathLike[str]) -> InflatableDesign:
-    """Read a design that :func:`save_design` wrote, in either format.
+    """Read a design that :func:`save_design` wrote, in any of its formats.
 
     Raises:
         ValueError: if the file cannot be read as one; names the file and what is wrong with it.
@@ -154,14 +170,18 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
         form = record.get("format") if isinstance(record, dict) else None
     except (json.JSONDecodeError, RecursionError):
         form = None
-    if isinstance(form, str) and form not in (ROWS_FORMAT, TABLES_FORMAT):
-        known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}"
+    if isinstance(form, str) and form not in FORMATS:
+        known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}, or with materials {MATERIALS_FORMAT!r}"
         raise ValueError(f"{path}: it is of the format {form[:60]!r}; gaits of this robot are of {known}")
-    return read_record(path, TABLES_FORMAT if form == TABLES_FORMAT else ROWS_FORMAT, _design_of)
+    return read_record(path, form if form in FORMATS else ROWS_FORMAT, _design_of)
 
 
 def _design_of(record: dict[str, Any]) -> InflatableDesign:
-    """The design of a record of either format."""
+    """The design of a record of any format."""
+    if record["format"] == MATERIALS_FORMAT:
+        schedule = GaitSchedule.from_text(record["schedule"], record["repeats"])
+        materials = RegionMaterials.of(record["materials"])
+        return InflatableDesign(record["pressure"], record["orientation"], schedule, materials)
     if record["format"] == ROWS_FORMAT:
         schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
     else:

@@ -17,12 +17,14 @@ from numpy.typing import ArrayLike
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.program import WHOLE, Counting, build_program, write_gait
+from robots.inflatable.program import WHOLE, Counting, Numbers, build_program, write_gait
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import (
     PER_ROBOT,
     InflatableResult,
+    Seeds,
     checked_designs,
+    checked_seeds,
     engine_of,
     stage_order,
     summarise,
@@ -31,7 +33,8 @@ from robots.inflatable.simulation import (
 from robots.world import Terrain, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.arrays import Array, trace
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.checks import number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeResult, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
@@ -44,13 +47,20 @@ RECORDING = 0.3  # part of a differentiation's time that goes before the way bac
 class InflatableGradient:
     """Derivatives of the distances [m] of a batch of designs; NaN where a status is not "ok".
 
+    Those by numbers that the designs do not have are None.
+
     Attributes:
         pressure: by the core pressure [1/Pa], shape (B,); by that of each core, shape (B, N), where designs have
             several.
         orientation: by the heading [1/degree], shape (B,).
         levels: by the levels of bladders and feet, shape (B, 10, T).
-        core_pressure: by the core pressure of the columns [1/Pa], shape (B, T); None where the gait has none.
+        core_pressure: by the core pressure of the columns [1/Pa], shape (B, T), or (B, N, T).
         result: the distances themselves, speeds and status.
+        pace: by the pace of strokes, shape (B, 8, T); columns last as many steps as they do.
+        friction: by the friction of feet that grip and slide, shape (B, 2, 2). It is that of kinetic friction alone:
+            static friction acts through switches.
+        size: by the relative rest sizes of the regions, shape (B, 2, R).
+        modulus: by the relative moduli of the regions, shape (B, R).
     """
 
     pressure: Floats
@@ -58,6 +68,10 @@ class InflatableGradient:
     levels: Floats
     core_pressure: Floats | None
     result: InflatableResult
+    pace: Floats | None = None
+    friction: Floats | None = None
+    size: Floats | None = None
+    modulus: Floats | None = None
 
     @property
     def inflation(self) -> Floats:
@@ -77,6 +91,8 @@ class GradientOptions(ComputeOptions, total=False):
     actuation: InflatableActuation
     counting: Counting
     memory: float
+    perturbation: float
+    seed: int | Sequence[int]
     progress: Callable[[float], None] | None
 
 
@@ -88,6 +104,8 @@ def differentiate(
     actuation: InflatableActuation = ACTUATION,
     counting: Counting = WHOLE,
     memory: float = 1e9,
+    perturbation: float = 0.0,
+    seed: int | Sequence[int] = 0,
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> InflatableGradient:
@@ -96,41 +114,59 @@ def differentiate(
     With stages, what is differentiated is the least distance of a stage, times their number. Levels of 0 and 1 have
     derivatives, too: those of the side that is allowed.
 
+    With a window, the distance of so many cycles at the end is differentiated, as if those before, that count, went as
+    far: the state in which they begin is held constant, as that of a gait that has found its stride. So a gradient
+    costs less, and crosses fewer jumps. Stages have no effect on it then.
+
     Args:
-        designs: gaits of one number of columns, all or none with core pressures of columns.
+        designs: gaits of one number of columns, with the same numbers that may change: all or none with core pressures
+            of columns, a pace, friction and so on.
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
-        counting: which part of a gait counts, and its stages.
+        counting: which part of a gait counts, its stages, and the window.
         memory: bound for what is kept of the way there [B]. On a CPU, robots are differentiated in groups of
             ``ROBOTS_PER_THREAD`` a thread, one after the other.
+        perturbation, seed: noise on the start positions [m], see ``simulate``.
         progress: called now and then with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``simulate``.
 
     Raises:
         ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
+    perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
+    way = _Way(counting, memory, perturbation, checked_seeds(seed, len(designs)))
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     check_alike(designs)
     where = Compute.given(compute)
     running = runtime.start(where.device, where.precision, where.threads)
     size = len(designs) if where.device != "cpu" else ROBOTS_PER_THREAD * running.thread_count
-    results, slopes = [], []
+    results, slopes = [], list[dict[str, Floats]]()
     for start in range(0, len(designs), size):
         group = slice(start, start + size)
 
         def tick(fraction: float, start: int = start) -> None:
             report(min((start + fraction * size) / len(designs), 1.0))
 
-        result, found = _side_by_side(
-            designs[group], terrains[group], geometry, actuation, counting, where, memory, tick
-        )
+        part = replace(way, first=start)
+        result, found = _side_by_side(designs[group], terrains[group], geometry, actuation, where, part, tick)
         results.append(result)
         slopes.extend(found)
     joined: dict[str, Any] = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
-    pressure, orientation, levels, *core = (np.stack(parts) for parts in zip(*slopes, strict=True))
-    return InflatableGradient(pressure, orientation, levels, core[0] if core else None, replace(results[0], **joined))
+    by: dict[str, Any] = {name: np.stack([each[name] for each in slopes]) for name in slopes[0]}
+    return InflatableGradient(**{"core_pressure": None, **by}, result=replace(results[0], **joined))
+
+
+@dataclass(frozen=True)
+class _Way:
+    """How distances are differentiated, see :func:`differentiate`; ``first`` is the place of a group's first robot."""
+
+    counting: Counting
+    memory: float
+    perturbation: float
+    seeds: Seeds
+    first: int = 0
 
 
 def _side_by_side(
@@ -138,45 +174,85 @@ def _side_by_side(
     terrains: list[Terrain],
     geometry: InflatableGeometry,
     actuation: InflatableActuation,
-    counting: Counting,
     compute: Compute,
-    memory: float,
+    way: _Way,
     progress: Callable[[float], None],
-) -> tuple[InflatableResult, list[list[Floats]]]:
-    """Results of robots that run as one batch, and the derivatives of each one's distance by its numbers.
-
-    These are the pressure, the orientation, the levels, shape (10, T), and the core pressures of columns, if any.
-    """
-    program = build_program(designs, terrains, actuation, None, geometry, counting)
-    engine = engine_of(len(designs), geometry, terrains[0], compute)
-    tape = engine.record(program, memory=memory, progress=lambda f: progress(RECORDING * f))
-    result = summarise(tape.result, program, designs, geometry, actuation, counting)
+) -> tuple[InflatableResult, list[dict[str, Floats]]]:
+    """Results of robots that run as one batch, and the derivatives of each one's distance by its numbers, by name."""
+    program = build_program(designs, terrains, actuation, None, geometry, way.counting)
+    engine = engine_of(len(designs), geometry, terrains[0], compute, designs)
+    if way.perturbation > 0:
+        robots = way.first + np.arange(len(designs))
+        engine.set_positions(geometry.body.scattered(way.perturbation, way.seeds, robots))
+    # A window begins at the last snapshot; without one the whole program is differentiated.
+    begins = program.snapshots[:, -1] if way.counting.window else np.zeros(len(designs), int)
+    before, rest = program.split(begins)
+    early = engine.run(before) if begins.any() else None
+    tape = engine.record(rest.program, memory=way.memory, progress=lambda f: progress(RECORDING * f))
+    run = tape.result if early is None else _joined(early, tape.result, program.snapshots >= begins[:, None])
+    result = summarise(run, program, designs, geometry, actuation, way.counting)
     headings = np.array([design.orientation for design in designs])
-    *seeds, by_headings = distance_cotangents(geometry.body, tape.result, headings, worst_stages(result))
+    weights = _window_weights(program.snapshots) if way.counting.window else worst_stages(result)
+    *seeds, by_headings = distance_cotangents(geometry.body, run, headings, weights)
+    if way.counting.window:  # where it begins is constant
+        for seed in seeds:
+            seed[:, -1] = 0.0
     cotangents: dict[str, Any] = dict(zip(READ_OFF, seeds, strict=True))
     back = tape.pull_back(**cotangents, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
+    values, rates = rest.gather(back.values, back.rates)
     slopes = []
     for robot, (design, terrain) in enumerate(zip(designs, terrains, strict=True)):
         mine = program.events["robot"] == robot
-        each = list(pull_back(design, terrain, actuation, geometry, back.values[mine], back.rates[mine]))
-        each[1] = each[1] + by_headings[robot]
-        slopes.append([part if result.status[robot] == "ok" else np.full_like(part, np.nan) for part in each])
+        each = pull_back(design, terrain, actuation, geometry, values[mine], rates[mine])
+        each["orientation"] = each["orientation"] + by_headings[robot]
+        if design.materials is not None and design.materials.modulus is not None:
+            moduli = [material.youngs_modulus for material in engine.bodies[robot].materials]
+            each["modulus"] = back.materials["youngs_modulus"][robot] * moduli / np.array(design.materials.modulus)
+        ok = result.status[robot] == "ok"
+        slopes.append({name: part if ok else np.full_like(part, np.nan) for name, part in each.items()})
     return result, slopes
+
+
+def _joined(early: LatticeResult, late: LatticeResult, is_late: Bools) -> LatticeResult:
+    """The result of a program that ran in two parts; snapshots of the second are marked, shape (B, S)."""
+    recorded: dict[str, Any] = {}
+    for name in READ_OFF:
+        parts = getattr(late, name), getattr(early, name)
+        recorded[name] = np.where(is_late.reshape(is_late.shape + (1,) * (parts[0].ndim - 2)), *parts)
+    return replace(late, steps=early.steps + late.steps, **recorded)
+
+
+def _window_weights(snapshots: Ints) -> Floats:
+    """Weights of the snapshots in the distance of a window, as long as all that counts, shape (B, S)."""
+    first, end, begin = snapshots[:, 0], snapshots[:, 1], snapshots[:, -1]
+    weights = np.zeros(snapshots.shape)
+    weights[:, 1] = (end - first) / (end - begin)
+    weights[:, -1] = -weights[:, 1]
+    return weights
 
 
 def check_alike(designs: Sequence[InflatableDesign]) -> None:
     """Refuse designs whose derivatives have different shapes.
 
     Raises:
-        ValueError: if designs differ in their numbers of columns or core pressures, or some have core pressures of
-            columns that others have not.
+        ValueError: if designs differ in their numbers of columns or core pressures, or some have numbers that others
+            have not, such as core pressures of columns, or a friction.
     """
     if len({np.size(design.pressure) for design in designs}) > 1:
         raise ValueError("designs: a mixture is not allowed; give all one core pressure, or all one a core")
+    if len({(*map(np.shape, numbers_of(design).values()), *numbers_of(design)) for design in designs}) == 1:
+        return
     if len({(design.schedule.columns, design.schedule.core_pressure is None) for design in designs}) > 1:
         raise ValueError(
             "designs: a mixture is not allowed; give gaits of one number of columns, all or none with pressures"
         )
+    raise ValueError("designs: a mixture is not allowed; give all of them a pace, friction, moduli and sizes, or none")
+
+
+def numbers_of(design: InflatableDesign) -> dict[str, Any]:
+    """All numbers of a design by which it is differentiated, by name."""
+    modulus = None if design.materials is None else design.materials.modulus
+    return {**Numbers.of(design).given, **({} if modulus is None else {"modulus": modulus})}
 
 
 class _Kept(ProgramBuilder):
@@ -198,8 +274,8 @@ class _Kept(ProgramBuilder):
         robots: ArrayLike | None = None,
     ) -> None:
         """Keep the numbers of an event in each region."""
-        for numbers, number in ((self.values, value), (self.rates, rate)):
-            numbers.append(np.broadcast_to(number, np.size(regions)))
+        for kept, each in ((self.values, value), (self.rates, rate)):
+            kept.append(np.broadcast_to(each, np.size(regions)))
 
 
 def pull_back(
@@ -209,7 +285,7 @@ def pull_back(
     geometry: InflatableGeometry,
     values: Floats,
     rates: Floats,
-) -> tuple[Floats, ...]:
+) -> dict[str, Floats]:
     """Derivatives of a cost by the numbers of a design, from those by its events.
 
     Args:
@@ -219,18 +295,18 @@ def pull_back(
         rates: likewise by their rates.
 
     Returns:
-        Derivatives by the pressure, shape () or (cores,), the orientation, shape (), the levels, shape (10, T), and the
-        core pressures of the columns, shape (T,), if there are some.
+        Derivatives by what the design has of ``Numbers``, by name, each of its shape.
     """
+    own = Numbers.of(design).given
 
-    def events(pressure: Any, orientation: Any, levels: Any, after: Any = None) -> tuple[Array, Array]:
-        kept, each = _Kept(), tuple(pressure) if pressure.ndim else pressure
-        write_gait(kept, 0, design, terrain, actuation, geometry, (each, orientation, levels, after))
+    def events(*traced: Any) -> tuple[Array, Array]:
+        kept, numbers = _Kept(), dict(zip(own, traced, strict=True))
+        pressure = numbers["pressure"]
+        numbers["pressure"] = tuple(pressure) if pressure.ndim else pressure
+        write_gait(kept, 0, design, terrain, actuation, geometry, Numbers(**numbers))
         return np.concatenate(kept.values), np.concatenate(kept.rates)
 
-    core = design.schedule.core_pressure
-    numbers = (design.pressure, design.orientation, design.schedule.levels, *(() if core is None else (core,)))
-    return trace(events, *numbers)[1](values, rates)
+    return dict(zip(own, trace(events, *own.values())[1](values, rates), strict=True))
 
 
 def worst_stages(result: InflatableResult) -> Floats:

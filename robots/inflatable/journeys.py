@@ -143,6 +143,13 @@ def _check(legs: Sequence[Leg]) -> None:
         raise ValueError("legs: none given; give at least one")
     if len({leg.terrain.is_fluid for leg in legs}) > 1:
         raise ValueError("legs: ground and a fluid are not allowed in one journey; give one for either")
+    for leg in legs:
+        core = leg.design.schedule.core_pressure
+        if leg.design.materials is not None or (core is not None and core.ndim == 2):
+            what = "core pressures of several cores" if leg.design.materials is None else "materials"
+            raise ValueError(
+                f"legs: a gait with {what} is not allowed in a journey; all legs are of the robot as built"
+            )
     for place, (before, leg) in enumerate(pairwise(legs), 2):
         if leg.design.pressure != before.last_pressure:
             raise ValueError(

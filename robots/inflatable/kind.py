@@ -10,13 +10,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.design import (
     BY_HAND,
-    ROWS_FORMAT,
-    TABLES_FORMAT,
+    FORMATS,
     InflatableDesign,
     Pressure,
     common_pressure,
@@ -135,7 +135,7 @@ class InflatableKind(TerrainKind):
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs and gait tables."""
-        return form in (ROWS_FORMAT, TABLES_FORMAT) or path.suffix.lower() == ".csv"
+        return form in FORMATS or path.suffix.lower() == ".csv"
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,9 @@ class InflatableRobot(Robot):
     @property
     def exportable(self) -> bool:  # type: ignore[override]
         """Whether its cores share a pressure, as a rig has one line for them."""
-        return common_pressure(self.gait.pressure) is not None
+        core = self.gait.schedule.core_pressure
+        shared = core is None or core.ndim == 1 or not np.ptp(core, axis=0).any()
+        return shared and common_pressure(self.gait.pressure) is not None
 
     @cached_property
     def parts(self) -> "tuple[InflatableGeometry, InflatableActuation]":
@@ -265,6 +267,7 @@ class InflatableRobot(Robot):
             "repeats": gait.schedule.repeats,
             "geometry": self.geometry,
             "weight": self.weight,
+            **({} if gait.materials is None else {"materials": gait.materials.given}),
             **({} if self.calibration is None else {"calibration": str(self.calibration)}),
         }
 
@@ -294,6 +297,7 @@ class InflatableRobot(Robot):
             *cores,
             ("Orientation, 0° rolls and 90° inches", Quantity(gait.orientation, "°", 1)),
             ("Gait", f"{gait.schedule.columns} columns, played {times}, {self._seconds:.2f} s simulated"),
+            *([] if gait.materials is None else [("Of its own", ", ".join(gait.materials.given))]),
         ]
 
     def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:

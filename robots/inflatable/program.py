@@ -33,8 +33,42 @@ from taichi_sim.base.checks import check_fields, whole_number
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 
 Scalar = float | Array
-# Pressure of the core or cores, orientation, levels, core pressures of columns.
-Numbers = tuple[Scalar | tuple[Scalar, ...], Scalar, Array, Array | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The numbers of a design that a program is made of; any may be traced to carry derivatives.
+
+    Attributes:
+        pressure: of the core, or of each of several [Pa].
+        orientation: heading [degrees].
+        levels: of bladders and feet, shape (10, T).
+        core_pressure: of columns [Pa], shape (T,) or (N, T), or None.
+        pace: of strokes, shape (8, T), or None.
+        friction: of feet that grip, then of feet that slide, shape (2, 2), or None.
+        size: of the regions across the pouch, then along it, relative, shape (2, R), or None.
+    """
+
+    pressure: Scalar | tuple[Scalar, ...]
+    orientation: Scalar
+    levels: Array
+    core_pressure: Array | None = None
+    pace: Array | None = None
+    friction: Array | None = None
+    size: Array | None = None
+
+    @classmethod
+    def of(cls, design: InflatableDesign) -> "Numbers":
+        """The numbers of a design."""
+        gait = design.schedule
+        made = {} if design.materials is None else design.materials.given
+        friction, size = (np.array(made[name]) if name in made else None for name in ("friction", "size"))
+        return cls(design.pressure, design.orientation, gait.levels, gait.core_pressure, gait.pace, friction, size)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Those that there are, by name."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True)
@@ -45,10 +79,13 @@ class Counting:
         warm_up: time steps of the gait before its distance begins to count, and the rest of the cycle in which they
             end.
         stages: equally long parts of which distances are known, see ``timing.stage_starts``.
+        window: cycles at the end of a gait by which its distance is differentiated, all if it has fewer; 0 is all that
+            counts, see ``differentiate``.
     """
 
     warm_up: Annotated[int, partial(whole_number, low=0)] = 0
     stages: Annotated[int, partial(whole_number, low=1)] = 1
+    window: Annotated[int, partial(whole_number, low=0)] = 0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -68,7 +105,8 @@ def build_program(
     """The program of a batch of designs on a terrain, or on one each.
 
     Snapshot 0 is the end of the initialisation and of the warm-up, snapshot 1 the end of the gait; the ends of all
-    stages but the last follow; with ``record_every``, the poses every so many steps from the end of the initialisation.
+    stages but the last follow; then the beginning of the window, if there is one; with ``record_every``, the poses
+    every so many steps from the end of the initialisation.
 
     Raises:
         ValueError: if a gait is not longer than the warm-up.
@@ -82,7 +120,8 @@ def build_program(
         first, *others = (begin + start for start in stage_starts(starts, steps, counting.warm_up, counting.stages))
         end = begin + steps
         lengths.append(end)
-        marks.append([first, end, *others, *(range(begin, end + 1, record_every) if record_every else ())])
+        windows = [begin + starts[-min(counting.window, len(starts))]] if counting.window else []
+        marks.append([first, end, *others, *windows, *(range(begin, end + 1, record_every) if record_every else ())])
     snapshots = np.full((len(marks), max(map(len, marks))), -1)  # rows of robots with fewer end with -1
     for row, taken in zip(snapshots, marks, strict=True):
         row[: len(taken)] = taken
@@ -112,13 +151,16 @@ def write_gait(
     Returns:
         The step at which the gait begins, its columns as they are played, and its steps.
     """
-    schedule = design.schedule
-    own = (design.pressure, design.orientation, schedule.levels, schedule.core_pressure)
-    pressure, orientation, levels, after = numbers or own
-    before: Any = pressure  # one number, if columns have pressures
-    columns, steps = play(schedule, actuation, told=levels, core=None if after is None else (before, after))
+    own = numbers or Numbers.of(design)
+    core, after = None, own.core_pressure
+    if after is not None:
+        before: Any = own.pressure  # one number, unless every core has pressures in columns
+        core = (before if after.ndim == 1 else np.stack(each_pressure(before, geometry)), after)
+    columns, steps = play(design.schedule, actuation, told=own.levels, core=core, pace=own.pace)
     begin = actuation.initial_steps(highest_pressure(design.pressure))
-    events = RobotEvents.of(builder, robot, pressure, orientation, terrain, actuation, geometry)
+    events = RobotEvents.of(
+        builder, robot, own.pressure, own.orientation, terrain, actuation, geometry, own.friction, own.size
+    )
     events.initialise(begin)
     events.play(columns, begin)
     return begin, columns, steps
@@ -139,6 +181,10 @@ class RobotEvents:
         gravity: on level ground, where the robot is put, and on the terrain [m/s^2].
         actuation: how the robot is driven on the terrain.
         terrain: what the robot is on.
+        shares: of each core in what bladders feel.
+        friction: of feet that grip, then of feet that slide, shape (2, 2); None is that of the actuation.
+        skin_sizes: rest sizes of the skin of all cores across and along the pouch, in voxels; None is as built.
+        bladder_sizes: of the bladders, relative, shape (2, 8); None is as built.
     """
 
     builder: ProgramBuilder
@@ -148,6 +194,10 @@ class RobotEvents:
     gravity: tuple[Vector, Vector]
     actuation: InflatableActuation
     terrain: Terrain
+    shares: tuple[float, ...] = (1.0,)
+    friction: Array | None = None
+    skin_sizes: tuple[Array, Array] | None = None
+    bladder_sizes: Array | None = None
 
     @classmethod
     def of(
@@ -159,16 +209,34 @@ class RobotEvents:
         terrain: Terrain,
         actuation: InflatableActuation = ACTUATION,
         geometry: InflatableGeometry = PUBLISHED,
+        friction: Array | None = None,
+        size: Array | None = None,
     ) -> "RobotEvents":
         """The events of a robot of a core pressure [Pa], or one each of several cores, and a heading [degrees].
+
+        Args:
+            builder: takes the events.
+            robot: place in the batch, or places.
+            pressure, orientation, friction, size: see ``Numbers``.
+            terrain: what the robot is on.
+            actuation: how it is driven.
+            geometry: of its body.
 
         Raises:
             ValueError: if several pressures are not as many as the cores.
         """
         cores: tuple[Any, ...] = each_pressure(pressure, geometry)
-        shares = zip(geometry.bladder_shares, cores, strict=True)
-        felt: Any = sum(share * one for share, one in shares) if isinstance(pressure, tuple) else pressure
-        return cls(builder, robot, cores, felt, weights(terrain, orientation), actuation.on(terrain), terrain)
+        shares = tuple(geometry.bladder_shares)
+        several = zip(shares, cores, strict=True)
+        felt: Any = sum(share * one for share, one in several) if isinstance(pressure, tuple) else pressure
+        sizes: dict[str, Any] = {}
+        if size is not None:
+            skin = np.concatenate([skin_regions(SKIN_REGIONS, core) for core in range(len(cores))])
+            built = geometry.rest_sizes(skin)
+            sizes["skin_sizes"] = (built[0] * size[0][skin], built[1] * size[1][skin])
+            sizes["bladder_sizes"] = size[:, BLADDER_REGIONS]
+        tilt = weights(terrain, orientation)
+        return cls(builder, robot, cores, felt, tilt, actuation.on(terrain), terrain, shares, friction, **sizes)
 
     @property
     def everywhere(self) -> Ints:
@@ -190,6 +258,12 @@ class RobotEvents:
         self._set_friction(a.high_friction, skin, 0)
         self._set_friction(a.low_friction, self.skin(FOOT_SEAM), 0)
         self._set_friction(a.high_friction / 3, BLADDER_REGIONS, 0)
+        if self.friction is not None:
+            self._set_feet(self.friction[0], 0)
+        if self.skin_sizes is not None and self.bladder_sizes is not None:
+            for axis, sizes in enumerate(self.skin_sizes):
+                self._set(Quantity.SCALE + axis, sizes, skin)
+                self._set(Quantity.SCALE + axis, self.bladder_sizes[axis], BLADDER_REGIONS)
         self._set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
         if self.terrain.is_fluid:
             for part, resistance in enumerate(self.terrain.resistance):
@@ -209,7 +283,11 @@ class RobotEvents:
             self._set_bladder_weights(column, step)
         settle = step + column.motion_steps
         self._set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.everywhere, settle)
-        self._set_friction(a.high_friction, self.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
+        if self.friction is None:
+            self._set_friction(a.high_friction, self.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
+        else:
+            self._set_friction(a.high_friction, self.skin(FOOT_SEAM), settle)
+            self._set_feet(self.friction[0], settle)
 
     def tilt_skin(self, step: int) -> None:
         """Have the skin feel the terrain's slope from a step on."""
@@ -226,13 +304,20 @@ class RobotEvents:
         self._set_weight(_times(share, tilted), BLADDER_REGIONS, step)
         self._set_friction(a.high_friction, skin, step)
         self._set_friction(a.high_friction / 3, BLADDER_REGIONS, step)
+        if self.friction is not None:
+            self._set_feet(self.friction[0], step)
 
     def _set(self, quantity: int, value: Any, regions: ArrayLike, step: ArrayLike = 0, rate: Any = 0.0) -> None:
         self.builder.set(quantity, value, regions=regions, step=step, rate=rate, robots=self.robot)
 
-    def _set_friction(self, value: Scalar, regions: ArrayLike, step: int) -> None:
+    def _set_friction(self, value: Any, regions: ArrayLike, step: int) -> None:
         for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
             self._set(quantity, value, regions, step)
+
+    def _set_feet(self, value: Any, step: int) -> None:
+        """Give the two feet a friction each, in all cores."""
+        for core in range(len(self.cores)):
+            self._set_friction(value, skin_regions(FOOT_REGIONS, core), step)
 
     def _set_weight(self, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
         """Give regions an acceleration [m/s^2] from a step on."""
@@ -253,30 +338,44 @@ class RobotEvents:
         """What a column's motion begins with: damping, grip of the feet, change of the pressure of all cores."""
         a = self.actuation
         self._set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.everywhere, step)
-        grip = (1.0 - column.grip) * a.low_friction + column.grip * a.high_friction
-        for core in range(len(self.cores)):
-            self._set_friction(grip, skin_regions(FOOT_REGIONS, core), step)
+        high, low = (a.high_friction, a.low_friction) if self.friction is None else self.friction
+        self._set_feet((1.0 - column.grip) * low + column.grip * high, step)
         self._set_friction(a.low_friction if first else a.high_friction, self.skin(FOOT_SEAM), step)
         if column.pressures:
             before, after = column.pressures
             rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
-            skin = self.skin(SKIN_REGIONS)
-            self._set(Quantity.PRESSURE, before + rate, skin, step, rate)
-            self._set(Quantity.PRESSURE, after, skin, settle)
+            for skin, start, slope, end in self._pressed(before + rate, rate, after):
+                self._set(Quantity.PRESSURE, start, skin, step, slope)
+                self._set(Quantity.PRESSURE, end, skin, settle)
+
+    def _pressed(self, *numbers: Any) -> list[tuple[Any, ...]]:
+        """Regions of skin that share pressures, with the numbers that belong to them: all cores, or one each."""
+        if np.ndim(numbers[0]) == 0:
+            return [(self.skin(SKIN_REGIONS), *numbers)]
+        cores = range(len(self.cores))
+        return [(skin_regions(SKIN_REGIONS, core), *(each[core] for each in numbers)) for core in cores]
+
+    def _felt(self, pressure: Any) -> Any:
+        """Pressure that bladders feel, of that of all cores, or of each."""
+        if np.ndim(pressure) == 0:
+            return pressure
+        return sum(share * pressure[core] for core, share in enumerate(self.shares))
 
     def _move_bladders(self, column: Column, step: int) -> None:
         """Bladders change together, each until it is done."""
         a, motion = self.actuation, column.motion
         moves, arrives = np.flatnonzero(motion.moving), np.flatnonzero(motion.arrives)
         done = step + motion.moving[arrives]
-        rate = motion.direction * a.inflation_rate
+        rate = motion.direction * motion.rate
         for axis, share in enumerate(_growth(self.felt, a)):
             if axis == 1 and column.pressures:
                 self._lengthen(column, step)
                 continue
             base = 1.0 - share * a.deflated if axis < 2 else 0.0
-            grown, ends = base + share * (motion.levels + rate), base + share * motion.ends
-            self._set(Quantity.SCALE + axis, grown[moves], FIRST_BLADDER + moves, step, (share * rate)[moves])
+            grown, ends, slope = base + share * (motion.levels + rate), base + share * motion.ends, share * rate
+            if axis < 2 and self.bladder_sizes is not None:
+                grown, ends, slope = (self.bladder_sizes[axis] * each for each in (grown, ends, slope))
+            self._set(Quantity.SCALE + axis, grown[moves], FIRST_BLADDER + moves, step, slope[moves])
             self._set(Quantity.SCALE + axis, ends[arrives], FIRST_BLADDER + arrives, done)
 
     def _lengthen(self, column: Column, step: int) -> None:
@@ -288,6 +387,7 @@ class RobotEvents:
         (before, after), motion, a = column.pressures, column.motion, self.actuation
         time = motion.arrival + motion.moving.astype(float)
         moves, along = np.flatnonzero(motion.moving), Quantity.SCALE + 1
+        before, after = self._felt(before), self._felt(after)
         pressures = (before, before + (after - before) * (time / column.motion_steps), after)
         levels = (motion.levels, motion.ends, motion.ends)
         start, arrived, end = (

@@ -26,7 +26,8 @@ MOST_COLUMNS, MOST_REPEATS = 10_000, 100_000  # published gaits have 8, played t
 MAXIMUM_PRESSURE = 15e3
 LONGEST_COLUMN = 1_000_000  # time steps of its motion, and as many of settling
 NO_SHARPENING = 1e-8  # sharpness below which sharpening changes no digit
-TABLES = ("inflation", "grip", "core_pressure", "motion_steps", "settle_steps")  # in files, in the order written
+LEAST_PACE = 0.1
+TABLES = ("inflation", "grip", "core_pressure", "motion_steps", "settle_steps", "pace")  # in files, in this order
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,14 +41,16 @@ class GaitSchedule:
             actuation states in order of time. A bladder goes that fraction of the way from empty to full; the friction
             of a foot is that fraction of the way from low to high.
         repeats: how often the columns are played.
-        core_pressure: of all cores at the end of each column's motion [Pa], shape (T,), read-only; it changes linearly
-            in time. None keeps the pressure of the design.
+        core_pressure: of all cores at the end of each column's motion [Pa], shape (T,), or of each of N cores, shape
+            (N, T), read-only; it changes linearly in time. None keeps the pressure of the design.
         motion_steps: time steps that each column's motion lasts, or as many more as its slowest bladder needs, shape
             (T,), read-only; None is as published.
         settle_steps: time steps between the end of each column's motion and the next column, shape (T,), read-only;
             None is as published.
+        pace: at which each bladder moves in each column, as a part of the robot's inflation rate, 0.1 to 1, shape
+            (8, T), read-only: so a stroke takes a time of its own. None is 1.
         skip_idle: whether a column in which no bladder is switched ends after one step of motion, as published; else
-            it lasts as long as a full stroke. Only a schedule of on and off without the three tables above can skip
+            it lasts as long as a full stroke. Only a schedule of on and off without the four tables above can skip
             columns (others get False), because only there such a column moves nothing.
     """
 
@@ -56,6 +59,7 @@ class GaitSchedule:
     core_pressure: Floats | None = None
     motion_steps: Ints | None = None
     settle_steps: Ints | None = None
+    pace: Floats | None = None
     skip_idle: bool = True
 
     row_names: ClassVar[tuple[str, ...]] = (
@@ -69,16 +73,20 @@ class GaitSchedule:
         object.__setattr__(self, "levels", levels)
         object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1, MOST_REPEATS))
         if self.core_pressure is not None:
-            object.__setattr__(
-                self, "core_pressure", _table("core_pressure", self.core_pressure, MAXIMUM_PRESSURE, columns)
-            )
+            cores = [f"core {number + 1}" for number in range(len(self.core_pressure))]
+            several = cores if np.ndim(self.core_pressure) == 2 else ()
+            core = _table("core_pressure", self.core_pressure, MAXIMUM_PRESSURE, columns, several)
+            object.__setattr__(self, "core_pressure", core[0] if len(several) == 1 else core)
+        if self.pace is not None:
+            pace = _table("pace", self.pace, 1.0, columns, self.row_names[:BLADDERS], LEAST_PACE)
+            object.__setattr__(self, "pace", pace)
         for field in ("motion_steps", "settle_steps"):
             if getattr(self, field) is not None:
                 table = _table(field, getattr(self, field), LONGEST_COLUMN, columns)
                 steps = np.array([whole_number(field, float(count), 0) for count in table])
                 steps.setflags(write=False)
                 object.__setattr__(self, field, steps)
-        plain = not self.has_own_times and self.core_pressure is None and self.is_on_off
+        plain = not self.has_own_times and self.core_pressure is None and self.pace is None and self.is_on_off
         object.__setattr__(self, "skip_idle", bool(self.skip_idle) and plain)
 
     def __eq__(self, other: object) -> bool:
@@ -148,7 +156,7 @@ class GaitSchedule:
         """
         if columns is not None and columns > self.columns:
             raise ValueError(f"columns: {columns} is not allowed; the gait has {self.columns}")
-        names = ("levels", "core_pressure", "motion_steps", "settle_steps")
+        names = ("levels", "core_pressure", "motion_steps", "settle_steps", "pace")
         tables = {name: table[..., :columns] for name in names if (table := getattr(self, name)) is not None}
         return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)
 
@@ -162,10 +170,12 @@ class GaitSchedule:
             raise ValueError("steps: times of its own are not allowed; on and off have the published ones")
         if self.core_pressure is not None:
             raise ValueError("core_pressure: one per column is not allowed; on and off keep that of the design")
+        if self.pace is not None:
+            raise ValueError("pace: one per stroke is not allowed; on and off keep that of the robot")
         return self.decided(threshold)
 
     def decided(self, threshold: float = 0.5) -> Self:
-        """Like :meth:`project`, but leaves core pressures and times out."""
+        """Like :meth:`project`, but leaves core pressures, times and pace out."""
         return type(self)((self.levels >= number("threshold", threshold, 0.0, 1.0)).astype(float), self.repeats)
 
     def sharpened(self, sharpness: float) -> Self:
@@ -265,14 +275,16 @@ class GaitSchedule:
         return cls(np.array([[character == "1" for character in row] for row in rows]), repeats)
 
 
-def _table(field: str, given: object, high: float, columns: int | str, rows: Sequence[str] = ()) -> Floats:
-    """A read-only copy of numbers from 0 to ``high``, one per column, or one per named row and column."""
+def _table(
+    field: str, given: object, high: float, columns: int | str, rows: Sequence[str] = (), low: float = 0.0
+) -> Floats:
+    """A read-only copy of numbers from ``low`` to ``high``, one per column, or one per named row and column."""
     table = numbers(field, given, *([len(rows), columns] if rows else [columns]))
-    wrong = np.argwhere(~((table >= 0) & (table <= high)))
+    wrong = np.argwhere(~((table >= low) & (table <= high)))
     if len(wrong):
         *row, column = wrong[0]
         place = f"{rows[row[0]]}, column {column + 1}" if row else f"column {column + 1}"
-        allowed = f"give numbers from 0 to {high:g}"
+        allowed = f"give numbers from {low:g} to {high:g}"
         raise ValueError(f"{field}: {table[tuple(wrong[0])]} of {place} is not allowed; {allowed}")
     table[np.signbit(table)] = 0.0  # so that equal schedules have equal texts
     table.setflags(write=False)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.program import WHOLE, Counting, build_program
 from robots.inflatable.timing import counted_steps, predicted_steps
@@ -66,7 +66,7 @@ def simulate(
     counting: Counting = WHOLE,
     record_every: int | None = None,
     perturbation: float = 0.0,
-    seed: int = 0,
+    seed: int | Sequence[int] = 0,
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> InflatableResult:
@@ -81,7 +81,8 @@ def simulate(
         record_every: record the poses every so many time steps from the end of the initialisation on.
         perturbation: standard deviation of noise on the start positions [m]; contact makes long runs chaotic, so a
             few perturbed copies show how far a speed can be trusted.
-        seed: of that noise; robot i of a batch always draws the same.
+        seed: of that noise; robot i of a batch always draws the same. Of several, one for each robot, it draws what
+            the first robot of a batch does.
         progress: called now and then with the fraction done.
         compute: ``precision`` ("f64" or "f32"), ``device`` ("cpu", "cuda", "vulkan" or "metal") and ``threads`` (CPU
             threads, all cores by default), see ``taichi_sim.base.compute.Compute``.
@@ -92,15 +93,15 @@ def simulate(
     designs = checked_designs(designs, geometry, actuation)
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-    seed = whole_number("seed", seed, 0)
+    seeds = checked_seeds(seed, len(designs))
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     # Robots of a block wait for its slowest: put those of like length together.
     order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
     sorted_designs, grounds = [designs[i] for i in order], [terrains[i] for i in order]
     program = build_program(sorted_designs, grounds, actuation, record_every, geometry, counting)
-    engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute))
+    engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute), sorted_designs)
     if perturbation > 0:
-        engine.set_positions(geometry.body.scattered(perturbation, seed, order))
+        engine.set_positions(geometry.body.scattered(perturbation, seeds, order))
     run = engine.run(program, progress)
     found = summarise(run, program, sorted_designs, geometry, actuation, counting, record_every)
     return reordered(found, np.argsort(order))
@@ -124,14 +125,36 @@ def checked_designs(
         if not isinstance(value, kind):
             raise ValueError(f"{name}: {value!r} is not allowed; give an {kind.__name__}, such as {example}")
     for design in listed:
-        each_pressure(design.pressure, geometry)  # type: ignore[arg-type]
+        check_body(design, geometry)  # type: ignore[arg-type]
     return listed
 
 
-def engine_of(batch: int, geometry: InflatableGeometry, terrain: Terrain, compute: Compute) -> LatticeEngine:
-    """An engine of so many robots of a geometry, at rest."""
+def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
+    """Refuse a design that a robot of a geometry cannot have, for its cores or regions.
+
+    Raises:
+        ValueError: that names the value and what is allowed.
+    """
+    each_pressure(design.pressure, geometry)
+    after = design.schedule.core_pressure
+    if after is not None and after.ndim == 2 and len(after) != geometry.cores:
+        allowed = f"give one row, or {geometry.cores}, one a core"
+        raise ValueError(f"core_pressure: {len(after)} rows are not allowed; {allowed}")
+    if design.materials is not None:
+        design.materials.check(geometry)
+
+
+def engine_of(
+    batch: int,
+    geometry: InflatableGeometry,
+    terrain: Terrain,
+    compute: Compute,
+    designs: Sequence[InflatableDesign] = (),
+) -> LatticeEngine:
+    """An engine of so many robots of a geometry, at rest; with the moduli of their designs, if these are given."""
+    moduli = [design.materials.modulus if design.materials else None for design in designs]
     return LatticeEngine(
-        geometry.body,
+        bodies_of(geometry, moduli),
         batch,
         time_step=geometry.time_step,
         **terrain.medium,
@@ -146,6 +169,22 @@ def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
         per_frame = ("positions", "orientations", "extents", "sizes")
         frames = replace(frames, **{name: getattr(frames, name)[:, order] for name in per_frame})
     return replace(result, **{name: getattr(result, name)[order] for name in PER_ROBOT}, frames=frames)
+
+
+Seeds = int | tuple[int, ...]
+
+
+def checked_seeds(given: object, count: int) -> Seeds:
+    """A seed for a batch, or one for each of so many robots as a tuple.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if not isinstance(given, Sequence):
+        return whole_number("seed", given, 0)
+    if len(given) != count:
+        raise ValueError(f"seed: {len(given)} are not allowed for {count} robots; give one, or one each")
+    return tuple(whole_number("seed", one, 0) for one in given)
 
 
 def travel_directions(headings: np.ndarray) -> np.ndarray:
@@ -177,7 +216,7 @@ def summarise(
 ) -> InflatableResult:
     """Read distances, speeds and frames off the snapshots of a run of ``build_program``'s program."""
     dt, (begin, end) = geometry.time_step, program.snapshots[:, :2].T
-    middle, frames = read_poses(run, geometry, counting.stages + 1, record_every)
+    middle, frames = read_poses(run, geometry, counting.stages + 1 + (counting.window > 0), record_every)
     headings = travel_directions(np.array([d.orientation for d in designs]))
     nominal = np.array([counted_steps(d.schedule, actuation) for d in designs])
     way = (middle[..., :2] * headings[:, None]).sum(axis=-1)

@@ -1,9 +1,9 @@
 """When the inflatable robot does what: strokes of its bladders, columns in time, and the steps by which speeds count.
 
-A bladder told a level u goes towards the thickness empty + u (full - empty) at the rate of the published robot, and
-shortens its last step so that it arrives exactly. Empty and full are where full strokes of the published rule end;
-where u is 0 or 1 and the stroke is full, the published rule counts its steps. As published, a bladder at or below
-``deflated`` is not deflated further.
+A bladder told a level u goes towards the thickness empty + u (full - empty) at the rate of the published robot, or at
+a part of it, its pace, and shortens its last step so that it arrives exactly. Empty and full are where full strokes of
+the published rule end; where u is 0 or 1 and the stroke is full, the published rule counts its steps. As published, a
+bladder at or below ``deflated`` is not deflated further.
 
 Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
 """
@@ -65,6 +65,7 @@ class Motion:
         moving: steps in which each bladder changes at the full rate.
         arrival: part of a further step that each bladder needs to arrive.
         arrives: bladders that are set to their ``ends`` after that.
+        rate: at which bladders change per step, shape (8,), or one for all.
     """
 
     levels: Array
@@ -73,6 +74,7 @@ class Motion:
     moving: Ints
     arrival: Array
     arrives: Bools
+    rate: float | Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,8 @@ class Column:
         inflation: what the bladders are told, from 0 (deflate) to 1 (inflate), shape (8,).
         grip: of the feet, from 0 (slide) to 1 (grip), shape (2,).
         motion: of the bladders.
-        pressures: of the core when it begins and when it settles [Pa]; None where the design's is kept.
+        pressures: of all cores, or of each, shape (N,), when it begins and when it settles [Pa]; None where the
+            design's is kept.
     """
 
     start: int
@@ -96,26 +99,31 @@ class Column:
     pressures: tuple[float | Array, float | Array] | None = None
 
 
-def approach(levels: Array, told: Array, strokes_only: bool, actuation: InflatableActuation) -> Motion:
+def approach(
+    levels: Array, told: Array, strokes_only: bool, actuation: InflatableActuation, pace: Array | None = None
+) -> Motion:
     """The motion of bladders of a thickness that are told to inflate by 0 to 1, shape (8,) each.
 
-    With ``strokes_only``, all are told 0 or 1 and the published rule counts all steps.
+    With ``strokes_only``, all are told 0 or 1 and the published rule counts all steps; it has no ``pace``, which is
+    the part of the rate at which each bladder moves.
     """
     empty, full = rest_levels(actuation)
-    rate = actuation.inflation_rate
+    rate = actuation.inflation_rate if pace is None else pace * actuation.inflation_rate
     target = (1.0 - told) * empty + told * full
     now, goal, wanted = value_of(levels), value_of(target), value_of(told)
-    gap = np.where(np.abs(goal - now) < ROUNDING * rate, 0.0, goal - now)
+    gap = np.where(np.abs(goal - now) < ROUNDING * value_of(rate), 0.0, goal - now)
     stays = np.where(now == actuation.deflated, gap <= 0, (gap < 0) & (now < actuation.deflated))
     direction = np.where(stays, 0.0, np.sign(gap))
     time = direction * (target - levels) / rate
     moving = np.floor(value_of(time)).astype(np.int64)
     arrival, ends = value_of(time) - moving.astype(float), np.where(stays, now, goal)
     counted = np.full(BLADDER_COUNT, True) if strokes_only else _are_strokes(now, wanted, actuation)
+    if pace is not None:
+        counted &= value_of(pace) == 1
     for i in np.flatnonzero(counted):
         (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(wanted[i])), 0.0
     last = revalued(np.where(stays, levels, target), ends)  # type: ignore[arg-type]
-    return Motion(levels, last, direction, moving, revalued(time, arrival), ~stays)
+    return Motion(levels, last, direction, moving, revalued(time, arrival), ~stays, rate)
 
 
 def _are_strokes(levels: Floats, told: Floats, a: InflatableActuation) -> Bools:
@@ -131,6 +139,7 @@ def play(
     *,
     told: Array | None = None,
     core: tuple[float | Array, Array] | None = None,
+    pace: Array | None = None,
     levels: Array | None = None,
 ) -> tuple[list[Column], int]:
     """The columns of a schedule in the order played, and the steps of the whole gait.
@@ -139,18 +148,21 @@ def play(
         schedule: what is played.
         actuation: rates and times.
         told: the levels of the schedule as numbers with derivatives, shape (10, T).
-        core: pressure before the gait, shape (), and at the end of each column's motion, shape (T,) [Pa]; None keeps
-            that of the design.
+        core: pressure before the gait, shape (), and at the end of each column's motion, shape (T,) [Pa]; of several
+            cores (N,) and (N, T); None keeps that of the design.
+        pace: that of the schedule as numbers with derivatives, shape (8, T).
         levels: thickness of the bladders before the gait, shape (8,); those of a new robot by default.
     """
     columns, step = [], 0
     told = schedule.levels if told is None else told
+    pace = schedule.pace if pace is None else pace
     levels = np.full(BLADDER_COUNT, actuation.deflated) if levels is None else levels
     pressure = None if core is None else core[0]
     for number, (least, settle) in enumerate(durations(schedule, actuation)):
         t = number % schedule.columns
-        motion = approach(levels, told[:BLADDERS, t], schedule.skip_idle, actuation)
-        after = None if core is None else core[1][t]
+        own = None if pace is None else pace[:, t]
+        motion = approach(levels, told[:BLADDERS, t], schedule.skip_idle, actuation, own)
+        after = None if core is None else core[1][..., t]
         column = Column(
             start=step,
             # A bladder is found done in a step in which it no longer changes, and that step is run too.
@@ -214,8 +226,11 @@ def gait_timeline(design: InflatableDesign, actuation: InflatableActuation = ACT
     """When a gait does what; cheap."""
     gait = design.schedule
     columns, steps = play(gait, actuation)
-    before = np.array(design.pressure)
-    after = np.repeat(before[None], gait.columns, axis=0) if gait.core_pressure is None else gait.core_pressure
+    before, after = np.array(design.pressure), gait.core_pressure
+    if after is None:
+        after = np.repeat(before[None], gait.columns, axis=0)
+    elif after.ndim == 2:
+        before, after = np.broadcast_to(before, len(after)), after.T
     return GaitTimeline(
         edges=np.array([*(column.start for column in columns), steps]),
         settles=np.array([column.start + column.motion_steps for column in columns]),

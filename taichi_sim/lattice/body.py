@@ -1,5 +1,6 @@
 """The description of a lattice body: voxels, materials, regions, cut links, fixed voxels, pressurised faces."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -116,10 +117,17 @@ class LatticeBody:
         """Voxel centres before the simulation [m], shape (V, 3)."""
         return self.voxels * self.voxel_size
 
-    def scattered(self, deviation: float, seed: int, robots: ArrayLike) -> np.ndarray:
-        """Start positions [m] with Gaussian noise of a standard deviation [m], shape (B, V, 3); a robot has its own."""
-        rows = np.asarray(robots)
-        noise = [np.random.default_rng([seed, row]).normal(0.0, deviation, self.voxels.shape) for row in rows]
+    def scattered(self, deviation: float, seeds: int | Sequence[int], robots: ArrayLike) -> np.ndarray:
+        """Start positions [m] with Gaussian noise, shape (B, V, 3).
+
+        Args:
+            deviation: standard deviation [m].
+            seeds: one, of which each robot has a stream of its own; or those of the robots, by number.
+            robots: numbers of the B robots.
+        """
+        rows = np.asarray(robots).tolist()
+        streams = [(seeds, row) if isinstance(seeds, int) else (seeds[row], 0) for row in rows]
+        noise = [np.random.default_rng(stream).normal(0.0, deviation, self.voxels.shape) for stream in streams]
         return self.start_positions + np.array(noise)
 
     @cached_property

@@ -106,6 +106,59 @@ class LatticeProgram:
         event = mine[np.maximum(place, 0)]
         return np.where(place >= 0, event["value"] + event["rate"] * (last - event["step"]), np.nan)
 
+    def split(self, steps: ArrayLike) -> tuple["LatticeProgram", "ProgramRest"]:
+        """Two programs that do the same one after the other: until a step of each robot, and from there on.
+
+        Snapshots of a step before it belong to the first, others to the second; the places of the rest are -1.
+
+        Args:
+            steps: shape (B,), 0 to the robot's length.
+        """
+        cuts = np.asarray(steps, np.int64)
+        if cuts.shape != self.lengths.shape or (cuts < 0).any() or (cuts > self.lengths).any():
+            raise ValueError(f"steps: {cuts.tolist()} are not allowed; give one from 0 to each robot's length")
+        cut = cuts[self.events["robot"]]
+        early = np.flatnonzero(self.events["step"] < cut)
+        late = np.flatnonzero(self.events["step"] >= cut)
+        kept = self.snapshots < cuts[:, None]
+        first = LatticeProgram(cuts, self.events[early], np.where(kept, self.snapshots, -1))
+        names = ("step", "quantity", "region", "robot")
+        early = early[np.lexsort([self.events[early][name] for name in names])]  # stable: the last of a step wins
+        channels = self.events[early][["robot", "region", "quantity"]]
+        last = early[np.append(channels[1:] != channels[:-1], True)] if len(early) else early
+        ages = np.concatenate([cut[last] - self.events["step"][last], np.zeros(len(late), np.int64)])
+        source = np.concatenate([last, late])
+        events = self.events[source]
+        events["value"] += events["rate"] * ages
+        events["step"] = np.maximum(events["step"] - cut[source], 0)
+        snapshots = np.where(kept, -1, self.snapshots - cuts[:, None])
+        return first, ProgramRest(
+            LatticeProgram(self.lengths - cuts, events, snapshots), source, ages, len(self.events)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramRest:
+    """The second part of a program that was split: channels begin with events that say what they are by then.
+
+    Attributes:
+        program: steps count from the split.
+        source: event of the whole program that each of its events is, or carries on, shape (E',).
+        ages: steps from that event to the split; 0 of those after it, shape (E',).
+        count: events of the whole program, E.
+    """
+
+    program: LatticeProgram
+    source: np.ndarray
+    ages: np.ndarray
+    count: int
+
+    def gather(self, values: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives by the events of the whole program, shape (E,) each, from those by the events of this part."""
+        rates = rates + values * self.ages
+        found = [np.bincount(self.source, each, minlength=self.count) for each in (values, rates)]
+        return found[0], found[1]
+
 
 class ProgramBuilder:
     """Collects events, whole arrays of robots at a time.

@@ -65,8 +65,7 @@ def pulled_back(program, designs, terrain, actuation, values, rates, geometry=PU
     found = []
     for robot, design in enumerate(designs):
         mine = program.events["robot"] == robot
-        numbers = pull_back(design, terrain, actuation, geometry, values[mine], rates[mine])
-        by = dict(zip(("pressure", "orientation", "levels", "core_pressure"), numbers, strict=False))
+        by = pull_back(design, terrain, actuation, geometry, values[mine], rates[mine])
         by["inflation"], by["grip"] = np.split(by.pop("levels"), [8])
         found.append(by)
     return found

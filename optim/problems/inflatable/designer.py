@@ -26,10 +26,16 @@ HORIZONS = (1, 2)  # columns that ``gradient-check`` plays
 SETTINGS = (
     *("columns", "repeats", "geometry", "weight"),
     *("steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort"),
+    *("window", "draws", "noise", "friction_spread", "gentle"),
 )
 INSIDE = 0.15  # how far levels keep from off and on there
 OPTIONS = (
-    Option("free", "what may change (default: orientation,shape,control)", metavar="PARTS"),
+    Option(
+        "free",
+        "what may change (default: orientation,shape,control; more: core, pressure of the cores in every column, and "
+        "pace of every stroke, both with --encoding graded; friction of the feet, modulus and size of every region)",
+        metavar="PARTS",
+    ),
     Option(
         "encoding",
         "of the control: frequency and offset of each actuator, every bit, a network that makes patterns, or how far "
@@ -65,6 +71,26 @@ OPTIONS = (
         "what it costs to move every bladder in every column, in body lengths a second (default: 0)",
         number(0.0),
         "SPEED",
+    ),
+    count(
+        "window",
+        0,
+        "cycles at the end of a relaxed gait by which it is differentiated, as if those before went as far "
+        "(default: all)",
+    ),
+    count("draws", 1, "of noise and friction, over which relaxed gaits are judged on average (default: 1)"),
+    Option("noise", "of these draws, on the start positions (default: 0)", number(0.0, 1e-3, "m"), "M"),
+    Option(
+        "friction_spread",
+        "of these draws, S: friction is multiplied by 1 / (1 + S) to 1 + S (default: 0)",
+        number(0.0),
+        "S",
+    ),
+    Option(
+        "gentle",
+        "sharpness of relaxed gaits from which slopes are as they are; below it they rise with it (default: at once)",
+        number(0.0),
+        "SHARPNESS",
     ),
     Option(
         "gait",
@@ -187,17 +213,22 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
 
 def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> str:
     """Set what is not free; a note on what was fixed by default."""
-    from optim.problems.inflatable.settings import PARTS
+    from optim.problems.inflatable.settings import MORE_PARTS, PARTS
 
     free: Collection[str] = args.free.split(",") if args.free is not None else getattr(asked.known, "free", PARTS)
-    unknown = [part for part in free if part not in PARTS]
+    known = (*PARTS, *MORE_PARTS)
+    unknown = [part for part in free if part not in known]
     if unknown:
-        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(PARTS)}")
+        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(known)}")
     if len(set(free)) < len(free):
         raise ValueError(f"free: {','.join(free)} is not allowed; give none twice")
+    settings["more"] = tuple(part for part in MORE_PARTS if part in free)
     # As published, what is not free is as in rolling on flat ground, as in inching on hills; both: rolling.
     gait = args.gait or ("inching" if all(terrain.slope for terrain in settings["terrains"]) else "rolling")
     design = load_gait(gait)
+    own = design.materials.given if design.materials else {}
+    if fixed := sorted(set(own) - set(free)):
+        raise ValueError(f"gait: {gait} has {fixed[0]} of its own, which a search cannot hold; add it to --free")
     taken = []
     for part, name in PARTS.items():
         given = getattr(args, name, None)

@@ -6,7 +6,7 @@ A schedule is written as codes, bit by bit, as a pattern in space and time, or b
 import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableAc
 from robots.inflatable.design import Pressure, checked_pressure
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
 from robots.inflatable.timing import cycle_starts, most_repeats, play
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import whole_number
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 EMPTY_CORE = -4000.0  # the least pressure that graded gaits may ask for [Pa]; below zero the core is empty
 LEAST_MOTION = 100  # time steps of a column's motion; valves switch no faster
 LEVEL_STEP = 0.2  # of a level, from -0.5 to 1.5
+SLOWEST, PACE_END, PACE_STEP = 0.5, 1.5, 0.1  # of a pace; above 1 it is cut, so that full speed is easily kept
 SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
 
@@ -107,8 +108,15 @@ class GaitEncoding(ABC):
         """The schedule of a genome whose binary genes lie between 0 and 1, sharpened; here of one without such."""
         return dataclasses.replace(self.schedule(values), skip_idle=False)
 
-    def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
-        """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers."""
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
+        """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers.
+
+        Args:
+            values: of a genome.
+            sharpness: of the relaxed schedule.
+            slopes: by its levels.
+            others: by its other tables, where it has them: ``pace`` and ``core_pressure``.
+        """
         return np.zeros(len(values))
 
 
@@ -160,7 +168,7 @@ class BitwiseGait(GaitEncoding):
         """Bits between 0 and 1, sharpened."""
         return self._levels(values).sharpened(sharpness)
 
-    def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
         """Through the sharpening."""
         return (slopes * self._levels(values).sharpening_slope(sharpness)).ravel()
 
@@ -194,24 +202,41 @@ class GradedGait(GaitEncoding):
         steps: time steps that a gait may take.
         warm_up: time steps that do not count: a gait is played until a whole cycle after them does.
         actuation: how the robot is driven, which tells how long strokes take.
+        cores: rows of core pressures of the columns, one for each core of the body, or none.
+        paced: whether every bladder has a pace of its own in every column.
     """
 
     steps: int = PUBLISHED_STEPS
     warm_up: int = 0
     actuation: InflatableActuation = ACTUATION
+    cores: int = 0
+    paced: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         whole_number("steps", self.steps, 1)
 
     def variables(self) -> list[Variable]:
-        """Levels ``bladder1_1`` to ``bladder8_T``, bits ``foot1_1`` to ``foot2_T``, steps ``settle_1`` and on."""
+        """Levels ``bladder1_1`` to ``bladder8_T``, bits ``foot1_1`` to ``foot2_T``, steps ``settle_1`` and on.
+
+        Behind them core pressures ``core1_1`` to ``coreN_T`` and paces ``pace1_1`` to ``pace8_T``, where they are free.
+        """
         columns = range(1, self.columns + 1)
         bladders, feet = GaitSchedule.row_names[:BLADDERS], GaitSchedule.row_names[BLADDERS:]
         return [
             *(Variable(f"{row}_{column}", -0.5, 1.5, step=LEVEL_STEP) for row in bladders for column in columns),
             *(Variable(f"{row}_{column}", 0, 1, "binary", step=BIT_STEP) for row in feet for column in columns),
             *self._times(),
+            *(
+                Variable(f"core{core}_{column}", EMPTY_CORE, 12_000.0, step=1200.0)
+                for core in range(1, self.cores + 1)
+                for column in columns
+            ),
+            *(
+                Variable(f"pace{bladder}_{column}", SLOWEST, PACE_END, step=PACE_STEP)
+                for bladder in range(1, 1 + BLADDERS * self.paced)
+                for column in columns
+            ),
         ]
 
     def _times(self) -> list[Variable]:
@@ -232,31 +257,63 @@ class GradedGait(GaitEncoding):
         levels = np.concatenate([gait.inflation, gait.sharpened(sharpness).grip])
         return dataclasses.replace(gait, levels=levels, repeats=repeats)
 
-    def slopes(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
-        """By levels that are not cut, and by grip, through the sharpening; zero by times."""
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
+        """By what is not cut, by grip through the sharpening; zero by times."""
         inflation = self._tables(values)[0]
         free = (inflation > 0) & (inflation < 1)
         sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
         return np.concatenate(
-            [(slopes[:BLADDERS] * free).ravel(), (slopes[BLADDERS:] * sharpening).ravel(), np.zeros(self.columns)]
+            [
+                (slopes[:BLADDERS] * free).ravel(),
+                (slopes[BLADDERS:] * sharpening).ravel(),
+                np.zeros(self.columns),
+                *((np.where(within, others[name], 0.0)).ravel() for name, within in self._inside(values).items()),
+            ]
         )
+
+    def _own(self, values: Floats) -> dict[str, Floats]:
+        """Core pressures, shape (N, T), and paces, shape (8, T), as the genes have them, where they are free."""
+        if not (self.cores or self.paced):
+            return {}
+        table = np.asarray(values, float).reshape(-1, self.columns)[ROWS + 1 :]
+        core, pace = table[: self.cores], table[self.cores :]
+        return {**({"core_pressure": core} if self.cores else {}), **({"pace": pace} if self.paced else {})}
+
+    def _inside(self, values: Floats) -> dict[str, Bools]:
+        """Which of these are not cut."""
+        ends = {"core_pressure": (0.0, np.inf), "pace": (-np.inf, 1.0)}
+        return {name: (own > ends[name][0]) & (own < ends[name][1]) for name, own in self._own(values).items()}
 
     @staticmethod
     def genome(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> Floats:
         """Genes of all columns that a schedule plays, one after the other.
 
         Raises:
-            ValueError: for what they cannot say: times of motion, and core pressures of columns.
+            ValueError: for what they cannot say: times of motion, core pressures of columns, and paces.
         """
-        if schedule.core_pressure is not None:
+        return GradedGait.genome_with(schedule, actuation, 0, False)
+
+    @staticmethod
+    def genome_with(schedule: GaitSchedule, actuation: InflatableActuation, cores: int, paced: bool) -> Floats:
+        """Genes, where core pressures of so many cores are free, which the schedule then has, and paces or not.
+
+        Raises:
+            ValueError: for what they cannot say: times of motion, and core pressures and paces that are not free.
+        """
+        core, pace = schedule.core_pressure, schedule.pace
+        if core is not None and not cores:
             raise ValueError("core_pressure: one per column is not allowed; graded genes keep that of the design")
+        if pace is not None and not paced:
+            raise ValueError("pace: one per stroke is not allowed; graded genes move as fast as bladders do")
         same = dataclasses.replace(schedule, motion_steps=np.full(schedule.columns, LEAST_MOTION))
         moves = [[column.motion_steps for column in play(gait, actuation)[0]] for gait in (schedule, same)]
         if schedule.settle_steps is None or moves[0] != moves[1]:
             raise ValueError(
                 f"motion_steps: graded genes move as fast as bladders do; give at most {LEAST_MOTION}, and settle_steps"
             )
-        return np.tile(np.vstack([schedule.levels, schedule.settle_steps]), schedule.repeats).ravel()
+        own = [] if core is None else [np.broadcast_to(core, (cores, schedule.columns))]
+        own += [np.ones((BLADDERS, schedule.columns)) if pace is None else pace] if paced else []
+        return np.tile(np.vstack([schedule.levels, schedule.settle_steps, *own]), schedule.repeats).ravel()
 
     def _tables(self, values: Floats) -> tuple[Floats, ...]:
         """Inflation, shape (8, T), grip, (2, T), and settling, (T,), as the genes have them."""
@@ -268,7 +325,9 @@ class GradedGait(GaitEncoding):
         inflation, grip, genes = self._tables(values)
         levels = np.concatenate([np.clip(inflation, 0.0, 1.0), grip])
         motion, settle = np.full(self.columns, LEAST_MOTION), np.rint(np.maximum(genes, 0.0)).astype(np.int64)
-        return GaitSchedule(levels, 1, motion_steps=motion, settle_steps=settle)
+        most: dict[str, float | None] = {"core_pressure": None, "pace": 1.0}
+        own: dict[str, Any] = {n: np.clip(table, 0.0, most[n]) for n, table in self._own(values).items()}
+        return GaitSchedule(levels, 1, motion_steps=motion, settle_steps=settle, **own)
 
 
 # Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation
+from optim.problems.inflatable.draws import Draws, eased
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
@@ -23,11 +24,12 @@ from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation
-from robots.inflatable.design import InflatableDesign, each_pressure, save_design
+from robots.inflatable.design import InflatableDesign, Pressure, each_pressure, save_design
 from robots.inflatable.kind import InflatableRobot, kilopascals
+from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.program import Counting
 from robots.inflatable.robustness import harder
-from robots.inflatable.schedule import FEET
+from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
 from robots.robot import Robot, part_of
@@ -85,12 +87,23 @@ class GaitProblem(GaitSettings):
     @cached_property
     def space(self) -> Space:
         """The free variables; the steps of their mutation are the published ones."""
-        return Space((*self.shape.variables(), *self._control.variables()))
+        return Space((*self.shape.variables(), *self.made_of.variables(), *self._control.variables()))
 
     def design(self, point: ArrayLike) -> InflatableDesign:
         """The design of a point, shape (D,)."""
         schedule = self._control.schedule(self._genes(self.space.validate(point)))
-        return InflatableDesign(*self.shape.values(point), schedule)
+        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
+
+    def _shape_of(self, point: ArrayLike) -> tuple[Pressure, float]:
+        """Pressure and orientation of a point; where columns have core pressures, one for each of several cores."""
+        pressure, orientation = self.shape.values(point)
+        several = "core" in self.more and self.body.cores > 1
+        return (each_pressure(pressure, self.body) if several else pressure), orientation
+
+    def _materials_of(self, point: ArrayLike) -> RegionMaterials | None:
+        """What the robot of a point is made of; None is as built."""
+        first = self.shape.size
+        return self.made_of.materials(np.asarray(point, float)[first : first + self.made_of.size])
 
     def start_values(self, design: InflatableDesign) -> dict[str, float]:
         """The variables, by name, at which a search starts with a design; what is fixed is not among them.
@@ -103,6 +116,9 @@ class GaitProblem(GaitSettings):
         values = [design.orientation] if self.orientation is None else []
         if self.pressure is None:
             values += [p if p > 0 else self.shape.least / 2 for p in each_pressure(design.pressure, self.body)]
+        values += self.made_of.genome(design.materials)
+        if design.materials is not None and (fixed := sorted(set(design.materials.given) - set(self.more))):
+            raise ValueError(f"start: {fixed[0]} of the regions is not free; free it, or start with another gait")
         if self.schedule is None:
             if self.encoding not in SPEAKING:
                 able = "choose bits, graded or graded-wave"
@@ -111,8 +127,22 @@ class GaitProblem(GaitSettings):
             if columns != self.columns:
                 raise ValueError(f"start: a gait of {columns} columns is not allowed; the search has {self.columns}")
             once = dataclasses.replace(design.schedule, repeats=1)
-            values += SPEAKING[self.encoding].genome(once, self.actuation).tolist()
+            values += self._genome(once, design.pressure).tolist()
         return dict(zip(self.space.names, values, strict=True))
+
+    def _genome(self, schedule: GaitSchedule, pressure: Pressure) -> Floats:
+        """Genes of a schedule, played once; where core pressures of columns are free, they are the given ones."""
+        if self.encoding != "graded":
+            return SPEAKING[self.encoding].genome(schedule, self.actuation)
+        if "core" in self.more and schedule.core_pressure is None:
+            rows = np.tile(np.reshape(each_pressure(pressure, self.body), (-1, 1)), schedule.columns)
+            schedule = dataclasses.replace(schedule, core_pressure=rows)
+        return GradedGait.genome_with(schedule, self.actuation, self._core_rows, "pace" in self.more)
+
+    @property
+    def _core_rows(self) -> int:
+        """Rows of core pressures of columns that are free, one a core."""
+        return self.body.cores if "core" in self.more else 0
 
     def in_full(self) -> "GaitProblem":
         """This problem with gaits of the full length."""
@@ -126,7 +156,7 @@ class GaitProblem(GaitSettings):
 
     def _genes(self, point: ArrayLike) -> Floats:
         """What a point, shape (D,), says of the schedule; it comes last."""
-        return np.asarray(point, float)[self.shape.size :]
+        return np.asarray(point, float)[self.shape.size + self.made_of.size :]
 
     @cached_property
     def _control(self) -> GaitEncoding:
@@ -135,7 +165,8 @@ class GaitProblem(GaitSettings):
             return FixedGait(self.columns, self.repeats, self.schedule)
         encoding = ENCODINGS[self.encoding]
         if issubclass(encoding, GradedGait):
-            return encoding(self.columns, self.repeats, self.most_steps, self.warm_up, self.actuation)
+            given = self.columns, self.repeats, self.most_steps, self.warm_up, self.actuation
+            return encoding(*given, self._core_rows, "pace" in self.more)
         return encoding(self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -163,15 +194,27 @@ class GaitProblem(GaitSettings):
 
     def relaxed_design(self, point: ArrayLike, sharpness: float) -> InflatableDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        return InflatableDesign(*self.shape.values(point), self._control.relaxed(self._genes(point), sharpness))
+        schedule = self._control.relaxed(self._genes(point), sharpness)
+        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
 
-    def _slopes(self, run: gradient.InflatableGradient, points: Floats, sharpness: float) -> Floats:
-        """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``."""
-        genes = [
-            self._control.slopes(self._genes(point), sharpness, slope)
-            for point, slope in zip(points, run.levels, strict=True)
-        ]
-        slopes = [self.shape.slopes(run, points), np.array(genes)]
+    def _slopes(
+        self, run: gradient.InflatableGradient, points: Floats, sharpness: float, friction: ArrayLike
+    ) -> Floats:
+        """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``.
+
+        Args:
+            run: the derivatives of the distances.
+            points: shape (N, D).
+            sharpness: with which they were judged.
+            friction: by which that of each robot was multiplied, shape (N,).
+        """
+        others = {name: getattr(run, name) for name in ("pace", "core_pressure")}
+        tables = {name: table for name, table in others.items() if table is not None}
+        genes = []
+        for robot, (point, slope) in enumerate(zip(points, run.levels, strict=True)):
+            own = {name: np.reshape(table[robot], (-1, table.shape[-1])) for name, table in tables.items()}
+            genes.append(self._control.slopes(self._genes(point), sharpness, slope, **own))
+        slopes = [self.shape.slopes(run, points), self.made_of.slopes(run, friction), np.array(genes)]
         seconds = self._counted(run.result)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 
@@ -254,11 +297,23 @@ class GaitProblem(GaitSettings):
             **self.compute.options,
             "progress": part_of(self.progress, number, len(self.conditions)),
         }
-        if points is None:
+        if not relaxed:
             result = simulation.simulate(designs, condition.terrain, **settings)
             return self.speeds(result), result.status, np.zeros((len(designs), 0))
-        run = gradient.differentiate(designs, condition.terrain, **settings)
-        return self.speeds(run.result), run.result.status, self._slopes(run, points, sharpness)
+        drawn = Draws(self.draws, self.noise, self.friction_spread)
+        copies, terrains = drawn.robots(designs, eased(condition.terrain, sharpness, self.gentle), actuation)
+        settings |= drawn.noise_of(len(designs))
+        if points is None:
+            result = simulation.simulate(copies, terrains, **settings)
+            speeds, slopes = self.speeds(result), np.zeros((len(copies), 0))
+        else:
+            settings["counting"] = dataclasses.replace(settings["counting"], window=self.window)
+            run = gradient.differentiate(copies, terrains, **settings)
+            each = np.repeat(points, self.draws, axis=0)
+            friction = np.tile(drawn.frictions, len(designs))
+            result, speeds = run.result, self.speeds(run.result)
+            slopes = self._slopes(run, each, sharpness, friction)
+        return drawn.mean(speeds), drawn.first_failure(result.status), drawn.mean(slopes)
 
     def robot_steps(
         self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
@@ -273,9 +328,9 @@ class GaitProblem(GaitSettings):
         """
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
-        drive = self._relaxed_actuation if relaxed else self.actuation
+        drive, draws = (self._relaxed_actuation, self.draws) if relaxed else (self.actuation, 1)
         each = np.array([predicted_steps(design, drive) for design in designs])
-        return each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
+        return draws * each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
     def robot_of(self, point: ArrayLike) -> Robot:
         """The inflatable robot with the gait of a point, shape (D,); its speeds are counted as the search counts."""

@@ -10,26 +10,33 @@ import numpy as np
 
 from optim.problem import GAIT, check_kind
 from optim.problems.inflatable.encoding import EMPTY_CORE, ENCODINGS, GradedGait, ShapeGenes
+from optim.problems.inflatable.material_genes import MATERIAL_PARTS, MaterialGenes
 from optim.problems.inflatable.outcomes import NEXT
 from optim.problems.robot import RobotDesigning
 from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.design import Pressure, checked_pressure, each_pressure
+from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
 from robots.robot import Facts, World
 from robots.world import Terrain
-from taichi_sim.base.checks import NotNegative, check_fields, choice, whole_number
+from taichi_sim.base.checks import NotNegative, check_fields, choice, number, whole_number
 
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
+GAIT_PARTS = ("core", "pace")  # of graded gaits, which may be free beside these
+MORE_PARTS = (*GAIT_PARTS, *MATERIAL_PARTS)
+# How relaxed gaits are judged, beside the true ones.
+RELAXED_OPTIONS = ("window", "draws", "noise", "friction_spread", "gentle")
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 DESCRIBED = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from their defaults: version 1.0 grew by them.
 DESCRIBED_IF_SET = (
     *("encoding", "objectives", "ramp_steps", "steps", "warm_up", "stages"),
     *("ladder", "ahead", "hard", "effort"),
+    *RELAXED_OPTIONS,
 )
 RIG_FILE = "calibration.json"  # in folders of runs
 LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
@@ -64,6 +71,15 @@ class GaitSettings(RobotDesigning):
         hard: whether terrains count twice: as they are, and under the harder conditions of ``robustness``, where
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
+        more: what else is free, of ``MORE_PARTS``: core pressures of the columns, of each core, and the pace of every
+            stroke, of graded gaits; friction of the feet, moduli and rest sizes of the regions, of any.
+        window: cycles at the end of a relaxed gait by which its distance is differentiated, as if those before went as
+            far, see ``robots.inflatable.differentiate``; 0 is all.
+        draws: of start noise and friction, over which relaxed gaits are judged on average. All points have the same.
+        noise: of these, standard deviation of the start positions [m].
+        friction_spread: of these, s: friction is multiplied by 1 / (1 + s) to 1 + s, evenly on a logarithmic scale.
+        gentle: sharpness from which relaxed gaits are judged on the slopes as they are; below it, on as large a part of
+            them as the sharpness is of this. So gradient ascent goes from flat ground to the hill. 0 is at once.
         effort: what moving the bladders costs [body lengths/s], subtracted from the mean of the speeds: so much where
             every one makes a full stroke in every column, see ``outcomes.effort``. Gaits become cleaner.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
@@ -87,6 +103,12 @@ class GaitSettings(RobotDesigning):
     ahead: NotNegative = NEXT
     hard: bool = False
     effort: NotNegative = 0.0
+    more: tuple[str, ...] = ()
+    window: Annotated[int, partial(whole_number, low=0, high=MOST_REPEATS)] = 0
+    draws: Annotated[int, partial(whole_number, low=1, high=1000)] = 1
+    noise: Annotated[float, partial(number, low=0.0, high=1e-3, unit="m")] = 0.0
+    friction_spread: NotNegative = 0.0
+    gentle: NotNegative = 0.0
     geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "published"
     weight: str = "published"
     properties: Properties | None = None
@@ -102,6 +124,7 @@ class GaitSettings(RobotDesigning):
             each_pressure(self.pressure, self.body)
         if not self.free:
             raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
+        self._check_more()
         if self.schedule is not None:
             object.__setattr__(self, "columns", self.schedule.columns)
             object.__setattr__(self, "repeats", self.schedule.repeats)
@@ -121,6 +144,25 @@ class GaitSettings(RobotDesigning):
             raise ValueError(f"ahead: {self.ahead:g} is not allowed without a ladder")
         if self.effort and self.objectives != "mean":
             raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
+
+    def _check_more(self) -> None:
+        """Refuse free parts that contradict the rest."""
+        object.__setattr__(self, "more", tuple(part for part in MORE_PARTS if part in self.more))
+        for part in GAIT_PARTS:
+            if part in self.more and (self.schedule is not None or self.encoding != "graded"):
+                what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
+                raise ValueError(f"free: {part} is not allowed with {what}; it is of a free gait, encoding graded")
+        if "friction" in self.more:
+            if self.hard:
+                raise ValueError("free: friction is not allowed with hard conditions, which have their own")
+            given = [t.name for t in self.terrains if (t.high_friction, t.low_friction) != (None, None) or t.is_fluid]
+            if given:
+                raise ValueError(f"free: friction is not allowed on {given[0]}, which has its own, or no ground")
+        for name in ("noise", "friction_spread"):
+            if getattr(self, name) and self.draws == 1:
+                raise ValueError(f"{name}: {getattr(self, name):g} is not allowed with a single draw; give draws")
+        if "modulus" in self.more:
+            RegionMaterials(modulus=(MOST_MODULUS,) * self.body.region_count).check(self.body)
 
     @property
     def _set(self) -> set[str]:
@@ -155,7 +197,13 @@ class GaitSettings(RobotDesigning):
     @property
     def free(self) -> tuple[str, ...]:
         """Which of ``PARTS`` are free to change."""
-        return tuple(part for part, attribute in PARTS.items() if getattr(self, attribute) is None)
+        return (*(part for part, attribute in PARTS.items() if getattr(self, attribute) is None), *self.more)
+
+    @property
+    def made_of(self) -> MaterialGenes:
+        """Variables of what the robot is made of."""
+        free = tuple(part for part in MATERIAL_PARTS if part in self.more)
+        return MaterialGenes(free, self.body, self.actuation)
 
     @property
     def graded(self) -> bool:
@@ -219,6 +267,7 @@ class GaitSettings(RobotDesigning):
         """The fields of what was described."""
         check_kind(description, GAIT)
         settings = {name: value for name, value in description.items() if name not in ("free", "kind")}
+        settings["more"] = tuple(part for part in MORE_PARTS if part in description.get("free", ()))
         settings["terrains"] = tuple(Terrain(**terrain) for terrain in settings["terrains"])
         if "properties" in settings:
             settings["properties"] = Properties(**settings["properties"])

@@ -256,11 +256,10 @@ class Sphere:
 
 @pytest.fixture
 def equal_cost(monkeypatch):
-    monkeypatch.setattr(sys, "path", [str(Path(__file__).parents[3] / "benchmarks"), *sys.path])
-    import equal_cost
+    import optim.experiments.equal_cost
 
-    monkeypatch.setattr(equal_cost, "SEEDS", (0, 1))
-    return equal_cost
+    monkeypatch.setattr(optim.experiments.equal_cost, "SEEDS", (0, 1))
+    return optim.experiments.equal_cost
 
 
 def test_comparisons_continue_where_they_stopped(equal_cost, tmp_path, capsys):
@@ -328,8 +327,9 @@ def test_curves_are_drawn_into_a_new_folder(equal_cost, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["hybrids", "gradient_codesign"])
-def test_comparisons_by_cpu_time_share_their_command_line(equal_cost, name, tmp_path, monkeypatch, capsys):
-    benchmark = importlib.import_module(name)
+def test_comparisons_by_cpu_time_share_their_command_line(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "path", [str(Path(__file__).parents[3] / "benchmarks"), *sys.path])
+    benchmark, equal_cost = importlib.import_module(name), importlib.import_module("equal_cost")
     monkeypatch.setattr(sys, "argv", [name, "--out", str(tmp_path), "--budget", "0", "--seeds", ""])
     equal_cost.compare_at_equal_cpu_time(benchmark.__doc__, benchmark.ENTRIES)
     assert capsys.readouterr().out == "" and not list(tmp_path.iterdir())

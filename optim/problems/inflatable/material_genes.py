@@ -1,0 +1,96 @@
+"""How a search writes what a robot is made of: friction of its feet, moduli and rest sizes of its regions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.space import Variable
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.materials import LEAST_MODULUS, MOST_MODULUS, RegionMaterials
+from taichi_sim.base.arrays import Floats
+
+if TYPE_CHECKING:
+    from robots.inflatable.gradient import InflatableGradient
+
+MATERIAL_PARTS = ("friction", "modulus", "size")
+GRIPPING, SLIDING = (0.5, 2.0), (1e-4, 0.5)  # friction that a search may ask for; rubber, and a smooth skid
+SIZES = (0.95, 1.05)  # relative rest sizes that a search may ask for: fabric that differs by more wrinkles
+STEP = 0.1  # of a mutation, in ranges
+
+
+@dataclass(frozen=True)
+class MaterialGenes:
+    """The variables of a point, shape (M,), that say what the robot is made of.
+
+    Attributes:
+        parts: which of ``MATERIAL_PARTS`` are free.
+        geometry: of the body.
+        actuation: whose friction feet have that are not free.
+    """
+
+    parts: tuple[str, ...] = ()
+    geometry: InflatableGeometry = PUBLISHED
+    actuation: InflatableActuation = ACTUATION
+
+    def _bounds(self) -> Mapping[str, Sequence[tuple[str, float, float]]]:
+        """Names and bounds of the genes of each part."""
+        regions = self.geometry.region_names
+        return {
+            "friction": [
+                (f"{kind}_{foot}", *b) for kind, b in (("grip", GRIPPING), ("slide", SLIDING)) for foot in (1, 2)
+            ],
+            "modulus": [(f"modulus_{region}", LEAST_MODULUS, MOST_MODULUS) for region in regions],
+            "size": [(f"{way}_{region}", *SIZES) for way in ("width", "length") for region in regions],
+        }
+
+    def variables(self) -> list[Variable]:
+        """``grip_1`` to ``slide_2``, ``modulus_skin`` and on, ``width_skin`` and on, ``length_skin`` and on."""
+        genes = [gene for part, each in self._bounds().items() if part in self.parts for gene in each]
+        return [Variable(name, low, high, step=STEP * (high - low)) for name, low, high in genes]
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.variables())
+
+    def _tables(self, values: Floats) -> dict[str, Floats]:
+        """The free parts of M values, by name."""
+        shapes = {"friction": (2, 2), "modulus": (self.geometry.region_count,), "size": (2, self.geometry.region_count)}
+        free = {name: shape for name, shape in shapes.items() if name in self.parts}
+        ends = np.cumsum([int(np.prod(shape)) for shape in free.values()])
+        parts = np.split(np.asarray(values, float), ends[:-1]) if free else []
+        return {name: part.reshape(shape) for (name, shape), part in zip(free.items(), parts, strict=True)}
+
+    def materials(self, values: Floats) -> RegionMaterials | None:
+        """What the robot of M values is made of."""
+        return RegionMaterials(**self._tables(values)) if self.parts else None  # type: ignore[arg-type]
+
+    def genome(self, materials: RegionMaterials | None) -> list[float]:
+        """Values that say materials, or those that the robot is built with, as near as the bounds allow."""
+        built = {
+            "friction": [[self.actuation.high_friction] * 2, [self.actuation.low_friction] * 2],
+            "modulus": [1.0] * self.geometry.region_count,
+            "size": [[1.0] * self.geometry.region_count] * 2,
+        }
+        given = {**built, **(materials.given if materials else {})}
+        wanted = [value for part in MATERIAL_PARTS if part in self.parts for value in np.ravel(given[part]).tolist()]
+        return [min(max(value, v.low), v.high) for v, value in zip(self.variables(), wanted, strict=True)]
+
+    def slopes(self, run: "InflatableGradient", friction: ArrayLike) -> Floats:
+        """d distance / d variable, shape (N, M).
+
+        Args:
+            run: the derivatives of N robots.
+            friction: by which that of each robot's feet was multiplied, shape (N,).
+        """
+        found = []
+        for part in MATERIAL_PARTS:
+            if part in self.parts:
+                by = getattr(run, part)
+                by = by.reshape(len(by), -1)
+                found.append(by * np.asarray(friction)[:, None] if part == "friction" else by)
+        return np.concatenate(found, axis=1) if found else np.zeros((len(run.levels), 0))

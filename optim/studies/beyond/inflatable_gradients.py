@@ -1,0 +1,391 @@
+"""The inflatable robot with a hundred variables: gradients and hybrids beside gradient-free searches at equal CPU time.
+
+Free are the orientation, levels, feet, settling, core pressure and paces of every column, friction of the feet, and
+moduli and sizes of all regions: 104 variables with three columns; the robot begins flat. All searches start at random
+points. A run counts what it has found when its CPU time is used up: the best design is written as a file, read again,
+and played in double precision with noise on its start; its speed is the median of several starts.
+
+The robot is the small one, on a rig that inflates bladders four times as fast as published, so that more evaluations
+fit into a budget. Two cycles are played, of which the second counts. No search was tuned.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from optim.experiments.equal_cost import Contest, Entry, Point
+from optim.experiments.jobs import run_parallel
+from optim.experiments.results import Progress, part_of, read_alone, write_json
+from optim.experiments.study import Count, Settings, Study
+from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
+from optim.measures.statistics import effect, holm, mann_whitney, mean_interval
+from optim.problem import Request, judge
+from optim.problems.inflatable.problem import GaitProblem
+from optim.runs.history import read_history
+from robots.calibration import Properties
+from robots.inflatable import simulation
+from robots.inflatable.body import NAMED_GEOMETRIES
+from robots.inflatable.design import load_design, save_design
+from robots.inflatable.program import Counting
+from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice, positive
+from taichi_sim.base.files import write_text
+
+NAME = "inflatable-gradients"
+FLAT, HILL, BOTH = "flat", "hill", "both"
+WORLDS = {FLAT: (Terrain(),), HILL: (Terrain(15.0),), BOTH: (Terrain(), Terrain(15.0))}
+SHARES = {FLAT: 1.0, HILL: 0.5, BOTH: 1.0}  # of the budget: on the hill alone hardly any random gait moves
+MORE = ("core", "pace", "friction", "modulus", "size")
+FASTER = 4.0  # than the published inflation
+WARM_UP = 10_000  # time steps: less than a cycle takes
+NOISE = 1e-6  # of a replay's start [m]
+TABLES = ("runs.csv", "curves.csv")
+FILES = ("table.md", *TABLES, "summary.json", "runs", "gaits")
+SIZE = 8  # members of populations, and climbers without gradients
+FEW = 2  # that follow gradients, which cost more
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A search of the comparison.
+
+    Attributes:
+        label: what it is called.
+        method: name in ``optim.search.METHODS``.
+        settings: of the method, but the seed.
+        relaxed: how the problem judges relaxed gaits for it.
+        gradients: whether it asks for gradients.
+        worlds: where it runs.
+    """
+
+    label: str
+    method: str
+    settings: Mapping[str, Any]
+    relaxed: Mapping[str, Any] = field(default_factory=dict)
+    gradients: bool = False
+    worlds: tuple[str, ...] = (FLAT, HILL, BOTH)
+
+
+_ASCENT = {"climbers": 1, "candidates": SIZE, "learning_rate": 0.1, "verify": True}
+_LAST: Mapping[str, Any] = {"window": 1}
+ARMS = {
+    "random": Arm("random", "random", {"climbers": SIZE}),
+    "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": SIZE}),
+    "genetic": Arm("genetic", "genetic", {"population": SIZE}),
+    "de": Arm("differential evolution", "de", {"population": SIZE}),
+    "cma": Arm("CMA-ES", "cma", {"population": SIZE}),
+    "nes": Arm("NES", "nes", {"population": SIZE}),
+    "gradient": Arm("gradient", "gradient", _ASCENT, _LAST, True),
+    "gradient-hill-climb": Arm(
+        "gradient hill climbing", "gradient-hill-climb", {"climbers": FEW, "blind": "mutate"}, _LAST, True
+    ),
+    "memetic": Arm("memetic", "memetic", {"population": SIZE, "refine": FEW, "every": 3}, _LAST, True),
+    "cma-gradient": Arm("CMA-ES led by gradients", "cma-gradient", {"population": SIZE}, _LAST, True),
+    "gradient-whole": Arm("gradient of the whole way", "gradient", _ASCENT, {}, True, (FLAT,)),
+    "gradient-draws": Arm(
+        "gradient, mean of 2 draws",
+        "gradient",
+        {**_ASCENT, "candidates": SIZE // 2},
+        {**_LAST, "draws": 2, "noise": 1e-5, "friction_spread": 0.3},
+        True,
+        (FLAT,),
+    ),
+    "gradient-gentle": Arm(
+        "gradient from flat ground to the hill",
+        "gradient",
+        {**_ASCENT, "stage": 2},
+        {**_LAST, "gentle": 8.0},
+        True,
+        (HILL,),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Comparison(Settings):
+    """How large the comparison is.
+
+    Attributes:
+        seconds: of CPU time for a run on flat ground, and in proportion elsewhere, see ``SHARES``.
+        seeds: runs of every search.
+        starts: replays of what a run has found.
+        columns: of the gaits.
+        geometry: of the body.
+        worlds: of ``WORLDS``.
+        arms: of ``ARMS``.
+    """
+
+    seconds: Annotated[float, positive] = 15.0
+    seeds: Count = 5
+    starts: Count = 3
+    columns: Count = 3
+    geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "small"
+    worlds: tuple[str, ...] = tuple(WORLDS)
+    arms: tuple[str, ...] = tuple(ARMS)
+
+    @property
+    def runs(self) -> list[tuple[str, str, int]]:
+        """World, search and seed of every run, seed by seed."""
+        pairs = [(world, arm) for world in self.worlds for arm in self.arms if world in ARMS[arm].worlds]
+        return [(*pair, seed) for seed in range(self.seeds) for pair in pairs]
+
+    def problem(self, world: str, arm: str, **more: Any) -> GaitProblem:
+        """What a search designs in a world."""
+        body = NAMED_GEOMETRIES[self.geometry]
+        published = Properties.of(body)
+        rig = dataclasses.replace(published, inflation_rate=FASTER * published.inflation_rate)
+        settings: dict[str, Any] = {"steps": 2 * WARM_UP, "warm_up": WARM_UP, "threads": 1, **ARMS[arm].relaxed, **more}
+        return GaitProblem(
+            WORLDS[world],
+            pressure=0.0,
+            columns=self.columns,
+            encoding="graded",
+            more=MORE,
+            geometry=self.geometry,
+            properties=rig,
+            **settings,
+        )
+
+    def contest(self, world: str, folder: Path) -> Contest:
+        """The searches in a world."""
+        arms = {name: ARMS[name] for name in self.arms if world in ARMS[name].worlds}
+        entries = {
+            name: Entry(partial(self.problem, world, name), arm.method, arm.settings) for name, arm in arms.items()
+        }
+        return Contest(entries, "cpu", SHARES[world] * self.seconds, folder / "runs" / world, lambda line: None)
+
+
+def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+    """Write runs, the best gait of each, tables, and what follows from them; runs go on where they ended."""
+    given = {"seconds": settings.seconds, "geometry": settings.geometry}
+    if tables := read_alone(folder, NAME, TABLES, FILES, given):
+        _report(folder, settings, *tables)
+        return
+    tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in settings.runs]
+    run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
+    rows, curves = list[Record](), list[Record]()
+    for number, (run, (_, task)) in enumerate(zip(settings.runs, tasks, strict=True)):
+        task(where, None)
+        row, curve = _found(folder, settings, *run)
+        rows.append(row)
+        curves.extend(curve)
+        if progress:
+            progress((number + 1) / len(tasks))
+        if number + 1 == len(tasks) or number % len(settings.arms) == 0:  # what there is so far is of use
+            write_records(folder / TABLES[0], rows)
+            write_records(folder / TABLES[1], curves)
+    _report(folder, settings, rows, curves)
+
+
+@cache
+def _warm_up(settings: Comparison, gradients: bool) -> None:
+    """Have the kernels of this process ready before the clock of a search starts, so that no run pays for them."""
+    problem = settings.problem(FLAT, "random", steps=1, warm_up=0)
+    point = problem.space.relaxed().low[None]
+    judge(problem, Request(point, "gradients" if gradients else "points"))
+
+
+def _task(
+    folder: Path, settings: Comparison, run: tuple[str, str, int], where: Mapping[str, Any], progress: Progress
+) -> None:
+    """Run a search, and replay what it has found, if that is not done."""
+    world, name, seed = run
+    path, kept = _gait(folder, *run), _gait(folder, *run).with_suffix(".csv")
+    budget = settings.contest(world, folder).budget
+    if kept.exists() and read_records(kept)[0].get("budget") == budget:
+        return
+    _warm_up(settings, ARMS[name].gradients)
+    contest = settings.contest(world, folder)
+    contest.run_one(name, seed)
+    end, problem = _end(contest, name, seed), settings.problem(world, name)
+    best = read_history(contest.folder(name, seed)).generations[end].best_point
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if best is None:
+        save_design(problem.design(problem.space.low), path)
+    else:
+        save_design(problem.design(problem.space.from_dict(best)), path)
+    speeds = replayed(problem, path, settings.starts)
+    columns = [terrain.name for terrain in problem.terrains]
+    write_records(kept, [{"budget": budget, **dict(zip(columns, row, strict=True))} for row in speeds.T.tolist()])
+
+
+def _gait(folder: Path, world: str, name: str, seed: int) -> Path:
+    return folder / "gaits" / f"{world}-{name}-{seed}.json"
+
+
+def _end(contest: Contest, name: str, seed: int) -> int:
+    """The last generation that ended within the budget; the first, if none did."""
+    within = [number for number, each in enumerate(contest.curve(name, seed)) if each["cpu"] <= contest.budget]
+    return within[-1] if within else 0
+
+
+def replayed(problem: GaitProblem, path: Path, starts: int) -> Floats:
+    """Speeds of a gait in a file, in double precision, from noisy starts on every terrain, shape (terrains, starts).
+
+    A robot that diverges counts as one that does not move.
+    """
+    design = load_design(path)
+    exact = dataclasses.replace(problem, precision="f64", threads=1)
+    found = [
+        exact.speeds(
+            simulation.simulate(
+                [design] * starts,
+                terrain,
+                geometry=exact.body,
+                actuation=exact.actuation,
+                counting=Counting(exact.warm_up, exact.stages),
+                perturbation=NOISE,
+                **exact.compute.options,
+            )
+        )
+        for terrain in exact.terrains
+    ]
+    return np.nan_to_num(np.array(found))
+
+
+def _found(folder: Path, settings: Comparison, world: str, name: str, seed: int) -> tuple[Record, list[Record]]:
+    """What a run has found, and its course."""
+    contest = settings.contest(world, folder)
+    curve, end = contest.curve(name, seed), _end(contest, name, seed)
+    records = read_records(_gait(folder, world, name, seed).with_suffix(".csv"))
+    speeds = np.mean([column(records, terrain.name) for terrain in WORLDS[world]], axis=0)
+    about = {"world": world, "search": name, "seed": seed}
+    row = {
+        **about,
+        "evaluations": curve[end]["evaluations"],
+        "cpu_s": round(curve[end]["cpu"], 3),
+        "score": curve[end]["best"],
+        "speed": float(np.median(speeds)),
+        "slowest": float(speeds.min()),
+        "fastest": float(speeds.max()),
+    }
+    return row, [{**about, **_rounded(point)} for point in curve[: end + 1]]
+
+
+def _rounded(point: Point) -> Record:
+    return {**point, "cpu": round(point["cpu"], 3)}
+
+
+def _report(folder: Path, settings: Comparison, rows: Sequence[Record], curves: Sequence[Record]) -> None:
+    """Write ``summary.json`` and ``table.md``, which follow from the tables."""
+    worlds = [world for world in settings.worlds if where(rows, world=world)]
+    summary = {
+        world: _summary(where(rows, world=world), where(curves, world=world), settings, world) for world in worlds
+    }
+    given = {"seconds": settings.seconds, "geometry": settings.geometry, "seeds": settings.seeds}
+    variables = settings.problem(FLAT, "random").space.size
+    write_json(folder / "summary.json", {**given, "variables": variables, "worlds": summary})
+    pages = [part for world in worlds for part in _tables(world, summary[world], SHARES[world] * settings.seconds)]
+    write_text(folder / "table.md", page(*pages))
+
+
+PARTS = (0.25, 0.5, 0.75, 1.0)  # of the budget, at which the best of both kinds are compared
+
+
+def _summary(rows: Sequence[Record], curves: Sequence[Record], settings: Comparison, world: str) -> dict[str, Any]:
+    """Searches of a world, and the best of those with gradients beside the best of those without."""
+    speeds = {name: column(where(rows, search=name), "speed") for name in ARMS if where(rows, search=name)}
+    searches = {name: _search(speeds[name], where(rows, search=name)) for name in speeds}
+    courses = {
+        name: [_course(where(curves, search=name, seed=seed), SHARES[world] * settings.seconds) for seed in seeds]
+        for name in speeds
+        if (seeds := [row["seed"] for row in where(rows, search=name)])
+    }
+    for name, each in courses.items():
+        searches[name]["course"] = [_finite(value) for value in np.median(np.array(each), axis=0)]
+    best = {
+        kind: max(_of_kind(speeds, kind), key=lambda n: searches[n]["median"], default="") for kind in (True, False)
+    }
+    found: dict[str, Any] = {"searches": searches}
+    if best[True] and best[False]:
+        free = _of_kind(speeds, False)
+        tests = {name: mann_whitney(speeds[best[True]], speeds[name], "two-sided", "exact") for name in free}
+        apart = effect(speeds[best[False]], speeds[best[True]])
+        adjusted = dict(zip(tests, holm(list(tests.values())), strict=True))
+        found |= {
+            "best_with_gradients": best[True],
+            "best_without": best[False],
+            "difference": apart.difference,
+            "interval": [apart.low, apart.high],
+            "p_adjusted": adjusted,
+        }
+    return found
+
+
+def _of_kind(names: Any, gradients: bool) -> list[str]:
+    """Searches with or without gradients."""
+    return [name for name in names if ARMS[name].gradients == gradients]
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _number(value: float | None) -> float:
+    return np.nan if value is None else value
+
+
+def _course(points: Sequence[Record], budget: float) -> list[float]:
+    """The best score after parts of the budget; NaN before the first generation has ended."""
+    return [
+        next((_number(point["best"]) for point in reversed(points) if point["cpu"] <= part * budget), np.nan)
+        for part in PARTS
+    ]
+
+
+def _search(speeds: Floats, rows: Sequence[Record]) -> dict[str, Any]:
+    low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
+    return {
+        "label": ARMS[rows[0]["search"]].label,
+        "seeds": len(speeds),
+        "median": float(np.median(speeds)),
+        "mean": float(speeds.mean()),
+        "low": low,
+        "high": high,
+        "each": speeds.tolist(),
+        "score": _finite(float(np.median(column(rows, "score")))),
+        "evaluations": float(np.median(column(rows, "evaluations"))),
+    }
+
+
+def _tables(world: str, summary: Mapping[str, Any], seconds: float) -> list[str | list[str]]:
+    """A table of the searches of a world, the fastest first, and what follows from it."""
+    lines = []
+    for name, each in sorted(summary["searches"].items(), key=lambda item: -item[1]["median"]):
+        interval = f"{cell(each['low'], '.3f')} to {cell(each['high'], '.3f')}"
+        course = ", ".join(cell(value, ".3f") for value in each["course"])
+        told = ", ".join(f"{speed:.3f}" for speed in each["each"])
+        mark = f"**{each['label']}**" if ARMS[name].gradients else each["label"]
+        lines.append((mark, f"{each['evaluations']:.0f}", course, f"{each['median']:.3f}", interval, told))
+    parts = ", ".join(f"{part:.0%}".replace("%", " %") for part in PARTS)
+    header = ("search", "evaluations", f"score after {parts}", "median", "95 % interval of the mean", "each seed")
+    found: list[str | list[str]] = [f"{world}, {seconds:g} s of CPU time a run:", markdown(header, "lrrrrr", lines)]
+    if "difference" in summary:
+        labels = {name: each["label"] for name, each in summary["searches"].items()}
+        low, high = summary["interval"]
+        found.append(
+            f"Best with gradients, {labels[summary['best_with_gradients']]}, less best without, "
+            f"{labels[summary['best_without']]}: {summary['difference']:+.3f} BL/s in the mean, 95 % interval "
+            f"{low:+.3f} to {high:+.3f}."
+        )
+    return found
+
+
+STUDY = Study(
+    title="the inflatable robot with a hundred variables: gradients and hybrids beside gradient-free searches",
+    source="beyond chapter 5",
+    scales={
+        "small": Comparison(seconds=4.0, seeds=2, starts=2, columns=1, worlds=(FLAT,), arms=("random", "gradient")),
+        "medium": Comparison(),
+        "full": Comparison(seconds=600.0),
+    },
+    run=study,
+    writes=FILES[:4],
+    cost="a day and a half of one core; medium takes an hour",
+)
