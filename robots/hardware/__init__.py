@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
+    from robots.hardware.channel_table import ChannelTable as ChannelTable
+    from robots.hardware.channel_table import read_channels as read_channels
     from robots.hardware.line_map import LineMap as LineMap
     from robots.hardware.rig import CHANNELS as CHANNELS
     from robots.hardware.rig import KPA_PER_UNIT as KPA_PER_UNIT

@@ -9,6 +9,7 @@ import hashlib
 import itertools
 import json
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -59,9 +60,67 @@ def section_of(state: int, columns: int) -> str:
     return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
 
 
+class RigTable(ABC):
+    """Commands to the lines of a rig over time, in three sections, of which the second can be looped.
+
+    Attributes:
+        times: of the rows [s], shape (N,); see :class:`GaitTable`.
+        states: numbers of the states that rows belong to, shape (N,): 0 prepares, then the columns come twice, in
+            prefix and main, then lines are vented.
+        pressures: gauge pressures of ``CHANNELS`` in ``units``, shape (N, 11).
+        units: ``"kpa"`` or ``"psi"``.
+        rig: name of the rig.
+        rate: rows per second; None for rows at corners.
+        clipped: what was clipped, a line each.
+        timing: of the states; empty in a table that was read.
+    """
+
+    times: Floats
+    states: np.ndarray
+    pressures: Floats
+    units: str
+    rig: str
+    rate: float | None
+    clipped: tuple[str, ...]
+    timing: tuple[State, ...]
+
+    channels = CHANNELS
+
+    @property
+    @abstractmethod
+    def columns(self) -> int:
+        """States of the main."""
+
+    @property
+    @abstractmethod
+    def loops(self) -> int:
+        """How often the main is played."""
+
+    @abstractmethod
+    def header(self) -> list[tuple[str, str]]:
+        """What the head of its file says, by name, the schema first."""
+
+    @cached_property
+    def sections(self) -> tuple[str, ...]:
+        """The section of every row."""
+        return tuple(section_of(int(state), self.columns) for state in self.states)
+
+    @property
+    def durations(self) -> Mapping[str, float]:
+        """Length of each section [s], played once."""
+        rows = np.array(self.sections)
+        return {name: float(np.ptp(self.times[rows == name])) for name in dict.fromkeys(self.sections)}
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes, with its loops [s]."""
+        lengths = self.durations
+        return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
+
+
 @dataclass(frozen=True, eq=False)
-class GaitTable:
-    """Commands over time, as a rig plays them.
+class GaitTable(RigTable):
+    """Commands over time that play a gait of the inflatable robot.
 
     Attributes:
         times: of the rows [s], shape (N,), with the main played once; between rows pressures change linearly. They
@@ -91,33 +150,38 @@ class GaitTable:
     clipped: tuple[str, ...] = ()
     timing: tuple[State, ...] = ()
 
-    channels = CHANNELS
+    @property
+    def columns(self) -> int:
+        """Columns of the schedule."""
+        return self.design.schedule.columns
 
     @property
     def loops(self) -> int:
         """How often the main is played: once less than the columns are, as the prefix plays them too."""
         return self.design.schedule.repeats - 1
 
-    @cached_property
-    def sections(self) -> tuple[str, ...]:
-        """The section of every row."""
-        return tuple(section_of(int(state), self.design.schedule.columns) for state in self.states)
-
-    @property
-    def durations(self) -> Mapping[str, float]:
-        """Length of each section [s], played once."""
-        rows = np.array(self.sections)
-        return {name: float(np.ptp(self.times[rows == name])) for name in dict.fromkeys(self.sections)}
-
-    @property
-    def seconds(self) -> float:
-        """How long the gait takes, with its loops [s]."""
-        lengths = self.durations
-        return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
-
     def schedule(self) -> GaitSchedule:
         """The schedule that the table was made of."""
         return self.design.schedule
+
+    def header(self) -> list[tuple[str, str]]:
+        """What the head of its file says: the design, exactly, and how it was made a table."""
+        design = self.design
+        return [
+            ("schema", SCHEMA),
+            ("units", self.units),
+            ("robot_hash", design_hash(design)),
+            ("seed", seed_text(self.seed)),
+            ("pressure_pa", repr(design.pressure)),
+            ("orientation_deg", repr(design.orientation)),
+            ("schedule", design.schedule.to_text()),
+            ("repeats", str(design.schedule.repeats)),
+            ("loops", str(self.loops)),
+            ("rig", self.rig),
+            ("rate_hz", rate_text(self.rate)),
+            ("map", self.line_map.to_text()),
+            *(("clipped", line) for line in self.clipped),
+        ]
 
     def played(self) -> InflatableDesign:
         """What the rows play, by the inverse of the map.
@@ -183,37 +247,38 @@ def design_hash(design: InflatableDesign) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
-def write_csv(table: GaitTable, path: str | os.PathLike[str]) -> None:
+def seed_text(seed: int | None) -> str:
+    """The seed of a search, as headers tell it."""
+    return _NO_SEED if seed is None else str(seed)
+
+
+def seed_of(text: str) -> int | None:
+    """The seed that a header tells."""
+    return None if text == _NO_SEED else int(text)
+
+
+def rate_text(rate: float | None) -> str:
+    """Rows per second, as headers tell them."""
+    return "corners" if rate is None else repr(rate)
+
+
+def rate_of(text: str) -> float | None:
+    """Rows per second that a header tells."""
+    return None if text == "corners" else float(text)
+
+
+def write_csv(table: RigTable, path: str | os.PathLike[str]) -> None:
     """Write a table as CSV, replacing the file in one step.
 
     Raises:
         ValueError: if the file cannot be written.
     """
-    lines = [f"# {name}={value}" for name, value in _header(table)]
+    lines = [f"# {name}={value}" for name, value in table.header()]
     lines.append(_column_names(table.units))
     for time, section, state, row in zip(table.times, table.sections, table.states, table.pressures, strict=True):
         lines.append(",".join([f"{time:.12g}", section, str(state), *(f"{pressure:.9g}" for pressure in row)]))
     lines.insert(1, f"# checksum={_checksum(lines)}")
     write_text(path, "\n".join(lines) + "\n")
-
-
-def _header(table: GaitTable) -> list[tuple[str, str]]:
-    design = table.design
-    return [
-        ("schema", SCHEMA),
-        ("units", table.units),
-        ("robot_hash", design_hash(design)),
-        ("seed", _NO_SEED if table.seed is None else str(table.seed)),
-        ("pressure_pa", repr(design.pressure)),
-        ("orientation_deg", repr(design.orientation)),
-        ("schedule", design.schedule.to_text()),
-        ("repeats", str(design.schedule.repeats)),
-        ("loops", str(table.loops)),
-        ("rig", table.rig),
-        ("rate_hz", "corners" if table.rate is None else repr(table.rate)),
-        ("map", table.line_map.to_text()),
-        *(("clipped", line) for line in table.clipped),
-    ]
 
 
 def read_csv(path: str | os.PathLike[str]) -> GaitTable:
@@ -243,38 +308,80 @@ def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
     return load_design(path)
 
 
-def _read(lines: list[str]) -> GaitTable:
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What a table's file holds.
+
+    Attributes:
+        pairs: names and values of the header, in its order.
+        lines: all lines of the file.
+        units: of the pressures.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...]
+    units: str
+
+    @property
+    def header(self) -> Mapping[str, str]:
+        """Values of the header by name; the last of several."""
+        return dict(self.pairs)
+
+    @property
+    def clipped(self) -> tuple[str, ...]:
+        """What was clipped, a line each."""
+        return tuple(value for name, value in self.pairs if name == "clipped")
+
+    def rows(self, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, states and pressures of the rows of a table with so many columns.
+
+        Raises:
+            ValueError: if they are damaged, or the checksum does not fit.
+        """
+        found = _rows(self.lines, len(self.pairs) + 1, columns)
+        # The sum comes after what can be named more precisely.
+        if self.header.get("checksum") != _checksum([s for s in self.lines if not s.startswith("# checksum=")]):
+            raise ValueError("checksum does not fit; the file was changed or damaged, export it again")
+        return found
+
+
+def read_content(lines: Sequence[str], schema: str) -> Content:
+    """The content of a table's file, whose header must name this schema.
+
+    Raises:
+        ValueError: if the head is damaged.
+    """
     head = list(itertools.takewhile(lambda line: line.startswith("#"), lines))
-    pairs = [(name.strip(), value.strip()) for name, _, value in (line[1:].partition("=") for line in head)]
+    pairs = tuple((name.strip(), value.strip()) for name, _, value in (line[1:].partition("=") for line in head))
     header = dict(pairs)
-    if (schema := header.get("schema")) != SCHEMA:
-        raise ValueError(f"schema {schema!r} is unknown; the first line must be '# schema={SCHEMA}'")
+    if (given := header.get("schema")) != schema:
+        raise ValueError(f"schema {given!r} is unknown; the first line must be '# schema={schema}'")
     if (units := header.get("units", "")) not in KPA_PER_UNIT:
         raise ValueError(f"units {units!r} are unknown; give one of {', '.join(KPA_PER_UNIT)}")
     _check_columns(lines, len(head), units)
+    return Content(pairs, tuple(lines), units)
+
+
+def _read(lines: list[str]) -> GaitTable:
+    content = read_content(lines, SCHEMA)
+    header = content.header
     try:
         schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
         design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
-        seed = None if header["seed"] == _NO_SEED else int(header["seed"])
-        rate = None if header["rate_hz"] == "corners" else float(header["rate_hz"])
-        rig = header["rig"]
+        seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
     except ValueError as error:
         raise ValueError(f"header is damaged ({error})") from None
     if not fits:
         raise ValueError("header is damaged (robot_hash and loops do not fit its design)")
-    times, states, pressures = _rows(lines, len(head) + 1, schedule.columns)
-    # The sum comes after what can be named more precisely.
-    if header.get("checksum") != _checksum([line for line in lines if not line.startswith("# checksum=")]):
-        raise ValueError("checksum does not fit; the file was changed or damaged, export it again")
-    clipped = tuple(value for name, value in pairs if name == "clipped")
-    return GaitTable(times, states, pressures, units, design, line_map, seed, rig, rate, clipped)
+    times, states, pressures = content.rows(schedule.columns)
+    return GaitTable(times, states, pressures, content.units, design, line_map, seed, rig, rate, content.clipped)
 
 
-def _check_columns(lines: list[str], at: int, units: str) -> None:
+def _check_columns(lines: Sequence[str], at: int, units: str) -> None:
     given = lines[at].split(",") if at < len(lines) else []
     expected = _column_names(units).split(",")
     if missing := [name for name in expected if name not in given]:

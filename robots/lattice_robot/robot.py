@@ -297,6 +297,50 @@ class LatticeRobot(Robot):
             "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
         }
 
+    @property
+    def exportable(self) -> bool:  # type: ignore[override]
+        """Whether a rig has lines for its channels, once nothing is free."""
+        from robots.lattice_robot.on_rig import unplayed
+
+        return not unplayed(self._fixed)
+
+    @property
+    def _fixed(self) -> "LatticeRobot":
+        """The robot itself, or where it starts, if something is free."""
+        return self.filled(self.start) if self.free else self
+
+    def table(self, *, rig: Any = None, full_scale: Any = None, **settings: Any) -> Any:
+        """Pressures of a rig's lines that play the channels, see ``channel_table``; ``full_scale`` as of ``waves_of``."""
+        from robots.hardware.channel_table import channel_table
+        from robots.hardware.rig import PneumaticRig
+        from robots.lattice_robot.on_rig import rhythm_of, waves_of
+
+        rig, robot = rig or PneumaticRig(), self._fixed
+        return channel_table(self.name, waves_of(robot, rig, full_scale), rhythm_of(robot), rig, **settings)
+
+    def rig_report(self, rig: Any) -> tuple[Any, float]:
+        """What its channels ask of the lines of a rig, and the time of the cycles in the simulation [s]."""
+        from robots.hardware.channel_table import channel_report
+        from robots.hardware.rig import PneumaticRig
+        from robots.lattice_robot.on_rig import rhythm_of, waves_of
+
+        rig, robot = rig or PneumaticRig(), self._fixed
+        return channel_report(waves_of(robot, rig), rhythm_of(robot), rig), (self.cycles + 1) / self.frequency
+
+    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
+        """Write surfaces for printers, or a mould, see ``robots.lattice_robot.printing``; tells what it wrote."""
+        from robots.lattice_robot.printing import MouldSettings, save_parts
+
+        settings = None if mould is None else MouldSettings.from_text(mould)
+        written = save_parts(self._fixed, path, settings)
+        return [f"{name}: {1e6 * part.surface.volume:.4g} cm^3" for name, part in written.items()]
+
+    def save_voxels(self, path: Path) -> None:
+        """Write the robot for VoxCAD (``.vxa``), or its body for Voxelyze (``.vxl.json``)."""
+        from robots.lattice_robot.voxel_files import save_voxels
+
+        save_voxels(self._fixed, path)
+
     def facts(self) -> Facts:
         """Body, drives and cycle."""
         voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"

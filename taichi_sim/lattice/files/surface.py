@@ -132,7 +132,7 @@ def _neighbours(cells: Ints, cut: Ints, kept: Bools) -> Ints:
         found[:, side] = np.where((flat[at] == wanted) & kept[at], at, -1)
     for one, other in cut.tolist():
         joined = cells[other] - cells[one]
-        side = int(np.flatnonzero((SIDES == joined).all(axis=1))[0])
+        side = int(np.flatnonzero((joined == SIDES).all(axis=1))[0])
         found[one, side] = found[other, side ^ 1] = -1
     return found
 
