@@ -309,14 +309,21 @@ class LatticeRobot(Robot):
         """The robot itself, or where it starts, if something is free."""
         return self.filled(self.start) if self.free else self
 
-    def table(self, *, rig: Any = None, full_scale: Any = None, **settings: Any) -> Any:
-        """Pressures of a rig's lines that play the channels, see ``channel_table``; ``full_scale`` as of ``waves_of``."""
+    def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
+        """Pressures of a rig's lines that play the channels.
+
+        Args:
+            rig: the dissertation's if None.
+            full_scale: what pressures of lines stand for, see ``robots.lattice_robot.on_rig.full_scale_of``.
+            settings: others of ``robots.hardware.channel_table.channel_table``.
+        """
         from robots.hardware.channel_table import channel_table
         from robots.hardware.rig import PneumaticRig
-        from robots.lattice_robot.on_rig import rhythm_of, waves_of
+        from robots.lattice_robot.on_rig import full_scale_of, rhythm_of, waves_of
 
         rig, robot = rig or PneumaticRig(), self._fixed
-        return channel_table(self.name, waves_of(robot, rig, full_scale), rhythm_of(robot), rig, **settings)
+        scale = None if full_scale is None else full_scale_of(full_scale)
+        return channel_table(self.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:
         """What its channels ask of the lines of a rig, and the time of the cycles in the simulation [s]."""

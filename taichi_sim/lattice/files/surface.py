@@ -114,7 +114,8 @@ def cell_surface(cells: Ints, cut: Iterable[Iterable[int]] = (), chosen: Bools |
     number = np.full(across.shape, -1)
     number[owner, side] = np.arange(len(owner))
     corners = cells[owner][:, None] + _SIGNS[_CORNERS[side]]
-    return _meshed(cells[owner] + 0.5, side, corners, _next_faces(across, number, owner, side))
+    centres: Floats = cells[owner] + 0.5
+    return _meshed(centres, side, corners, _next_faces(across, number, owner, side))
 
 
 def _neighbours(cells: Ints, cut: Ints, kept: Bools) -> Ints:
