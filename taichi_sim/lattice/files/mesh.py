@@ -220,10 +220,10 @@ def _check_size(mesh: "trimesh.Trimesh", pitch: float, most_voxels: int, most_me
 
 
 def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
-    """Return a watertight mesh, repaired if ``repair`` allows; raise ValueError if it is not watertight."""
+    """Return a closed mesh, repaired if ``repair`` allows; raise ValueError if it is not closed."""
     from trimesh import repair as mend
 
-    if mesh.is_watertight and mesh.is_winding_consistent:
+    if _is_balanced(mesh):
         return mesh
     if mesh.is_watertight:  # triangles that look in and out by turns, whose shells wind around nothing
         mesh = mesh.copy()
@@ -237,7 +237,7 @@ def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
         mesh.remove_unreferenced_vertices()
         mend.fill_holes(mesh)
         mend.fix_normals(mesh)
-        if mesh.is_watertight:
+        if _is_balanced(mesh):
             return mesh
     edges = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
     tried = " and could not be repaired" if repair else ""
@@ -245,6 +245,16 @@ def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
         f"mesh: it is not watertight{tried}: {(edges != 2).sum()} of {len(edges)} edges do not join two triangles; "
         "close it"
     )
+
+
+def _is_balanced(mesh: "trimesh.Trimesh") -> bool:
+    """Whether triangles pass each edge as often one way as the other: then how often a mesh winds is a whole number.
+
+    It is so of shells that touch, too, where an edge has four triangles.
+    """
+    ways = np.where(mesh.edges[:, 0] < mesh.edges[:, 1], 1, -1)
+    _, edge = np.unique(mesh.edges_sorted, axis=0, return_inverse=True)
+    return bool(len(ways)) and not np.bincount(edge.reshape(-1), ways).any()
 
 
 def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:

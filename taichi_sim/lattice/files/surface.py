@@ -114,7 +114,7 @@ def cell_surface(cells: Ints, cut: Iterable[Iterable[int]] = (), chosen: Bools |
     number = np.full(across.shape, -1)
     number[owner, side] = np.arange(len(owner))
     corners = cells[owner][:, None] + _SIGNS[_CORNERS[side]]
-    centres: Floats = cells[owner] + 0.5
+    centres = (cells[owner] + 0.5).astype(np.float64)
     return _meshed(centres, side, corners, _next_faces(across, number, owner, side))
 
 

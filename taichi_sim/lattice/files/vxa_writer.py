@@ -25,7 +25,7 @@ def write_vxa(file: VoxelFile) -> str:
     """
     body = file.body
     _check(file)
-    held: Bools = np.asarray(body.fixed, bool).any(axis=1)
+    held = np.asarray(np.asarray(body.fixed, bool).any(axis=1))
     palette, numbers = _palette(body.material_index, held)
     if len(palette) > MOST_MATERIALS:
         raise ValueError(f"materials: {len(palette)} are not allowed in a .vxa; the most is {MOST_MATERIALS}")
