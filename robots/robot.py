@@ -251,6 +251,10 @@ class Robot:
         """
         raise ValueError(f"judge: {KINDS[self.kind].title} has no such check; leave it out")
 
+    def caution(self, point: ArrayLike) -> str:
+        """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
+        return ""
+
     def table(self, **settings: Any) -> Any:
         """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
 

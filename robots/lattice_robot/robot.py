@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 MOST_CYCLES = 10_000
 STEP = 0.1  # of a mutation, part of a parameter's range
 SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
+AT_REST = 1e-9  # of its largest swing: how far from rest a wave may begin
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
 
@@ -221,10 +222,35 @@ class LatticeRobot(Robot):
         ends = np.cumsum([len(drive.free) for drive in self.drives]).tolist()
         return [points[:, first:end] for first, end in zip([0, *ends], ends, strict=False)]
 
-    def nodes(self, points: Any) -> list[Any]:
+    def nodes(self, points: Any, later: ArrayLike = 0.0) -> list[Any]:
         """What each drive makes of its channels at points, shape (N, P), see ``Drive.nodes``."""
         each = zip(self.drives, self._shares(points), strict=True)
-        return [drive.nodes(share, self.rest_of(drive)) for drive, share in each]
+        return [drive.nodes(share, self.rest_of(drive), later) for drive, share in each]
+
+    def settles_at_rest(self, points: Floats) -> Bools:
+        """At which points, shape (N, P), nothing moves while the robot settles, because waves begin at rest.
+
+        Waves of phase 0 or 0.5 do. Such a robot settles to a tie: which voxel slips first is decided by rounding, and
+        the derivatives of its settling grow without bound.
+        """
+        tied, moved = np.full(len(points), self.settling > 0), np.zeros(len(points), bool)
+        for drive, nodes in zip(self.drives, self.nodes(points), strict=True):
+            if drive.quantity != "friction":
+                swing = np.abs(nodes - self.rest_of(drive)[..., None]).max(axis=(1, 2))
+                tied &= swing[:, 0] <= AT_REST * swing.max(axis=1)
+                moved |= swing.max(axis=1) > 0
+        return tied & moved
+
+    def caution(self, point: ArrayLike) -> str:
+        """What misleads differences at a point, shape (P,): that nothing moves while it settles."""
+        if not self.settles_at_rest(self.points(point))[0]:
+            return ""
+        phases = [name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")]
+        which = ", ".join(phases or [f"that of {drive.name}" for drive in self.drives])
+        return (
+            f"phases: all are 0 or 0.5 ({which}), so nothing moves while the robot settles, to a tie: differences see "
+            "jumps there, and gradients are taken just beside it; start at other phases"
+        )
 
     def rest_of(self, drive: Drive) -> Floats:
         """What the channels of a drive hold before anything drives them, shape (Q, G)."""

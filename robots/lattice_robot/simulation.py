@@ -1,7 +1,7 @@
 """What lattice robots do on a terrain, and how far that depends on what is free of them."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -22,6 +22,7 @@ from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
+BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
 
@@ -91,6 +92,9 @@ def differentiate(
 ) -> LatticeRobotResult:
     """Let a robot move, with the derivatives of the distances by what is free.
 
+    Where nothing moves while the robot settles, see ``LatticeRobot.settles_at_rest``, derivatives are those of waves
+    that are ``BESIDE`` of a cycle later.
+
     Args:
         robot, points, terrain, progress: as in :func:`simulate`.
         memory: bound for what is kept of the way there [B]. On a CPU, points are differentiated in groups of
@@ -121,7 +125,7 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
             continue
         batch = _Batch(robot, points[rows], terrain, compute, every)
         if trial.gradients:
-            found = _differentiate(batch, memory, tick or (lambda _: None))
+            found = _differentiate_beside_ties(batch, memory, tick or (lambda _: None))
         else:
             found = batch.result(batch.engine.run(batch.program, tick))
         parts.append((rows, found))
@@ -157,6 +161,18 @@ def assembled(
     )
 
 
+def _differentiate_beside_ties(batch: "_Batch", memory: float, progress: Progress) -> LatticeRobotResult:
+    """Results of a batch with gradients; those of points that settle to a tie come from just beside it."""
+    tied = batch.robot.settles_at_rest(batch.points)
+    if not tied.any():
+        return _differentiate(batch, memory, progress)
+    found = _differentiate(batch.moved(BESIDE * tied), memory, lambda fraction: progress(0.9 * fraction))
+    plain = batch.result(batch.engine.run(batch.program))
+    assert found.gradient is not None
+    failed = (plain.status != "ok")[:, None]
+    return replace(plain, gradient=np.where(failed, np.nan, found.gradient))
+
+
 def _differentiate(batch: "_Batch", memory: float, progress: Progress) -> LatticeRobotResult:
     tape = batch.engine.record(batch.program, memory, lambda f: progress(RECORDING * f))
     ok = tape.result.status == "ok"
@@ -182,8 +198,10 @@ class _Batch:
         terrain: Terrain,
         compute: Compute,
         record_every: int | None,
+        later: ArrayLike = 0.0,
     ) -> None:
-        self.robot, self.points, self.record_every = robot, points, record_every
+        self.robot, self.points, self.record_every, self.later = robot, points, record_every, later
+        self.terrain, self.compute = terrain, compute
         self.bodies = robot.bodies(points)
         density = np.array([m.density for m in robot.body.materials])[robot.body.material_index]
         self.shares = density / density.sum()  # of the mass
@@ -206,9 +224,13 @@ class _Batch:
             compute=compute,
         )
 
+    def moved(self, later: ArrayLike) -> "_Batch":
+        """The batch with waves that are later by parts of a cycle, shape (N,)."""
+        return _Batch(self.robot, self.points, self.terrain, self.compute, self.record_every, later)
+
     def swing(self, points: Any) -> Any:
         """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
-        pairs = zip(self.robot.drives, self.robot.nodes(points), strict=True)
+        pairs = zip(self.robot.drives, self.robot.nodes(points, self.later), strict=True)
         moved = [nodes - self.robot.rest_of(drive)[..., None] for drive, nodes in pairs]
         return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
 
