@@ -78,11 +78,11 @@ def run(args: argparse.Namespace) -> Report:
     """Write the CSV file, its picture, surfaces and voxels, or tell what would be written."""
     from taichi_sim.base.files import check_parent
 
+    if args.mould is not None and args.parts is None:
+        raise ValueError("mould: it needs a place; give --parts as well, a .3mf file or a folder")
     wanted = args.csv or args.dry_run or args.plot
     if not (wanted or args.parts or args.voxels):
         raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
-    if args.mould is not None and args.parts is None:
-        raise ValueError("mould: it needs a place; give --parts as well, a .3mf file or a folder")
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
     for field, path in (("csv", args.csv), ("plot", args.plot), ("voxels", args.voxels)):
