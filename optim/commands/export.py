@@ -14,7 +14,7 @@ from optim.wording import counted
 from robots.robot import Robot, robot_to_try
 
 if TYPE_CHECKING:
-    from robots.hardware.table import RigTable
+    from robots.hardware.rig_table import RigTable
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")

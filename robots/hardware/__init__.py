@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from robots.hardware.rig import PRESETS as PRESETS
     from robots.hardware.rig import Channel as Channel
     from robots.hardware.rig import PneumaticRig as PneumaticRig
+    from robots.hardware.rig_table import write_csv as write_csv
     from robots.hardware.table import GaitTable as GaitTable
     from robots.hardware.table import design_hash as design_hash
     from robots.hardware.table import read_csv as read_csv
     from robots.hardware.table import read_design as read_design
-    from robots.hardware.table import write_csv as write_csv
     from robots.hardware.timeline import RigViolation as RigViolation
     from robots.hardware.timeline import Violation as Violation
     from robots.hardware.timeline import export_csv as export_csv

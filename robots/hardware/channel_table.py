@@ -16,7 +16,7 @@ import numpy as np
 
 from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
-from robots.hardware.table import RigTable, State, rate_of, rate_text, read_content, seed_of, seed_text
+from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, seed_of, seed_text
 from robots.hardware.timeline import (
     FASTEST_RATE,
     POLICIES,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from robots.hardware.table import RigTable, State
+from robots.hardware.rig_table import RigTable, State
 
 _HEADINGS = ("state", "section", "start", "lasts", "waits for", "changes")
 

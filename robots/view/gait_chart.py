@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from robots.hardware import CHANNELS
-from robots.hardware.table import RigTable
+from robots.hardware.rig_table import RigTable
 from robots.view.scene import BLADDERS, FEET, GROUND, INK
 
 if TYPE_CHECKING:
