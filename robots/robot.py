@@ -265,6 +265,10 @@ class Robot:
         """
         raise ValueError(f"judge: {KINDS[self.kind].title} has no such check; leave it out")
 
+    def caution(self, point: ArrayLike) -> str:
+        """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
+        return ""
+
     def table(self, **settings: Any) -> Any:
         """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
 
@@ -280,6 +284,26 @@ class Robot:
             ValueError: if no hardware plays it.
         """
         raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+
+    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
+        """Write closed surfaces for printers [mm]: a ``.3mf`` or ``.stl`` file, or a folder; tells what it wrote.
+
+        Args:
+            path: of the file or folder.
+            mould: settings of a mould to cast the robot in, to be written instead, such as ``"draft=2,wall=3"``.
+
+        Raises:
+            ValueError: if robots of this kind have no such surfaces.
+        """
+        raise ValueError(f"parts: {KINDS[self.kind].title} has no surfaces to print; leave it out")
+
+    def save_voxels(self, path: Path) -> None:
+        """Write the robot as a file of voxels for other simulators, ``.vxa`` or ``.vxl.json``.
+
+        Raises:
+            ValueError: if robots of this kind have no voxels, or the file cannot hold them.
+        """
+        raise ValueError(f"voxels: {KINDS[self.kind].title} has no such file; leave it out")
 
     def save_picture(self, world: World, path: Path) -> None:
         """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.

@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
@@ -14,15 +14,16 @@ from optim.wording import counted
 from robots.robot import Robot, robot_to_try
 
 if TYPE_CHECKING:
-    from robots.hardware import GaitTable
+    from robots.hardware.rig_table import RigTable
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
 LONGER = 1.02  # times the gait's own length: what whole samples make of it is told from there on
 COMMAND = Command(
     "export",
-    "write a gait for the hardware",
-    "Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV.",
+    "write a gait for the hardware, surfaces to print, or a mould",
+    "Write the pressures that play a gait on a pneumatic rig, within its limits, as CSV; of a lattice robot also its "
+    "surfaces for printers, a mould to cast it in, and a file for other simulators.",
     (
         path_to(
             "source", "RUN", "inching or rolling, folder of a run, file of a design, or a gait table as CSV", words="1"
@@ -49,31 +50,81 @@ COMMAND = Command(
         ),
         flag("dry_run", "show what would happen when; write no table"),
         path_to("plot", "FILE", "picture of the pressures to write: PNG, SVG or PDF"),
+        Option(
+            "full_scale",
+            "of a lattice robot's sizes or temperatures, what pressures of lines stand for: F above rest, or LOW:HIGH "
+            "(default: the lowest to the highest value that it takes)",
+            metavar="F",
+        ),
+        path_to(
+            "parts",
+            "PATH",
+            "surfaces in millimetres: a .3mf with an object for each material and channel, a .stl of the whole body, "
+            "or a folder of STL files, one for each",
+        ),
+        Option(
+            "mould",
+            "write a two-part mould to --parts instead, such as draft=2,wall=3 [degrees, mm]; pull=x, y or z is the "
+            "axis along which it opens",
+            metavar="SETTINGS",
+        ),
+        path_to("voxels", "FILE", "for other simulators: a .vxa, or a .vxl.json of the body alone"),
         count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
     ),
 )
 
 
 def run(args: argparse.Namespace) -> Report:
-    """Write the CSV file and the picture, or tell what would be written."""
-    from robots.hardware import PneumaticRig, RigViolation, write_csv
+    """Write the CSV file, its picture, surfaces and voxels, or tell what would be written."""
     from taichi_sim.base.files import check_parent
 
-    if not (args.csv or args.dry_run or args.plot):
+    if args.mould is not None and args.parts is None:
+        raise ValueError("mould: it needs a place; give --parts as well, a .3mf file or a folder")
+    wanted = args.csv or args.dry_run or args.plot
+    if not (wanted or args.parts or args.voxels):
         raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
-    for field, path in (("csv", args.csv), ("plot", args.plot)):
+    for field, path in (("csv", args.csv), ("plot", args.plot), ("voxels", args.voxels)):
         if path and (path.is_dir() or not path.name):
             raise ValueError(f"{field}: {path} is a folder; name a file")
         if path:
             check_parent(field, path)
     if args.csv and args.plot and args.csv.absolute() == args.plot.absolute():
         raise ValueError(f"plot: {args.plot} is the table, too; name another file")
-    rig = PneumaticRig.load(args.rig)
     robot, seed = _robot(args.source, args.member)
+    table = _write_table(args, robot, seed) if wanted else Report({}, "")
+    document, lines = _write_bodies(args, robot)
+    text = "\n".join(filter(None, [table.text, *lines]))
+    return Report({"source": str(args.source), **cast(dict[str, Any], table.document), **document}, text, table.code)
+
+
+def _write_bodies(args: argparse.Namespace, robot: Robot) -> tuple[dict[str, Any], list[str]]:
+    """Write surfaces and voxels, if they are asked for; what machines and people are told."""
+    document: dict[str, Any] = {}
+    lines: list[str] = []
+    if args.voxels:
+        robot.save_voxels(args.voxels)
+        document["voxels"] = str(args.voxels)
+        lines.append(f"{args.voxels}: voxels")
+    if args.parts:
+        written = robot.save_parts(args.parts, args.mould)
+        document["parts"] = {"path": str(args.parts), "written": written}
+        lines.append(f"{args.parts}: in millimetres")
+        lines.extend(f"  {each}" for each in written)
+    return document, lines
+
+
+def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Report:
+    """Write the table and its picture, or tell what would be written."""
+    from robots.hardware import PneumaticRig, RigViolation, write_csv
+
+    rig = PneumaticRig.load(args.rig)
+    settings: dict[str, Any] = {"rig": rig, "units": args.units, "on_violation": args.on_violation}
+    if args.full_scale is not None:
+        settings["full_scale"] = args.full_scale
     try:
-        table = robot.table(rig=rig, units=args.units, rate=args.rate, on_violation=args.on_violation, seed=seed)
+        table = robot.table(rate=args.rate, seed=seed, **settings)
     except RigViolation as refusal:
         if not args.dry_run:
             raise
@@ -82,7 +133,7 @@ def run(args: argparse.Namespace) -> Report:
         return Report({"source": str(args.source), "violations": violations}, text, REFUSED)
     unsampled = None
     if args.rate is not None:
-        unsampled = robot.table(rig=rig, units=args.units, on_violation=args.on_violation).seconds
+        unsampled = robot.table(**settings).seconds
     if args.csv and not args.dry_run:
         write_csv(table, args.csv)
     if args.plot:
@@ -92,7 +143,7 @@ def run(args: argparse.Namespace) -> Report:
     return _report(args, table, unsampled)
 
 
-def _report(args: argparse.Namespace, table: "GaitTable", unsampled: float | None) -> Report:
+def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None) -> Report:
     from robots.hardware.dry_run import timing_document, timing_text
 
     written = None if args.dry_run or not args.csv else str(args.csv)

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -57,6 +58,10 @@ def run(args: argparse.Namespace) -> Report:
     from taichi_sim.base.files import write_text
 
     problems = _problems(args)
+    robots = [(getattr(problem, "offered", None), point) for problem, point in problems.values()]
+    for words in dict.fromkeys(robot.caution(point) for robot, point in robots if robot is not None):
+        if words:
+            warnings.warn(words, stacklevel=1)
     options.claim_folder(args)
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(

@@ -5,17 +5,19 @@ from typing import TYPE_CHECKING
 from taichi_sim.base.lazy import exported_names
 
 if TYPE_CHECKING:
+    from robots.hardware.channel_table import ChannelTable as ChannelTable
+    from robots.hardware.channel_table import read_channels as read_channels
     from robots.hardware.line_map import LineMap as LineMap
     from robots.hardware.rig import CHANNELS as CHANNELS
     from robots.hardware.rig import KPA_PER_UNIT as KPA_PER_UNIT
     from robots.hardware.rig import PRESETS as PRESETS
     from robots.hardware.rig import Channel as Channel
     from robots.hardware.rig import PneumaticRig as PneumaticRig
+    from robots.hardware.rig_table import write_csv as write_csv
     from robots.hardware.table import GaitTable as GaitTable
     from robots.hardware.table import design_hash as design_hash
     from robots.hardware.table import read_csv as read_csv
     from robots.hardware.table import read_design as read_design
-    from robots.hardware.table import write_csv as write_csv
     from robots.hardware.timeline import RigViolation as RigViolation
     from robots.hardware.timeline import Violation as Violation
     from robots.hardware.timeline import export_csv as export_csv

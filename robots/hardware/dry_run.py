@@ -2,12 +2,12 @@
 
 from typing import Any
 
-from robots.hardware.table import GaitTable, State
+from robots.hardware.rig_table import RigTable, State
 
 _HEADINGS = ("state", "section", "start", "lasts", "waits for", "changes")
 
 
-def timing_text(table: GaitTable) -> str:
+def timing_text(table: RigTable) -> str:
     """The states of a table that was made (not read), a line each, then durations, then what was clipped."""
     rows = [_HEADINGS, *(_cells(state) for state in table.timing)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(_HEADINGS))]
@@ -18,7 +18,7 @@ def timing_text(table: GaitTable) -> str:
     return "\n".join([*lines, *(f"clipped: {line}" for line in table.clipped)])
 
 
-def timing_document(table: GaitTable) -> dict[str, Any]:
+def timing_document(table: RigTable) -> dict[str, Any]:
     """The same as values that fit JSON, for machines."""
     states = [
         {

@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.hardware.rig import CHANNELS, Channel, PneumaticRig
 from robots.hardware.table import with_one_pressure
-from robots.hardware.timeline import commands_of, timeline
+from robots.hardware.timeline import Timeline, commands_of, timeline
 from robots.inflatable.design import InflatableDesign
 
 NEAR = 0.9  # of a limit
@@ -89,6 +89,15 @@ def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> Rig
     rig = rig or PneumaticRig()
     columns, repeats = design.schedule.columns, design.schedule.repeats
     line = timeline(commands_of(with_one_pressure(design), rig.line_map), rig)
+    lasting = [state.end_s - state.start_s for state in line.states]
+    first, again = lasting[1 : columns + 1], lasting[columns + 1 : 2 * columns + 1]
+    played = [*first, *again] if repeats > 1 else first
+    playing = sum(first) + (repeats - 1) * sum(again)
+    return RigReport(uses_of(line, rig), lasting[0], playing, columns * repeats, min(played), max(played))
+
+
+def uses_of(line: Timeline, rig: PneumaticRig) -> tuple[Use, ...]:
+    """What commands over time ask of each channel of a rig; neighbours that are asked the same are one."""
     steps = np.diff(line.times)
     moving = steps > 0  # a section begins with the row that ends the one before
     rates = np.abs(np.diff(line.pressures, axis=0)[moving] / steps[moving, None]).max(axis=0)
@@ -99,11 +108,7 @@ def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> Rig
             uses[-1] = Use((*uses[-1].names, name), *one)
         else:
             uses.append(Use((name,), *one))
-    lasting = [state.end_s - state.start_s for state in line.states]
-    first, again = lasting[1 : columns + 1], lasting[columns + 1 : 2 * columns + 1]
-    played = [*first, *again] if repeats > 1 else first
-    playing = sum(first) + (repeats - 1) * sum(again)
-    return RigReport(tuple(uses), lasting[0], playing, columns * repeats, min(played), max(played))
+    return tuple(uses)
 
 
 def _share(value: float, limit: float) -> float:

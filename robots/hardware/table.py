@@ -1,69 +1,35 @@
-"""Gait tables: the pressures of a rig's lines over time, what they play, and their files.
+"""Gait tables: the pressures of a rig's lines that play a gait of the inflatable robot, and reading their files.
 
-A table has three sections, those of controllers that loop a trajectory: a *prefix* that shapes the body and plays the
-columns once from there, a *main* that begins as it ends and can be looped, and a *suffix* that vents the lines. Its CSV
-file has a header that carries the design exactly, then rows for the rig.
+The prefix shapes the body; the header of a file carries the design exactly.
 """
 
 import hashlib
-import itertools
 import json
 import os
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT
+from robots.hardware.rig import KPA_PER_UNIT
+from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, seed_of, seed_text
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.files import read_text
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
-SECTIONS = ("prefix", "main", "suffix")
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
 SCHEMA = "morpholab-gait-2"
-_UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
-_FIRST = ("time_s", "section", "state")
-_NO_SEED = "unknown"
-
-
-@dataclass(frozen=True)
-class State:
-    """One state in time.
-
-    Attributes:
-        number: counted from 0, the shaping of the body.
-        section: one of ``SECTIONS``.
-        start_s: of the state [s], with the main played once.
-        end_s: [s].
-        slowest: the channel that it waits for; empty if nothing changes.
-        changes: channels that change.
-    """
-
-    number: int
-    section: str
-    start_s: float
-    end_s: float
-    slowest: str
-    changes: tuple[str, ...]
-
-
-def section_of(state: int, columns: int) -> str:
-    """The section of a state: shaping and the first pass, the second pass, venting."""
-    return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
 
 
 @dataclass(frozen=True, eq=False)
-class GaitTable:
-    """Commands over time, as a rig plays them.
+class GaitTable(RigTable):
+    """Commands over time that play a gait of the inflatable robot.
 
     Attributes:
         times: of the rows [s], shape (N,), with the main played once; between rows pressures change linearly. They
@@ -93,33 +59,39 @@ class GaitTable:
     clipped: tuple[str, ...] = ()
     timing: tuple[State, ...] = ()
 
-    channels = CHANNELS
+    @property
+    def columns(self) -> int:
+        """Columns of the schedule."""
+        return self.design.schedule.columns
 
     @property
     def loops(self) -> int:
         """How often the main is played: once less than the columns are, as the prefix plays them too."""
         return self.design.schedule.repeats - 1
 
-    @cached_property
-    def sections(self) -> tuple[str, ...]:
-        """The section of every row."""
-        return tuple(section_of(int(state), self.design.schedule.columns) for state in self.states)
-
-    @property
-    def durations(self) -> Mapping[str, float]:
-        """Length of each section [s], played once."""
-        rows = np.array(self.sections)
-        return {name: float(np.ptp(self.times[rows == name])) for name in dict.fromkeys(self.sections)}
-
-    @property
-    def seconds(self) -> float:
-        """How long the gait takes, with its loops [s]."""
-        lengths = self.durations
-        return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
-
     def schedule(self) -> GaitSchedule:
         """The schedule that the table was made of."""
         return self.design.schedule
+
+    def header(self) -> list[tuple[str, str]]:
+        """What the head of its file says: the design, exactly, and how it was made a table."""
+        design = self.design
+        return [
+            ("schema", SCHEMA),
+            ("units", self.units),
+            ("robot_hash", design_hash(design)),
+            ("seed", seed_text(self.seed)),
+            ("pressure_pa", repr(design.pressure)),
+            ("orientation_deg", repr(design.orientation)),
+            ("schedule", design.schedule.to_text()),
+            ("repeats", str(design.schedule.repeats)),
+            *([("materials", json.dumps(design.materials.given))] if design.materials is not None else []),
+            ("loops", str(self.loops)),
+            ("rig", self.rig),
+            ("rate_hz", rate_text(self.rate)),
+            ("map", self.line_map.to_text()),
+            *(("clipped", line) for line in self.clipped),
+        ]
 
     def played(self) -> InflatableDesign:
         """What the rows play, by the inverse of the map.
@@ -193,40 +165,6 @@ def design_hash(design: InflatableDesign) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
-def write_csv(table: GaitTable, path: str | os.PathLike[str]) -> None:
-    """Write a table as CSV, replacing the file in one step.
-
-    Raises:
-        ValueError: if the file cannot be written.
-    """
-    lines = [f"# {name}={value}" for name, value in _header(table)]
-    lines.append(_column_names(table.units))
-    for time, section, state, row in zip(table.times, table.sections, table.states, table.pressures, strict=True):
-        lines.append(",".join([f"{time:.12g}", section, str(state), *(f"{pressure:.9g}" for pressure in row)]))
-    lines.insert(1, f"# checksum={_checksum(lines)}")
-    write_text(path, "\n".join(lines) + "\n")
-
-
-def _header(table: GaitTable) -> list[tuple[str, str]]:
-    design = table.design
-    return [
-        ("schema", SCHEMA),
-        ("units", table.units),
-        ("robot_hash", design_hash(design)),
-        ("seed", _NO_SEED if table.seed is None else str(table.seed)),
-        ("pressure_pa", repr(design.pressure)),
-        ("orientation_deg", repr(design.orientation)),
-        ("schedule", design.schedule.to_text()),
-        ("repeats", str(design.schedule.repeats)),
-        *([("materials", json.dumps(design.materials.given))] if design.materials is not None else []),
-        ("loops", str(table.loops)),
-        ("rig", table.rig),
-        ("rate_hz", "corners" if table.rate is None else repr(table.rate)),
-        ("map", table.line_map.to_text()),
-        *(("clipped", line) for line in table.clipped),
-    ]
-
-
 def read_csv(path: str | os.PathLike[str]) -> GaitTable:
     """Read a gait table that :func:`export_csv` wrote.
 
@@ -255,89 +193,20 @@ def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
 
 
 def _read(lines: list[str]) -> GaitTable:
-    head = list(itertools.takewhile(lambda line: line.startswith("#"), lines))
-    pairs = [(name.strip(), value.strip()) for name, _, value in (line[1:].partition("=") for line in head)]
-    header = dict(pairs)
-    if (schema := header.get("schema")) != SCHEMA:
-        raise ValueError(f"schema {schema!r} is unknown; the first line must be '# schema={SCHEMA}'")
-    if (units := header.get("units", "")) not in KPA_PER_UNIT:
-        raise ValueError(f"units {units!r} are unknown; give one of {', '.join(KPA_PER_UNIT)}")
-    _check_columns(lines, len(head), units)
+    content = read_content(lines, SCHEMA)
+    header = content.header
     try:
         schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
         materials = RegionMaterials.of(json.loads(header["materials"])) if "materials" in header else None
         design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule, materials)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
-        seed = None if header["seed"] == _NO_SEED else int(header["seed"])
-        rate = None if header["rate_hz"] == "corners" else float(header["rate_hz"])
-        rig = header["rig"]
+        seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
     except ValueError as error:
         raise ValueError(f"header is damaged ({error})") from None
     if not fits:
         raise ValueError("header is damaged (robot_hash and loops do not fit its design)")
-    times, states, pressures = _rows(lines, len(head) + 1, schedule.columns)
-    # The sum comes after what can be named more precisely.
-    if header.get("checksum") != _checksum([line for line in lines if not line.startswith("# checksum=")]):
-        raise ValueError("checksum does not fit; the file was changed or damaged, export it again")
-    clipped = tuple(value for name, value in pairs if name == "clipped")
-    return GaitTable(times, states, pressures, units, design, line_map, seed, rig, rate, clipped)
-
-
-def _check_columns(lines: list[str], at: int, units: str) -> None:
-    given = lines[at].split(",") if at < len(lines) else []
-    expected = _column_names(units).split(",")
-    if missing := [name for name in expected if name not in given]:
-        raise ValueError(f"line {at + 1}: column {missing[0]} is missing; give {','.join(expected)}")
-    if given != expected:
-        raise ValueError(f"line {at + 1}: columns must be {','.join(expected)}, in this order")
-
-
-def _rows(lines: Sequence[str], start: int, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, states and pressures of the rows from line ``start`` on."""
-    times: list[float] = []
-    states: list[int] = []
-    rows: list[list[float]] = []
-    for index, line in enumerate(lines[start:], start + 1):
-        time, state, row = _row(line, index)
-        if section_of(state, columns) != line.split(",")[1] or state > 2 * columns + 1:
-            raise ValueError(f"line {index}: section {line.split(',')[1]!r} does not fit state {state}")
-        if times:
-            if state not in (states[-1], states[-1] + 1):
-                raise ValueError(f"line {index}: state {state} does not follow state {states[-1]}")
-            begins = section_of(state, columns) != section_of(states[-1], columns)
-            if time != times[-1] if begins else time <= times[-1]:
-                rule = "equal, as a section begins" if begins else "later"
-                raise ValueError(
-                    f"line {index}: time {time:g} s after {times[-1]:g} s is not allowed; it must be {rule}"
-                )
-        times.append(time)
-        states.append(state)
-        rows.append(row)
-    if not states or sorted(set(states)) != list(range(2 * columns + 2)):
-        raise ValueError(f"rows end early; give states 0 to {2 * columns + 1}")
-    return np.array(times), np.array(states), np.array(rows)
-
-
-def _row(line: str, index: int) -> tuple[float, int, list[float]]:
-    parts = line.split(",")
-    size = len(_FIRST) + len(CHANNELS)
-    try:
-        time, state, row = float(parts[0]), int(parts[2]), [float(part) for part in parts[3:]]
-        whole = len(parts) == size and bool(np.isfinite([time, *row]).all())
-    except (ValueError, IndexError):
-        whole = False
-    if not whole:
-        raise ValueError(f"line {index}: give {size} values, finite numbers but for the section")
-    return time, state, row
-
-
-def _checksum(lines: Sequence[str]) -> str:
-    """SHA-256 of all lines but that of the checksum."""
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
-
-
-def _column_names(units: str) -> str:
-    return ",".join((*_FIRST, *(f"{name}_{_UNIT_SPELLING[units]}" for name in CHANNELS)))
+    times, states, pressures = content.rows(schedule.columns)
+    return GaitTable(times, states, pressures, content.units, design, line_map, seed, rig, rate, content.clipped)

@@ -17,7 +17,8 @@ import numpy as np
 
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
-from robots.hardware.table import TIME_STEP, GaitTable, State, section_of, with_one_pressure, write_csv
+from robots.hardware.rig_table import State, section_of, write_csv
+from robots.hardware.table import TIME_STEP, GaitTable, with_one_pressure
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS

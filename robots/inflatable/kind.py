@@ -343,6 +343,8 @@ class InflatableRobot(Robot):
         """Pressures of a rig's lines over time, see ``robots.hardware.gait_table``."""
         from robots.hardware import gait_table
 
+        if "full_scale" in settings:
+            raise ValueError("full-scale: the rig's map says what pressures stand for; leave it out")
         return gait_table(self.gait, **settings)
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.control.cyclic import SEGMENTS
 from taichi_sim.base.arrays import Floats
@@ -146,12 +147,13 @@ class Drive:
                 found[field] = tuple(map(change, held)) if isinstance(held, tuple) else change(held)
         return found
 
-    def nodes(self, points: Any, rest: Floats) -> Any:
+    def nodes(self, points: Any, rest: Floats, later: ArrayLike = 0.0) -> Any:
         """What the drive makes of its channels at the nodes of a cycle, shape (N, Q, G, 16): Q channels of G regions.
 
         Args:
             points: values of :attr:`free` in its order, shape (N, F); they may be traced.
             rest: what the materials say of each channel, shape (Q, G).
+            later: what is added to all phases of a point, in cycles, one or shape (N,).
         """
         columns, count = iter(range(len(self.free))), len(points)
         arrays = {
@@ -159,7 +161,7 @@ class Drive:
             for field, values in self._fields()
         }
         amplitude, phase = (self._of_regions(arrays[field])[..., None] for field in ("amplitude", "phase"))
-        places = np.arange(SEGMENTS) / SEGMENTS + phase
+        places = np.arange(SEGMENTS) / SEGMENTS + phase + np.asarray(later, float).reshape(-1, 1, 1)
         wave = amplitude * (_curve(arrays["knots"], places) if "knots" in arrays else np.sin(2 * np.pi * places))
         if "mean" in arrays:
             wave = self._of_regions(arrays["mean"])[..., None] + wave

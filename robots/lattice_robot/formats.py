@@ -3,3 +3,4 @@
 ROBOT_FORMAT = "morpholab-lattice-robot-1"
 WALKER_FORMAT = "morpholab-walker-design-1"
 VOXEL_SUFFIXES = (".vxl.json", ".vxa", ".vxc", ".vxd")
+MESH_SUFFIXES = (".stl", ".obj", ".ply")

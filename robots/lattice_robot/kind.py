@@ -4,17 +4,43 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robots.lattice_robot.formats import ROBOT_FORMAT, VOXEL_SUFFIXES
+from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.robot import Option, Robot
 from robots.world import TerrainKind
+from taichi_sim.base.options import checked, number, whole
+
+
+def _region(text: str) -> Any:
+    from robots.lattice_robot.mesh_robot import MarkedRegion
+
+    return MarkedRegion.from_text(text)
 
 
 class LatticeRobotKind(TerrainKind):
-    """Lattice robots: Python that sets ``robot``, JSON of ``save_robot``, or files of VoxCAD and voxcraft."""
+    """Lattice robots: Python that sets ``robot``, JSON of ``save_robot``, files of VoxCAD and voxcraft, and meshes."""
 
     name = "lattice"
     title = "lattice robot"
-    options: tuple[Option, ...] = ()
+    options = (
+        Option("pitch", "of a mesh, edge of the voxels, in the unit of its file", number(0.0), "P"),
+        Option("scale", "of a mesh, metres per unit of its file (default: 0.001, millimetres)", number(0.0), "S"),
+        Option(
+            "region",
+            "of a mesh, another one that marks a muscle or a material: legs=legs.stl, also "
+            "legs=legs.stl,amplitude=0:0.3,phase=0.25 or feet=feet.stl,modulus=1e6,density=900,friction=1.2; "
+            "LOW:HIGH is free",
+            checked(_region),
+            "NAME=FILE",
+            several=True,
+        ),
+        Option("modulus", "of a mesh, Young's modulus of its body (default: 1e5)", number(0.0, unit="Pa"), "PA"),
+        Option("density", "of a mesh, of its body (default: 1000)", number(0.0, unit="kg/m^3"), "RHO"),
+        Option("friction", "of a mesh, static, of its body; 0.8 of it is kinetic (default: 1)", number(0.0), "MU"),
+        Option("frequency", "of a mesh, of its muscles (default: 4)", number(0.1, 100, "Hz"), "HZ"),
+        Option("cycles", "of a mesh, that count (default: 4)", whole(1), "N"),
+        Option("settling", "of a mesh, before its muscles move, in seconds (default: 0.25)", number(0), "S"),
+        Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
+    )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file."""
@@ -22,14 +48,26 @@ class LatticeRobotKind(TerrainKind):
 
         if source is None:
             raise ValueError("robot: a lattice robot is made of a file; give it, such as my_robot.py")
-        return load_robot(source)
+        if source.lower().endswith(MESH_SUFFIXES):
+            return _of_mesh(source, options)
+        return load_robot(source).changed(options)
 
     def recognises(self, path: Path, form: str | None) -> bool:
-        """Files of Python and of voxels, and saved robots."""
-        return form == ROBOT_FORMAT or path.name.lower().endswith((".py", *VOXEL_SUFFIXES))
+        """Files of Python, of voxels and of meshes, and saved robots."""
+        return form == ROBOT_FORMAT or path.name.lower().endswith((".py", *VOXEL_SUFFIXES, *MESH_SUFFIXES))
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The robot of a record."""
         from robots.lattice_robot.record import robot_of_record
 
         return robot_of_record(description)
+
+
+def _of_mesh(source: str, options: Mapping[str, Any]) -> Robot:
+    """The robot of a mesh and options."""
+    from robots.lattice_robot.mesh_robot import robot_of_mesh
+
+    given = dict(options)
+    if "pitch" not in given:
+        raise ValueError(f"pitch: {source} is a mesh; give the edge of its voxels, in the unit of the file")
+    return robot_of_mesh(source, given.pop("pitch"), given.pop("region", ()), **given)

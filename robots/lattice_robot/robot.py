@@ -35,6 +35,7 @@ MOST_CYCLES = 10_000
 STEP = 0.1  # of a mutation, part of a parameter's range
 SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
 LATER = ("target", "reference_length", "perturbation", "seed")  # settings that files have where they are not as usual
+AT_REST = 1e-9  # of its largest swing: how far from rest a wave may begin
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
 
@@ -262,10 +263,35 @@ class LatticeRobot(Robot):
         ends = np.cumsum([len(drive.free) for drive in self.drives]).tolist()
         return [points[:, first:end] for first, end in zip([0, *ends], ends, strict=False)]
 
-    def nodes(self, points: Any) -> list[Any]:
+    def nodes(self, points: Any, later: ArrayLike = 0.0) -> list[Any]:
         """What each drive makes of its channels at points, shape (N, P), see ``Drive.nodes``."""
         each = zip(self.drives, self._shares(points), strict=True)
-        return [drive.nodes(share, self.rest_of(drive)) for drive, share in each]
+        return [drive.nodes(share, self.rest_of(drive), later) for drive, share in each]
+
+    def settles_at_rest(self, points: Floats) -> Bools:
+        """At which points, shape (N, P), nothing moves while the robot settles, because waves begin at rest.
+
+        Waves of phase 0 or 0.5 do. Such a robot settles to a tie: which voxel slips first is decided by rounding, and
+        the derivatives of its settling grow without bound.
+        """
+        tied, moved = np.full(len(points), self.settling > 0), np.zeros(len(points), bool)
+        for drive, nodes in zip(self.drives, self.nodes(points), strict=True):
+            if drive.quantity != "friction":
+                swing = np.abs(nodes - self.rest_of(drive)[..., None]).max(axis=(1, 2))
+                tied &= swing[:, 0] <= AT_REST * swing.max(axis=1)
+                moved |= swing.max(axis=1) > 0
+        return tied & moved
+
+    def caution(self, point: ArrayLike) -> str:
+        """What misleads differences at a point, shape (P,): that nothing moves while it settles."""
+        if not self.settles_at_rest(self.points(point))[0]:
+            return ""
+        phases = [name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")]
+        which = ", ".join(phases or [f"that of {drive.name}" for drive in self.drives])
+        return (
+            f"phases: all are 0 or 0.5 ({which}), so nothing moves while the robot settles, to a tie: differences see "
+            "jumps there, and gradients are taken just beside it; start at other phases"
+        )
 
     def rest_of(self, drive: Drive) -> Floats:
         """What the channels of a drive hold before anything drives them, shape (Q, G)."""
@@ -344,6 +370,57 @@ class LatticeRobot(Robot):
         """Settings that are not as usual."""
         later = {each.name: each.default for each in fields(self) if each.name in LATER}
         return {name: getattr(self, name) for name, usual in later.items() if getattr(self, name) != usual}
+
+    @property
+    def exportable(self) -> bool:  # type: ignore[override]
+        """Whether a rig has lines for its channels, once nothing is free."""
+        from robots.lattice_robot.on_rig import unplayed
+
+        return not unplayed(self._fixed)
+
+    @property
+    def _fixed(self) -> "LatticeRobot":
+        """The robot itself, or where it starts, if something is free."""
+        return self.filled(self.start) if self.free else self
+
+    def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
+        """Pressures of a rig's lines that play the channels.
+
+        Args:
+            rig: the dissertation's if None.
+            full_scale: what pressures of lines stand for, see ``robots.lattice_robot.on_rig.full_scale_of``.
+            settings: others of ``robots.hardware.channel_table.channel_table``.
+        """
+        from robots.hardware.channel_table import channel_table
+        from robots.hardware.rig import PneumaticRig
+        from robots.lattice_robot.on_rig import full_scale_of, rhythm_of, waves_of
+
+        rig, robot = rig or PneumaticRig(), self._fixed
+        scale = None if full_scale is None else full_scale_of(full_scale)
+        return channel_table(self.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
+
+    def rig_report(self, rig: Any) -> tuple[Any, float]:
+        """What its channels ask of the lines of a rig, and the time of the cycles in the simulation [s]."""
+        from robots.hardware.channel_table import channel_report
+        from robots.hardware.rig import PneumaticRig
+        from robots.lattice_robot.on_rig import rhythm_of, waves_of
+
+        rig, robot = rig or PneumaticRig(), self._fixed
+        return channel_report(waves_of(robot, rig), rhythm_of(robot), rig), (self.cycles + 1) / self.frequency
+
+    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
+        """Write surfaces for printers, or a mould, see ``robots.lattice_robot.printing``; tells what it wrote."""
+        from robots.lattice_robot.printing import MouldSettings, save_parts
+
+        settings = None if mould is None else MouldSettings.from_text(mould)
+        written = save_parts(self._fixed, path, settings)
+        return [f"{name}: {1e6 * part.surface.volume:.4g} cm^3" for name, part in written.items()]
+
+    def save_voxels(self, path: Path) -> None:
+        """Write the robot for VoxCAD (``.vxa``), or its body for Voxelyze (``.vxl.json``)."""
+        from robots.lattice_robot.voxel_files import save_voxels
+
+        save_voxels(self._fixed, path)
 
     def facts(self) -> Facts:
         """Body, drives and cycle."""

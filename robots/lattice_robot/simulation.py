@@ -1,7 +1,7 @@
 """What lattice robots do on a terrain, and how far that depends on what is free of them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -21,6 +21,8 @@ from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
+
+BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,9 @@ def differentiate(
 ) -> LatticeRobotResult:
     """Let a robot move, with the derivatives of the distances by what is free.
 
+    Where nothing moves while the robot settles, see ``LatticeRobot.settles_at_rest``, derivatives are those of waves
+    that are ``BESIDE`` of a cycle later.
+
     Args:
         robot, points, terrain, progress: as in :func:`simulate`.
         memory: bound for what is kept of the way there [B]. On a CPU, points are differentiated in groups of
@@ -116,9 +121,10 @@ def differentiate(
 
 def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: float = 1e9) -> LatticeRobotResult:
     """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`."""
-    compute, terrain = trial.compute, terrain_of(trial.world)
-    every = None if trial.record_every is None else whole_number("record_every", trial.record_every, 1)
-    robot, points = robot.on(terrain), robot.points(points)
+    compute = trial.compute
+    if trial.record_every is not None:
+        trial = replace(trial, record_every=whole_number("record_every", trial.record_every, 1))
+    robot, points = robot.on(terrain_of(trial.world)), robot.points(points)
     reason = np.array([robot.fault(point) for point in points])
     size = len(points)
     if trial.gradients and compute.device == "cpu":
@@ -128,22 +134,33 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
     for done, group in enumerate(groups):
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
         if len(rows):
-            parts.append((rows, _try_group(robot, points[rows], trial, every, memory, tick)))
+            parts.append((rows, _try_group(robot, points[rows], trial, memory, tick)))
     names, slopes = [m.name for m in robot.measures], {name: points.shape[1] for name in trial.gradients}
     return assembled(parts, reason, robot.cycle.time_step, names, slopes)
 
 
 def _try_group(
-    robot: "LatticeRobot",
-    points: Floats,
-    trial: Trial,
-    record_every: int | None,
-    memory: float,
-    progress: Progress | None,
+    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float, progress: Progress | None
 ) -> LatticeRobotResult:
-    """What a robot does at points that all are robots."""
-    bodies = robot.bodies(points)
-    drives = robot.drives
+    """What a robot does at points that all are robots; gradients at points that settle to a tie come from beside it."""
+    tied = robot.settles_at_rest(points)
+    if not trial.gradients:
+        return _moved(robot, points, replace(trial, progress=progress))
+    if not tied.any():
+        return _moved(robot, points, replace(trial, progress=progress), memory)
+    told = progress or (lambda _: None)
+    beside = replace(trial, progress=lambda fraction: told(0.9 * fraction))
+    found = _moved(robot, points, beside, memory, BESIDE * tied)
+    plain = _moved(robot, points, replace(trial, gradients=(), progress=None))
+    failed = (plain.status != "ok")[:, None]
+    return replace(plain, gradients={name: np.where(failed, np.nan, g) for name, g in found.gradients.items()})
+
+
+def _moved(
+    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float = 1e9, later: ArrayLike = 0.0
+) -> LatticeRobotResult:
+    """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
+    bodies, drives = robot.bodies(points), robot.drives
     channels = Channels(
         np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),
         np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
@@ -152,7 +169,7 @@ def _try_group(
 
     def swing(points: Any) -> Any:
         """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
-        pairs = zip(drives, robot.nodes(points), strict=True)
+        pairs = zip(drives, robot.nodes(points, later), strict=True)
         moved = [nodes - robot.rest_of(drive)[..., None] for drive, nodes in pairs]
         return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
 
@@ -160,20 +177,11 @@ def _try_group(
     starts = None
     if robot.perturbation:  # one noise for all points, so that none depends on the others
         starts = robot.body.scattered(robot.perturbation, robot.seed, np.zeros(len(points), int))
-    rollout = Rollout(
-        bodies,
-        channels,
-        swung,
-        robot.cycle,
-        terrain_of(trial.world),
-        robot.aim,
-        trial.compute,
-        record_every,
-        starts,
-    )
+    terrain, every = terrain_of(trial.world), trial.record_every
+    rollout = Rollout(bodies, channels, swung, robot.cycle, terrain, robot.aim, trial.compute, every, starts)
     if pull_back is None:
-        return _result(robot, bodies, rollout.run(progress), {})
-    moved = rollout.differentiate(trial.gradients, memory, progress)
+        return _result(robot, bodies, rollout.run(trial.progress), {})
+    moved = rollout.differentiate(trial.gradients, memory, trial.progress)
     gradients = {}
     for name, slopes in moved.slopes.items():
         gradients[name] = np.array(pull_back(slopes.swing)[0])

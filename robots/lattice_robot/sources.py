@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from robots.lattice_robot.drive import Drive, Free
-from robots.lattice_robot.formats import VOXEL_SUFFIXES
+from robots.lattice_robot.formats import MESH_SUFFIXES, VOXEL_SUFFIXES
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
 from robots.world import STANDARD_GRAVITY
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
-SUFFIXES = (".py", ".json", *VOXEL_SUFFIXES)
+SUFFIXES = (".py", ".json", *VOXEL_SUFFIXES, *MESH_SUFFIXES)
 
 
 def load_robot(path: str | PathLike[str]) -> LatticeRobot:
@@ -40,6 +40,8 @@ def load_robot(path: str | PathLike[str]) -> LatticeRobot:
             return robot_of_voxel_file(load_voxel_file(path), name=path.stem)
         except ValueError as error:
             raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
+    if name.endswith(MESH_SUFFIXES):
+        raise ValueError(f"robot: {path} is a mesh, which is no robot by itself; use robot_of_mesh")
     if name.endswith(".json"):
         return load_saved_robot(path)
     raise ValueError(f"robot: the kind of {path} is unknown; give one of {', '.join(SUFFIXES)}")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.lattice_robot import walker
+from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.walker import KINDS, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker_encoding import WalkerEncoding, encoding_of
 from robots.outcome import recorded
@@ -103,6 +104,18 @@ class WalkerRobot(Robot):
 
         robot = walker.walker_robot(self.bodies(())[0], actuation=self.actuation)
         return lattice_robot_motion(outcome.result, robot, terrain_of(world), name=name)
+
+    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
+        """Write surfaces of the body for printers, or a mould, as a lattice robot does."""
+        return self._as_lattice_robot.save_parts(path, mould)
+
+    def save_voxels(self, path: Path) -> None:
+        """Write the walker for VoxCAD, or its body for Voxelyze, as a lattice robot does."""
+        self._as_lattice_robot.save_voxels(path)
+
+    @property
+    def _as_lattice_robot(self) -> LatticeRobot:
+        return walker.walker_robot(self.bodies(())[0], actuation=self.actuation)
 
     def command_options(self) -> dict[str, Any]:
         """The actuation, which files of bodies do not hold."""

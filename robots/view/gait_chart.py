@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.hardware import CHANNELS, GaitTable
+from robots.hardware import CHANNELS
+from robots.hardware.rig_table import RigTable
 from robots.view.scene import BLADDERS, FEET, GROUND, INK
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ _WIDTH, _ROW, _MARGINS = 9.0, 0.36, 1.0  # [inch]
 _CORE = "#4f6d8f"
 
 
-def gait_chart(table: GaitTable) -> Figure:
+def gait_chart(table: RigTable) -> Figure:
     """Draw a gait table: a row for each line of the rig, with its pressure over time.
 
     A row reaches from the line's lowest pressure to its highest. Gaps separate sections, ticks separate states.
@@ -52,7 +53,7 @@ def gait_chart(table: GaitTable) -> Figure:
     return figure
 
 
-def _mark_sections(table: GaitTable, axes: "Axes") -> None:
+def _mark_sections(table: RigTable, axes: "Axes") -> None:
     for name in table.durations:
         states = [state for state in table.timing if state.section == name]
         start, end = states[0].start_s, states[-1].end_s
@@ -64,7 +65,7 @@ def _mark_sections(table: GaitTable, axes: "Axes") -> None:
         axes.axvline(start, color=INK, lw=0.6)
 
 
-def save_gait_chart(table: GaitTable, path: str | PathLike[str]) -> None:
+def save_gait_chart(table: RigTable, path: str | PathLike[str]) -> None:
     """Write the picture of a gait table as PNG, SVG or PDF, chosen by the suffix of the path.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Files of voxel robots: reads ``.vxl.json``, ``.vxa``, ``.vxc`` and ``.vxd``, writes ``.vxl.json``.
+"""Files of voxel robots: reads ``.vxl.json``, ``.vxa``, ``.vxc`` and ``.vxd``, writes ``.vxl.json`` and ``.vxa``.
 
 These are the formats of Voxelyze, VoxCAD and voxcraft.
 """
@@ -12,10 +12,20 @@ from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.voxel_file import Heat, VoxelFile, decoded, read_bytes
 from taichi_sim.lattice.files.vxa import read_vxa
+from taichi_sim.lattice.files.vxa_writer import write_vxa
 from taichi_sim.lattice.files.vxd import merged
 from taichi_sim.lattice.files.vxl_json import read_vxl_json, write_vxl_json
 
-__all__ = ["Heat", "VoxelFile", "load_voxel_file", "read_vxl_json", "save_vxl_json", "write_vxl_json"]
+__all__ = [
+    "Heat",
+    "VoxelFile",
+    "load_voxel_file",
+    "read_vxl_json",
+    "save_vxa",
+    "save_vxl_json",
+    "write_vxa",
+    "write_vxl_json",
+]
 
 SUFFIXES = (".vxl.json", ".json", ".vxa", ".vxc", ".vxd")
 
@@ -57,9 +67,21 @@ def save_vxl_json(robot: VoxelFile | LatticeBody, path: str | PathLike[str]) -> 
         ValueError: for a robot that is driven by heat, and files that cannot be written.
     """
     file = VoxelFile.of_body(robot) if isinstance(robot, LatticeBody) else robot
-    text = write_vxl_json(file)
+    _write(write_vxl_json(file) + "\n", path)
+
+
+def save_vxa(robot: VoxelFile, path: str | PathLike[str]) -> None:
+    """Write a robot for VoxCAD and voxcraft; :func:`load_voxel_file` restores it to the bit.
+
+    Raises:
+        ValueError: for what the format cannot express, and files that cannot be written.
+    """
+    _write(write_vxa(robot), path)
+
+
+def _write(text: str, path: str | PathLike[str]) -> None:
     try:
-        Path(path).write_text(text + "\n", encoding="utf-8")
+        Path(path).write_text(text, encoding="utf-8")
     except OSError as error:
         raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
 

@@ -1,11 +1,17 @@
-"""Build bodies from closed surfaces: a voxel wherever its centre is inside."""
+"""Build bodies from closed surfaces: a voxel wherever its centre is inside.
+
+A centre is inside if the surface winds around it, whichever way: shells that overlap are one body, and a shell inside
+another that looks inwards is a hole.
+"""
 
 import math
+import warnings
 from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import ndimage
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.lattice.body import LatticeBody
@@ -17,9 +23,10 @@ if TYPE_CHECKING:
 
 MOST_VOXELS = 100_000
 MOST_MEMORY = 4e9  # [B]
-_CELL_BYTES = 2  # a flag of the grid, and one of the count of crossings
+_CELL_BYTES = 5  # a flag of the grid, and two counts of how often the surface winds around a place
 _CROSSING_BYTES = 120  # of a column's meeting with a triangle's box, while it is judged
 _VOXEL_BYTES = 3_000  # of a voxel, its links and faces in an engine of eight robots in f64, which a CPU runs at once
+_LARGE = 5.0  # units of a mesh that is hardly in metres
 # Columns are moved off the grid by so much of the pitch: none runs along an edge of a mesh made of round numbers.
 _SHIFT = np.array([2**0.5, 3**0.5]) * 1e-7
 
@@ -45,13 +52,18 @@ class VoxelisedMesh:
 
     Attributes:
         filled: whether each place has a voxel, shape (X, Y, Z).
-        origin: centre of the first place of the grid, in the mesh's coordinates, shape (3,).
-        pitch: edge of the voxels, in the mesh's unit.
+        origin: centre of the first place of the grid, in the mesh's coordinates times its scale, shape (3,).
+        pitch: edge of the voxels, in the mesh's unit times its scale: metres, if a scale was given.
     """
 
     filled: Bools
     origin: Floats
     pitch: float
+
+    @property
+    def centres(self) -> Floats:
+        """Centres of all places of the grid, in the unit of :attr:`pitch`, shape (X, Y, Z, 3)."""
+        return self.origin + np.moveaxis(np.indices(self.filled.shape), 0, -1) * self.pitch
 
 
 def predict(mesh: "trimesh.Trimesh", pitch: float) -> Prediction:
@@ -71,19 +83,20 @@ def voxelise(
     mesh: "trimesh.Trimesh | str | PathLike[str]",
     pitch: float,
     *,
+    scale: float = 1.0,
     repair: bool = True,
     most_voxels: int = MOST_VOXELS,
     most_memory: float = MOST_MEMORY,
 ) -> VoxelisedMesh:
-    """Fill a closed surface with voxels, one wherever its centre is inside.
+    """Fill a closed surface with voxels, one wherever its centre is inside; shells that overlap are one body.
 
-    A centre is inside if the line below it crosses the surface an odd number of times.
-
-    The grid has the mesh's box in its middle; a box of n by m by k pitches has just so many voxels.
+    The grid has the mesh's box in its middle; a box of n by m by k pitches has just so many voxels. A warning tells if
+    the voxels are not all joined by their faces.
 
     Args:
         mesh: a mesh of trimesh, or a file that trimesh reads.
         pitch: edge of the voxels, in the mesh's unit.
+        scale: metres per unit of the mesh, 0.001 for millimetres; the result is in metres then.
         repair: close small holes and join equal vertices of a mesh that is not watertight.
         most_voxels: largest number of voxels that :func:`predict` may give.
         most_memory: largest memory that :func:`predict` may give [B].
@@ -92,24 +105,47 @@ def voxelise(
         ValueError: for files without a surface, surfaces that are not closed or enclose nothing, and
             bodies above the bounds, before memory is taken.
     """
+    _check_scale(scale)
     if not (isinstance(pitch, int | float | np.number) and math.isfinite(pitch) and pitch > 0):
         raise ValueError(f"pitch: {pitch!r} is not allowed; it must be positive")
-    mesh = _loaded(mesh)
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise ValueError("mesh: it is empty; give a closed surface of triangles")
+    mesh = _not_empty(_loaded(mesh))
     if not min(mesh.extents) > 0:
         raise ValueError("mesh: it encloses no volume; give a closed surface around the body")
-    _check_size(predict(mesh, pitch), pitch, most_voxels, most_memory)
+    _check_size(mesh, pitch, most_voxels, most_memory)
     mesh = _closed(mesh, repair)
     if not abs(float(mesh.volume)) > 1e-12 * math.prod(float(e) for e in mesh.extents):
         raise ValueError("mesh: it encloses no volume; give a closed surface around the body")
-    _check_size(predict(mesh, pitch), pitch, most_voxels, most_memory)  # of the repaired one
+    _check_size(mesh, pitch, most_voxels, most_memory)  # of the repaired one
     counts = np.array(_counts(mesh, pitch))
     origin = mesh.bounds.mean(axis=0) - (counts - 1) / 2 * pitch
     filled = _filled((np.asarray(mesh.triangles) - origin) / pitch, counts)
     if not filled.any():
         raise ValueError(f"mesh: no voxel of pitch {pitch:g} has its centre inside; give a smaller pitch")
-    return VoxelisedMesh(filled, origin, float(pitch))
+    pieces = int(ndimage.label(filled)[1])
+    if pieces > 1:
+        warnings.warn(
+            f"mesh: its voxels of pitch {pitch:g} are {pieces} pieces that are not joined; let parts overlap, or give "
+            "a smaller pitch",
+            stacklevel=2,
+        )
+    return VoxelisedMesh(filled, origin * scale, float(pitch) * scale)
+
+
+def inside(mesh: "trimesh.Trimesh | str | PathLike[str]", within: VoxelisedMesh, *, scale: float = 1.0) -> Bools:
+    """Which places of a voxelised mesh lie inside another mesh of the same coordinates, shape (X, Y, Z).
+
+    Args:
+        mesh: that marks places, such as those of a material or of a muscle.
+        within: the grid.
+        scale: metres per unit of the mesh, as of ``within``.
+
+    Raises:
+        ValueError: for files without a surface, and surfaces that are not closed.
+    """
+    _check_scale(scale)
+    marked = _closed(_not_empty(_loaded(mesh)), True)
+    triangles = (np.asarray(marked.triangles) * scale - within.origin) / within.pitch
+    return _filled(triangles, np.array(within.filled.shape))
 
 
 def body_from_mesh(
@@ -138,10 +174,19 @@ def body_from_mesh(
     Raises:
         ValueError: as :func:`voxelise`, and for a scale that is not positive.
     """
-    if not (math.isfinite(scale) and scale > 0):
+    found = voxelise(mesh, pitch, scale=scale, repair=repair, most_voxels=most_voxels, most_memory=most_memory)
+    return body_from_array(found.filled, material, found.pitch)
+
+
+def _check_scale(scale: object) -> None:
+    if not (isinstance(scale, int | float | np.number) and math.isfinite(scale) and scale > 0):
         raise ValueError(f"scale: {scale!r} is not allowed; it must be positive")
-    found = voxelise(mesh, pitch, repair=repair, most_voxels=most_voxels, most_memory=most_memory)
-    return body_from_array(found.filled, material, found.pitch * scale)
+
+
+def _not_empty(mesh: "trimesh.Trimesh") -> "trimesh.Trimesh":
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise ValueError("mesh: it is empty; give a closed surface of triangles")
+    return mesh
 
 
 def _loaded(mesh: Any) -> "trimesh.Trimesh":
@@ -159,19 +204,31 @@ def _loaded(mesh: Any) -> "trimesh.Trimesh":
     return mesh
 
 
-def _check_size(found: Prediction, pitch: float, most_voxels: int, most_memory: float) -> None:
+def _check_size(mesh: "trimesh.Trimesh", pitch: float, most_voxels: int, most_memory: float) -> None:
+    found = predict(mesh, pitch)
     if found.voxels > most_voxels or found.memory > most_memory:
+        hint = ""
+        if (longest := float(max(mesh.extents))) > _LARGE and pitch < 1:
+            hint = (
+                f"; if the mesh, {longest:g} long, is in millimetres, so is the pitch: give {1e3 * pitch:g} for "
+                f"{pitch:g} m, and scale 0.001"
+            )
         raise ValueError(
             f"pitch: {pitch:g} is too fine, about {found.voxels:,} voxels and {found.memory / 1e9:,.1f} GB; at most "
-            f"{most_voxels:,} and {most_memory / 1e9:,.1f} GB are allowed, give a larger one"
+            f"{most_voxels:,} and {most_memory / 1e9:,.1f} GB are allowed, give a larger one{hint}"
         )
 
 
 def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
-    """Return a watertight mesh, repaired if ``repair`` allows; raise ValueError if it is not watertight."""
-    if mesh.is_watertight:
-        return mesh
+    """Return a closed mesh, repaired if ``repair`` allows; raise ValueError if it is not closed."""
     from trimesh import repair as mend
+
+    if _is_balanced(mesh):
+        return mesh
+    if mesh.is_watertight:  # triangles that look in and out by turns, whose shells wind around nothing
+        mesh = mesh.copy()
+        mend.fix_normals(mesh)
+        return mesh
 
     if repair:
         mesh = mesh.copy()
@@ -180,7 +237,7 @@ def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
         mesh.remove_unreferenced_vertices()
         mend.fill_holes(mesh)
         mend.fix_normals(mesh)
-        if mesh.is_watertight:
+        if _is_balanced(mesh):
             return mesh
     edges = np.unique(mesh.edges_sorted, axis=0, return_counts=True)[1]
     tried = " and could not be repaired" if repair else ""
@@ -188,6 +245,16 @@ def _closed(mesh: "trimesh.Trimesh", repair: bool) -> "trimesh.Trimesh":
         f"mesh: it is not watertight{tried}: {(edges != 2).sum()} of {len(edges)} edges do not join two triangles; "
         "close it"
     )
+
+
+def _is_balanced(mesh: "trimesh.Trimesh") -> bool:
+    """Whether triangles pass each edge as often one way as the other: then how often a mesh winds is a whole number.
+
+    It is so of shells that touch, too, where an edge has four triangles.
+    """
+    ways = np.where(mesh.edges[:, 0] < mesh.edges[:, 1], 1, -1)
+    _, edge = np.unique(mesh.edges_sorted, axis=0, return_inverse=True)
+    return bool(len(ways)) and not np.bincount(edge.reshape(-1), ways).any()
 
 
 def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:
@@ -198,9 +265,10 @@ def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:
 def _filled(triangles: Floats, counts: Ints) -> Bools:
     """Find the places inside a surface; ``triangles``, shape (N, 3, 3), are in units of the grid's places.
 
-    A column of places is a line along z. Where it meets a triangle, all places above change sides.
+    A column of places is a line along z. Where it meets a triangle, all places above are wound around once more, if it
+    looks down, or once less.
     """
-    changes = np.zeros((*counts[:2], counts[2] + 1), bool)
+    changes = np.zeros((*counts[:2], counts[2] + 1), np.int16)
     limits = counts[:2] - 1
     for corner in triangles:
         flat = corner[:, :2] - _SHIFT
@@ -219,5 +287,5 @@ def _filled(triangles: Floats, counts: Ints) -> Bools:
         height = first * corner[0, 2] + second * corner[1, 2] + third * corner[2, 2]
         i, j = np.nonzero(inside)
         above = np.clip(np.ceil(height[i, j]), 0, counts[2]).astype(int)
-        changes[i + low[0], j + low[1], above] ^= True  # a column meets a triangle once
-    return np.logical_xor.accumulate(changes, axis=2)[:, :, :-1]
+        changes[i + low[0], j + low[1], above] += -1 if double > 0 else 1  # a column meets a triangle once
+    return np.asarray(np.cumsum(changes, axis=2, dtype=np.int16)[:, :, :-1] != 0)

@@ -5,6 +5,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import trimesh
+
+from robots.hardware import read_channels
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 MINE = """
@@ -35,7 +38,7 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert code == 0 and error == ""
     document = json.loads(out)
     assert set(document["best_point"]) == {"front_amplitude", "front_phase"} and document["evaluations"] == 8
-    assert document["files"] == ["best.json"]
+    assert document["files"] == ["best.json", "gait.csv"]
     (tmp_path / "my_robot.py").rename(tmp_path / "gone.py")  # the run knows its robot
     code, out, _ = morpholab(f"codesign --resume --generations 2 --out runs/x {QUICK}")
     assert code == 0 and out.startswith("best speed: ")
@@ -70,9 +73,62 @@ def test_gradients_of_a_users_file_are_checked_and_followed(morpholab, mine):
     assert code == 0 and json.loads(out)["best"] is not None
 
 
+@pytest.mark.kernels
+def test_a_mesh_is_designed_and_leaves_as_parts_table_and_voxels(morpholab, tmp_path):
+    box = trimesh.creation.box((60, 20, 20))
+    box.export(tmp_path / "body.stl")
+    half = trimesh.creation.box((30, 20, 20))
+    half.apply_translation([15, 0, 0])
+    half.export(tmp_path / "half.stl")
+    robot = "--robot body.stl --pitch 10 --region front=half.stl,amplitude=0.05:0.2 --cycles 1 --settling 0.05"
+    code, out, error = morpholab(f"codesign {robot} --climbers 2 --generations 1 --out a {QUICK} --json")
+    assert code == 0 and error == "" and set(json.loads(out)["best_point"]) == {"front_amplitude", "front_phase"}
+    code, out, _ = morpholab("export a --parts parts.3mf --voxels body.vxl.json --csv t.csv --on-violation clip --json")
+    document = json.loads(out)
+    assert code == 0 and document["parts"]["written"] == ["body: 12 cm^3", "body, channel front: 12 cm^3"]
+    assert read_channels("t.csv").waves[0].name == "front" and Path("body.vxl.json").is_file()
+    assert read_channels("a/gait.csv").pressures.tolist() == read_channels("t.csv").pressures.tolist()
+    assert morpholab("export a/best.json --parts mould --mould draft=3,wall=5 --voxels best.vxa")[0] == 0
+    assert {path.name for path in Path("mould").iterdir()} == {"mould_lower.stl", "mould_upper.stl"}
+    assert morpholab(f"view best.vxa --frames 5 --out v.html {QUICK}")[0] == 0
+    code, out, _ = morpholab("export a --csv t.csv --dry-run --full-scale 0.5:1.5 --on-violation clip")
+    assert code == 0 and "bladder1" in out
+
+
+@pytest.mark.kernels
+def test_phases_that_settle_at_rest_are_named(morpholab, tmp_path):
+    (tmp_path / "tied.py").write_text(MINE.replace("Free(0.0, 1.0, 0.3)", "0.5"))
+    line = f"gradient-check --robot tied.py --horizons 1 --directions 2 --samples 2 {QUICK}"
+    code, _, error = morpholab(line)
+    assert code == 0 and error.count("\n") == 1
+    assert "note: phases: all are 0 or 0.5 (that of front, that of back), so nothing moves" in error
+
+
 @pytest.mark.parametrize(
     ("line", "message"),
     [
+        ("codesign --robot my_robot.py --pitch 5 --out r", "pitch: robot has its own; leave it out"),
+        ("codesign --robot body.stl --out r", "pitch: body.stl is a mesh; give the edge of its voxels"),
+        ("codesign --robot body.stl --pitch 10 --out r", "region: nothing drives the body; mark a muscle, such as"),
+        (
+            "codesign --robot body.stl --pitch 10 --region a --out r",
+            "argument --region: 'a' is not allowed; give NAME=",
+        ),
+        ("codesign --robot empty.stl --pitch 10 --region a=body.stl --out r", "mesh: "),
+        ("codesign --robot body.stl --pitch 0 --region a=body.stl --out r", "pitch: 0.0 is not allowed"),
+        ("export my_robot.py --mould draft=2", "mould: it needs a place; give --parts as well"),
+        ("export my_robot.py --parts a.3mf --mould draft=80", "draft: 80.0 is not allowed; give a number from 0 to 45"),
+        ("export my_robot.py --parts a.3mf --mould wall=-1", "wall: -0.001 is not allowed; give a positive"),
+        ("export my_robot.py --parts a.3mf --mould pull=x", "pull: undercut at voxel ("),
+        ("export my_robot.py --parts a.step", "parts: a.step is not allowed; give a file that ends in .3mf or .stl"),
+        ("export my_robot.py --csv a.csv", "bladder1: "),
+        (
+            "export my_robot.py --csv a.csv --full-scale none",
+            "full-scale: 'none' is not allowed; give a positive number",
+        ),
+        ("export rolling --parts a.stl", "parts: inflatable robot has no surfaces to print; leave it out"),
+        ("export rolling --voxels a.vxa", "voxels: inflatable robot has no such file; leave it out"),
+        ("export rolling --csv a.csv --full-scale 1", "full-scale: the rig's map says what pressures stand for"),
         ("codesign --robot none.py --out r", "robot: none.py is no file"),
         (
             "codesign --robot my_robot.py --free shape --out r",
@@ -92,6 +148,8 @@ def test_bad_input_is_told_in_one_line(morpholab, tmp_path, mine, line, message)
     (tmp_path / "fixed.py").write_text(fixed)
     (tmp_path / "broken.py").write_text("x")
     (tmp_path / "bomb.vxa").write_text('<!DOCTYPE a [<!ENTITY b "b">]><VXA/>')
+    trimesh.creation.box((60, 20, 20)).export(tmp_path / "body.stl")
+    (tmp_path / "empty.stl").write_text("solid\nendsolid\n")
     code, out, error = morpholab(line)
     assert code == 2 and out == "" and error.count("\n") == 1 and message in error
 

@@ -86,6 +86,26 @@ def test_the_gradient_is_that_of_central_differences_in_everything_free():
 
 
 @pytest.mark.kernels
+@pytest.mark.parametrize("precision", ["f64", "f32"])
+def test_gradients_of_robots_that_settle_at_rest_are_those_just_beside(precision):
+    regions = np.zeros((6, 2, 2), int)
+    regions[3:] = 1
+    body = body_from_array(np.ones(regions.shape, int), SOFT, 0.01, regions=regions)
+    drive = Drive("legs", (0, 1), amplitude=Free(0, 0.3, 0.15), phase=(Free(-1, 1, 0.0), Free(-1, 1, 0.5)))
+    robot = LatticeRobot(body, (drive,), cycles=1, settling=0.1)
+    point, moves = robot.start, np.array([[0, 0, 0], [0, 1e-3, 0], [0, 0, 0.5], [0, 1e-4, 1e-4]])
+    assert robot.settles_at_rest(point + moves).tolist() == [True, False, True, False]
+    assert "phases: all are 0 or 0.5 (legs_phase_1, legs_phase_2)" in robot.caution(point)
+    assert not robot.caution(point + moves[1])
+    assert not dataclasses.replace(robot, settling=0.0).caution(point)
+    shifted = point + moves[3]
+    found = differentiate(robot, [point, shifted], threads=1, precision=precision)
+    assert np.array_equal(found.distance, simulate(robot, [point, shifted], threads=1, precision=precision).distance)
+    assert 0 < np.abs(found.gradient).max() < 1  # metres; 1e148 at the tie itself
+    assert found.gradient[0] == pytest.approx(found.gradient[1], rel=1e-3)
+
+
+@pytest.mark.kernels
 def test_points_do_not_depend_on_their_neighbours():
     robot = lopsided()
     points = robot.start * np.array([[1.0], [1.02], [0.97]])

@@ -96,6 +96,57 @@ def test_files_of_meshes_in_millimetres(tmp_path):
         assert (body.voxel_count, body.voxel_size) == (8, 0.01)
 
 
+def four_legged(overlap):
+    """A box on four legs that reach into it, in metres."""
+    parts = [trimesh.creation.box((0.2, 0.1, 0.03))]
+    parts[0].apply_translation([0, 0, 0.065])
+    for x, y in ((-0.08, -0.03), (-0.08, 0.03), (0.08, -0.03), (0.08, 0.03)):
+        leg = trimesh.creation.box((0.02, 0.02, 0.05 + overlap))
+        leg.apply_translation([x, y, (0.05 + overlap) / 2])
+        parts.append(leg)
+    return trimesh.util.concatenate(parts)
+
+
+@pytest.mark.parametrize("overlap", [0.005, 0.0])
+def test_shells_that_overlap_or_touch_are_one_body(tmp_path, overlap):
+    four_legged(overlap).export(tmp_path / "a.stl")
+    filled = voxelise(tmp_path / "a.stl", 0.005).filled
+    assert filled.sum() == 40 * 20 * 6 + 4 * 4 * 4 * 10 and filled.any(axis=(0, 1)).all()
+    assert len(body_from_array(filled, SOFT, 0.005).topology.links)
+
+
+def test_shells_that_look_inwards_are_holes_and_a_mesh_may_be_inside_out():
+    outer, inner = trimesh.creation.box((2, 2, 2)), trimesh.creation.box((1, 1, 1))
+    assert voxelise(trimesh.util.concatenate([outer, inner]), 0.25).filled.all()
+    inner.invert()
+    assert voxelise(trimesh.util.concatenate([outer, inner]), 0.25).filled.sum() == 8**3 - 4**3
+    outer.invert()
+    assert voxelise(outer, 0.25).filled.all()
+    faces = outer.faces.copy()
+    faces[::3] = faces[::3, ::-1]
+    assert voxelise(trimesh.Trimesh(outer.vertices, faces, process=False), 0.25).filled.all()
+
+
+def test_pieces_that_are_not_joined_are_warned_of():
+    boxes = [trimesh.creation.box(), trimesh.creation.box()]
+    boxes[1].apply_translation([2, 0, 0])
+    with pytest.warns(UserWarning, match=r"^mesh: its voxels of pitch 0.5 are 2 pieces that are not joined; let parts"):
+        voxelise(trimesh.util.concatenate(boxes), 0.5)
+
+
+def test_meshes_in_millimetres_are_scaled_or_hinted_at():
+    metres = four_legged(0.005)
+    millimetres = metres.copy()
+    millimetres.apply_scale(1000)
+    one, other = voxelise(metres, 0.005), voxelise(millimetres, 5, scale=1e-3)
+    assert np.array_equal(one.filled, other.filled) and other.pitch == pytest.approx(0.005)
+    assert other.origin == pytest.approx(one.origin) and other.centres == pytest.approx(one.centres)
+    with pytest.raises(
+        ValueError, match=r"if the mesh, 200 long, is in millimetres, so is the pitch: give 10 for 0.01"
+    ):
+        voxelise(millimetres, 0.01)
+
+
 def test_small_holes_are_repaired_and_large_ones_refused():
     box = trimesh.creation.box(extents=(4, 2, 2))
     torn = trimesh.Trimesh(box.vertices, box.faces[1:])

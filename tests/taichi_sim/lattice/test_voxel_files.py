@@ -1,6 +1,7 @@
 """Files of Voxelyze, VoxCAD, evosoro and voxcraft."""
 
 import base64
+import dataclasses
 import json
 import tracemalloc
 import warnings
@@ -10,10 +11,19 @@ import numpy as np
 import pytest
 from voxel_files import layers, material, numbers, structure, vxa, vxl
 
-from taichi_sim.lattice import LatticeBody, Material, ProgramBuilder, Quantity
-from taichi_sim.lattice.files import VoxelFile, load_voxel_file, read_vxl_json, save_vxl_json, write_vxl_json
+from taichi_sim.lattice import LatticeBody, Material, ProgramBuilder, Quantity, body_from_array
+from taichi_sim.lattice.files import (
+    Heat,
+    VoxelFile,
+    load_voxel_file,
+    read_vxl_json,
+    save_vxa,
+    save_vxl_json,
+    write_vxl_json,
+)
 from taichi_sim.lattice.files.arrays import array_of_body
 
+SOFT = Material(1e5, 1e3)
 ARRAY = np.random.default_rng(0).integers(0, 3, (4, 3, 2))
 PHASES = np.round(np.random.default_rng(1).uniform(-1, 1, ARRAY.shape), 3)
 ROWS = np.column_stack([np.argwhere(np.ones((3, 2, 1))), np.zeros(6, int)])
@@ -370,3 +380,69 @@ def test_random_damage_is_refused_in_one_line_or_read(tmp_path, name):
             assert "\n" not in str(error)
             counts["refused"] += 1
     assert min(counts.values()) > 10
+
+
+def random_vxa_robot(seed):
+    random = np.random.default_rng(seed)
+    array = random.integers(0, 13, (4, 3, 5))
+    array[0, 0, 0] = 1
+    materials = [
+        Material(*random.uniform(1e4, 1e6, 2), *random.uniform(0, 0.4, 3), thermal_expansion=n / 7, name=f"<{n}> & co")
+        for n in range(12)
+    ]
+    held = np.isin(array, (2, 3))
+    body = body_from_array(array, materials, 0.013, fixed=held)
+    heat = Heat(11.0, 0.23, random.uniform(0, 1, body.voxel_count))
+    return dataclasses.replace(VoxelFile.of_body(body), heat=heat, gravity=9.81, floor=True)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_vxa_that_was_written_is_read_as_it_was(tmp_path, seed):
+    robot = random_vxa_robot(seed)
+    save_vxa(robot, tmp_path / "a.vxa")
+    found = load_voxel_file(tmp_path / "a.vxa")
+    body, ours = found.body, robot.body
+    assert np.array_equal(body.voxels, ours.voxels) and body.voxel_size == ours.voxel_size
+    assert [body.materials[n] for n in body.material_index] == [ours.materials[n] for n in ours.material_index]
+    assert np.array_equal(body.fixed, ours.fixed)
+    assert np.array_equal(found.heat.phase, robot.heat.phase) and found.heat.period == robot.heat.period
+    assert (found.heat.amplitude, found.gravity, found.floor) == (11.0, 9.81, True) and not found.ignored
+    save_vxa(dataclasses.replace(robot, heat=None), tmp_path / "b.vxa")
+    assert load_voxel_file(tmp_path / "b.vxa").heat is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda f: replace_body(f, cut_links=[[0, 1]]), "cut_links: 1 are not allowed in a .vxa"),
+        (lambda f: replace_body(f, fixed=np.eye(6, dtype=bool)[[0, 1]]), "fixed: some degrees of freedom of a voxel"),
+        (lambda f: dataclasses.replace(f, force=np.ones((2, 3))), "loads: forces and displacements are not allowed"),
+        (lambda f: dataclasses.replace(f, heat=Heat(1, 1, np.zeros(2), 2.0)), "mean: 2 K is not allowed in a .vxa"),
+        (
+            lambda f: replace_body(f, materials=(Material(1e5, 1e3, scale=(1, 2, 1)),)),
+            r"scale: \(1.0, 2.0, 1.0\) of a material is not allowed in a .vxa",
+        ),
+        (
+            lambda f: replace_body(
+                f, materials=(SOFT, Material(1, 1, internal_damping=0.5)), material_index=np.array([0, 1])
+            ),
+            "damping: materials of a .vxa have one in common",
+        ),
+    ],
+)
+def test_what_a_vxa_cannot_hold_is_refused(tmp_path, change, message):
+    file = VoxelFile.of_body(body_from_array(np.ones((2, 1, 1)), SOFT, 0.01))
+    with pytest.raises(ValueError, match=f"^{message}"):
+        save_vxa(change(file), tmp_path / "a.vxa")
+    assert not (tmp_path / "a.vxa").exists()
+
+
+def test_a_vxa_has_at_most_seventy_materials(tmp_path):
+    materials = [Material(1e5 + n, 1e3) for n in range(71)]
+    body = body_from_array(np.arange(1, 72).reshape(-1, 1, 1), materials, 0.01)
+    with pytest.raises(ValueError, match=r"^materials: 71 are not allowed in a .vxa; the most is 70"):
+        save_vxa(VoxelFile.of_body(body), tmp_path / "a.vxa")
+
+
+def replace_body(file, **changes):
+    return dataclasses.replace(file, body=dataclasses.replace(file.body, **changes))

@@ -1,0 +1,329 @@
+"""Tables of robots that repeat a cycle: what a rig's lines are told to play the waves of a robot's channels.
+
+A table has the form of a gait table, with a state for each straight piece of a wave: the prefix brings vented lines to
+where the cycle begins and plays it once, the main is one cycle, to be looped, and the suffix vents the lines. Channels
+are on the lines of bladders, in their order; lines without a channel stay vented. Valves' delays shift all of a wave
+alike, so no state waits for them.
+"""
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robots.hardware.headroom import RigReport, uses_of
+from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
+from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, seed_of, seed_text
+from robots.hardware.timeline import (
+    FASTEST_RATE,
+    POLICIES,
+    SLOWEST_RATE,
+    Commands,
+    RigViolation,
+    timeline,
+    violations,
+)
+from robots.inflatable.schedule import BLADDERS
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.files import read_text
+
+SCHEMA = "morpholab-channels-1"
+LINES = CHANNELS[1 : 1 + BLADDERS]  # those that channels can be on
+_SHORTEST = 1e-6  # of a state [s]
+_TIMES = 1e-6  # to which times of rows are rounded [s]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The straight line between a quantity and the pressure on its line.
+
+    Attributes:
+        low: value of the quantity where the line has ``low_kpa``.
+        high: value where it has ``high_kpa``.
+        low_kpa: [kPa].
+        high_kpa: [kPa].
+    """
+
+    low: float
+    high: float
+    low_kpa: float
+    high_kpa: float
+
+    def __post_init__(self) -> None:
+        for name in ("low", "high", "low_kpa", "high_kpa"):
+            number(name, getattr(self, name))
+        if self.low >= self.high or self.low_kpa == self.high_kpa:
+            raise ValueError(f"high: {self.low:g} to {self.high:g} is not allowed; it must be above low")
+
+    def kpa(self, values: Floats) -> Floats:
+        """Pressures of values."""
+        share = (np.asarray(values) - self.low) / (self.high - self.low)
+        return self.low_kpa + share * (self.high_kpa - self.low_kpa)
+
+    def values(self, kpa: Floats) -> Floats:
+        """Values of pressures."""
+        share = (np.asarray(kpa) - self.low_kpa) / (self.high_kpa - self.low_kpa)
+        return self.low + share * (self.high - self.low)
+
+
+@dataclass(frozen=True, eq=False)
+class Wave:
+    """What one line of a rig is to do.
+
+    Attributes:
+        name: of the channel.
+        values: of its quantity at equal times of a cycle, which straight lines join and close to a ring, shape (N,).
+        calibration: from values to pressures.
+        about: what else the robot needs to build its channel again, as values that fit JSON.
+    """
+
+    name: str
+    values: Floats
+    calibration: Calibration
+    about: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Rhythm:
+    """When waves are played.
+
+    Attributes:
+        frequency: cycles per second [Hz].
+        loops: how often the main is played, after the cycle of the prefix.
+        settling: time in which lines go to where the cycle begins, at least [s].
+        nodes: of a cycle.
+    """
+
+    frequency: float
+    loops: int
+    settling: float
+    nodes: int
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelTable(RigTable):
+    """Commands over time that play the waves of a robot's channels.
+
+    Attributes:
+        times, states, pressures, units, rig, rate, clipped, timing: as of every ``RigTable``.
+        robot: name of the robot.
+        rhythm: that was asked for; rows are slower where limits of rate were kept.
+        waves: that were asked for, in the order of their lines; of a table that was read, what its rows play.
+        seed: of the search that found the robot; None if not known.
+    """
+
+    times: Floats
+    states: np.ndarray
+    pressures: Floats
+    units: str
+    robot: str
+    rhythm: Rhythm
+    waves: tuple[Wave, ...]
+    seed: int | None = None
+    rig: str = ""
+    rate: float | None = None
+    clipped: tuple[str, ...] = ()
+    timing: tuple[State, ...] = ()
+
+    @property
+    def columns(self) -> int:
+        """Straight pieces of a cycle."""
+        return self.rhythm.nodes
+
+    @property
+    def loops(self) -> int:
+        """How often the main is played: as often as cycles count; the prefix plays the one before them."""
+        return self.rhythm.loops
+
+    def header(self) -> list[tuple[str, str]]:
+        """What the head of its file says: the rhythm, and of each line its channel and calibration."""
+        lines = [
+            {"line": line, "channel": wave.name, **asdict(wave.calibration), **wave.about}
+            for line, wave in zip(LINES, self.waves, strict=False)
+        ]
+        return [
+            ("schema", SCHEMA),
+            ("units", self.units),
+            ("robot", json.dumps(self.robot)),
+            ("seed", seed_text(self.seed)),
+            *((name, repr(value)) for name, value in asdict(self.rhythm).items()),
+            ("rig", self.rig),
+            ("rate_hz", rate_text(self.rate)),
+            *(("channel", json.dumps(line)) for line in lines),
+            *(("clipped", line) for line in self.clipped),
+        ]
+
+    @property
+    def played_frequency(self) -> float:
+        """Cycles per second that the rows play [Hz]: that asked for, unless they are longer than rounding explains."""
+        length, nodes = self.durations["main"], self.columns
+        asked = self.rhythm.frequency
+        return asked if abs(length - 1 / asked) <= (nodes + 1) * _TIMES else 1 / length
+
+    def played(self) -> tuple[Wave, ...]:
+        """The waves that the rows of the main play, at equal times, by the inverse of each calibration."""
+        rows = np.flatnonzero(np.array(self.sections) == "main")
+        times = self.times[rows] - self.times[rows[0]]
+        kpa = self.pressures[rows] * KPA_PER_UNIT[self.units]
+        if self.played_frequency == self.rhythm.frequency:  # rounded times of states: their ends are the nodes
+            ends = np.append(np.flatnonzero(np.diff(self.states[rows])), len(rows) - 1)
+            nodes = np.vstack([kpa[:1], kpa[ends[:-1]]])
+        else:
+            moments = np.arange(self.columns) / self.columns * times[-1]
+            nodes = np.column_stack([np.interp(moments, times, line) for line in kpa.T])
+        return tuple(
+            replace(wave, values=wave.calibration.values(nodes[:, 1 + line])) for line, wave in enumerate(self.waves)
+        )
+
+
+def channel_table(
+    robot: str,
+    waves: Sequence[Wave],
+    rhythm: Rhythm,
+    rig: PneumaticRig | None = None,
+    units: str = "kpa",
+    *,
+    rate: float | None = None,
+    on_violation: str = "refuse",
+    seed: int | None = None,
+) -> ChannelTable:
+    """The pressures that play waves on a rig, within the rig's limits.
+
+    Args:
+        robot: its name.
+        waves: of its channels, at most as many as the rig has bladders.
+        rhythm: when they are played.
+        rig: the dissertation's if None.
+        units: ``"kpa"`` or ``"psi"``.
+        rate: rows per second, and states last whole samples; None: rows at the nodes of the waves.
+        on_violation: of the rig's limits: ``"refuse"``, or ``"clip"``: pressures stop at limits, and a piece of the
+            cycle takes as long as the limit of rate asks.
+        seed: of the search that found the robot, for the header.
+
+    Raises:
+        RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
+        ValueError: for any other value that is not allowed.
+    """
+    choice("units", units, KPA_PER_UNIT)
+    choice("on_violation", on_violation, POLICIES)
+    if rate is not None:
+        number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
+    seed = None if seed is None else whole_number("seed", seed, 0)
+    rig, clip = rig or PneumaticRig(), on_violation == "clip"
+    commands, quick = _commands(waves, rhythm, rig, keep_slew=False), _without_waits(rig)
+    found = violations(commands, timeline(commands, quick).states, rig)
+    if found and not clip:
+        raise RigViolation(found)
+    if found:
+        commands = _commands(waves, rhythm, rig, keep_slew=True)
+    line = timeline(commands, quick, rate)
+    told, pressures = tuple(map(str, found)), line.pressures / KPA_PER_UNIT[units]
+    return ChannelTable(
+        line.times, line.numbers, pressures, units, robot, rhythm, tuple(waves), seed, rig.name, rate, told, line.states
+    )
+
+
+def channel_report(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig | None = None) -> RigReport:
+    """What waves ask of a rig, the dissertation's if None; also of one that refuses them."""
+    rig = rig or PneumaticRig()
+    line = timeline(_commands(waves, rhythm, rig, keep_slew=False), _without_waits(rig))
+    lasting = [state.end_s - state.start_s for state in line.states][1 : rhythm.nodes + 1]
+    states, playing = rhythm.nodes * (1 + rhythm.loops), sum(lasting) * (1 + rhythm.loops)
+    shaping = line.states[0].end_s
+    return RigReport(uses_of(line, rig), shaping, playing, states, min(lasting), max(lasting))
+
+
+def read_channels(path: str | os.PathLike[str]) -> ChannelTable:
+    """Read a table that ``write_csv`` wrote of a ``ChannelTable``; its waves are those that the rows play.
+
+    Raises:
+        ValueError: if the file is damaged; tells what is wrong, and where.
+    """
+    lines = read_text(path).splitlines()
+    try:
+        return _read(lines)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _read(lines: Sequence[str]) -> ChannelTable:
+    content = read_content(lines, SCHEMA)
+    header = content.header
+    try:
+        rhythm = Rhythm(
+            number("frequency", float(header["frequency"]), 1e-9),
+            whole_number("loops", int(header["loops"]), 0),
+            number("settling", float(header["settling"]), 0.0),
+            whole_number("nodes", int(header["nodes"]), 1),
+        )
+        waves = [_wave(json.loads(value), rhythm.nodes) for name, value in content.pairs if name == "channel"]
+        seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
+        robot = str(json.loads(header["robot"]))
+    except KeyError as missing:
+        raise ValueError(f"{missing.args[0]} is missing in the header") from None
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ValueError(f"header is damaged ({error})") from None
+    if not 0 < len(waves) <= len(LINES):
+        raise ValueError(f"header is damaged ({len(waves)} channels)")
+    times, states, pressures = content.rows(rhythm.nodes)
+    table = ChannelTable(
+        times, states, pressures, content.units, robot, rhythm, tuple(waves), seed, rig, rate, content.clipped
+    )
+    return replace(table, waves=table.played())
+
+
+def _wave(record: dict[str, Any], nodes: int) -> Wave:
+    told = dict(record)
+    del told["line"]
+    name, calibration = told.pop("channel"), Calibration(**{field: told.pop(field) for field in _CALIBRATION})
+    return Wave(str(name), np.zeros(nodes), calibration, told)
+
+
+_CALIBRATION = ("low", "high", "low_kpa", "high_kpa")
+
+
+def _without_waits(rig: PneumaticRig) -> PneumaticRig:
+    """The rig with valves that have no delay, so that states last as long as the pieces of waves."""
+    channels = tuple(replace(channel, valve_delay_s=0.0) for channel in rig.channels)
+    return replace(rig, channels=channels, shortest_state_s=_SHORTEST)
+
+
+def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_slew: bool) -> Commands:
+    """What lines are told: to where the cycle begins, its pieces twice, vented.
+
+    Args:
+        waves: of the channels.
+        rhythm: when they are played.
+        rig: with limits, and with times of whole strokes, which lines take to begin and to vent.
+        keep_slew: keep pressures and rates within the limits.
+    """
+    if not 0 < len(waves) <= len(LINES):
+        raise ValueError(
+            f"channels: {len(waves)} are not allowed; the rig has {len(LINES)} lines for them, "
+            "so let regions share a wave"
+        )
+    ring = np.zeros((rhythm.nodes, len(CHANNELS)))
+    for line, wave in enumerate(waves, 1):
+        ring[:, line] = wave.calibration.kpa(wave.values)
+    if keep_slew:
+        low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
+        ring = np.clip(ring, low, high)
+    cycle = np.roll(ring, -1, axis=0)
+    targets = np.vstack([ring[:1], cycle, cycle, np.zeros((1, len(CHANNELS)))])
+    steps = np.diff(np.vstack([np.zeros((1, len(CHANNELS))), targets]), axis=0)
+    rise, fall, slew = np.array([(c.rise_s, c.fall_s, c.slew_kpa_per_s) for c in rig.channels]).T
+    lengths = np.full(len(targets), 1 / (rhythm.frequency * rhythm.nodes))
+    # Beginning and venting take the rig's time of a stroke, by the part of it that is gone.
+    whole = np.append(np.inf, np.subtract(rig.line_map.on_kpa, rig.line_map.off_kpa))
+    gentle = (np.abs(steps) / whole * np.where(steps > 0, rise, fall)).max(axis=1)
+    slowest = (np.abs(steps) / slew).max(axis=1)
+    lengths[0], lengths[-1] = max(rhythm.settling, gentle[0], slowest[0]), max(gentle[-1], slowest[-1], _SHORTEST)
+    if keep_slew:
+        lengths = np.maximum(lengths, slowest)
+    lengths = np.maximum(lengths, _SHORTEST)
+    strokes = np.where(steps > 0, rise, fall)
+    return Commands(targets, lengths[:, None] / strokes, lengths, np.zeros(len(targets)))

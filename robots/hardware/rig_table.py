@@ -1,0 +1,254 @@
+"""Tables of what a rig's lines are told over time, and the form of their files.
+
+A table has three sections, those of controllers that loop a trajectory: a *prefix* that prepares the robot and plays
+the columns once from there, a *main* that begins as it ends and can be looped, and a *suffix* that vents the lines.
+Its CSV file has a header that carries what is played exactly, then rows for the rig.
+"""
+
+import hashlib
+import itertools
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from robots.hardware.rig import CHANNELS, KPA_PER_UNIT
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import write_text
+
+SECTIONS = ("prefix", "main", "suffix")
+_UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
+_FIRST = ("time_s", "section", "state")
+_NO_SEED = "unknown"
+
+
+@dataclass(frozen=True)
+class State:
+    """One state in time.
+
+    Attributes:
+        number: counted from 0, the shaping of the body.
+        section: one of ``SECTIONS``.
+        start_s: of the state [s], with the main played once.
+        end_s: [s].
+        slowest: the channel that it waits for; empty if nothing changes.
+        changes: channels that change.
+    """
+
+    number: int
+    section: str
+    start_s: float
+    end_s: float
+    slowest: str
+    changes: tuple[str, ...]
+
+
+def section_of(state: int, columns: int) -> str:
+    """The section of a state: shaping and the first pass, the second pass, venting."""
+    return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
+
+
+class RigTable(ABC):
+    """Commands to the lines of a rig over time, in three sections, of which the second can be looped.
+
+    Attributes:
+        times: of the rows [s], shape (N,); see :class:`GaitTable`.
+        states: numbers of the states that rows belong to, shape (N,): 0 prepares, then the columns come twice, in
+            prefix and main, then lines are vented.
+        pressures: gauge pressures of ``CHANNELS`` in ``units``, shape (N, 11).
+        units: ``"kpa"`` or ``"psi"``.
+        rig: name of the rig.
+        rate: rows per second; None for rows at corners.
+        clipped: what was clipped, a line each.
+        timing: of the states; empty in a table that was read.
+    """
+
+    times: Floats
+    states: np.ndarray
+    pressures: Floats
+    units: str
+    rig: str
+    rate: float | None
+    clipped: tuple[str, ...]
+    timing: tuple[State, ...]
+
+    channels = CHANNELS
+
+    @property
+    @abstractmethod
+    def columns(self) -> int:
+        """States of the main."""
+
+    @property
+    @abstractmethod
+    def loops(self) -> int:
+        """How often the main is played."""
+
+    @abstractmethod
+    def header(self) -> list[tuple[str, str]]:
+        """What the head of its file says, by name, the schema first."""
+
+    @cached_property
+    def sections(self) -> tuple[str, ...]:
+        """The section of every row."""
+        return tuple(section_of(int(state), self.columns) for state in self.states)
+
+    @property
+    def durations(self) -> Mapping[str, float]:
+        """Length of each section [s], played once."""
+        rows = np.array(self.sections)
+        return {name: float(np.ptp(self.times[rows == name])) for name in dict.fromkeys(self.sections)}
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes, with its loops [s]."""
+        lengths = self.durations
+        return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
+
+
+def seed_text(seed: int | None) -> str:
+    """The seed of a search, as headers tell it."""
+    return _NO_SEED if seed is None else str(seed)
+
+
+def seed_of(text: str) -> int | None:
+    """The seed that a header tells."""
+    return None if text == _NO_SEED else int(text)
+
+
+def rate_text(rate: float | None) -> str:
+    """Rows per second, as headers tell them."""
+    return "corners" if rate is None else repr(rate)
+
+
+def rate_of(text: str) -> float | None:
+    """Rows per second that a header tells."""
+    return None if text == "corners" else float(text)
+
+
+def write_csv(table: RigTable, path: str | os.PathLike[str]) -> None:
+    """Write a table as CSV, replacing the file in one step.
+
+    Raises:
+        ValueError: if the file cannot be written.
+    """
+    lines = [f"# {name}={value}" for name, value in table.header()]
+    lines.append(_column_names(table.units))
+    for time, section, state, row in zip(table.times, table.sections, table.states, table.pressures, strict=True):
+        lines.append(",".join([f"{time:.12g}", section, str(state), *(f"{pressure:.9g}" for pressure in row)]))
+    lines.insert(1, f"# checksum={_checksum(lines)}")
+    write_text(path, "\n".join(lines) + "\n")
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """What a table's file holds.
+
+    Attributes:
+        pairs: names and values of the header, in its order.
+        lines: all lines of the file.
+        units: of the pressures.
+    """
+
+    pairs: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...]
+    units: str
+
+    @property
+    def header(self) -> Mapping[str, str]:
+        """Values of the header by name; the last of several."""
+        return dict(self.pairs)
+
+    @property
+    def clipped(self) -> tuple[str, ...]:
+        """What was clipped, a line each."""
+        return tuple(value for name, value in self.pairs if name == "clipped")
+
+    def rows(self, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Times, states and pressures of the rows of a table with so many columns.
+
+        Raises:
+            ValueError: if they are damaged, or the checksum does not fit.
+        """
+        found = _rows(self.lines, len(self.pairs) + 1, columns)
+        # The sum comes after what can be named more precisely.
+        if self.header.get("checksum") != _checksum([s for s in self.lines if not s.startswith("# checksum=")]):
+            raise ValueError("checksum does not fit; the file was changed or damaged, export it again")
+        return found
+
+
+def read_content(lines: Sequence[str], schema: str) -> Content:
+    """The content of a table's file, whose header must name this schema.
+
+    Raises:
+        ValueError: if the head is damaged.
+    """
+    head = list(itertools.takewhile(lambda line: line.startswith("#"), lines))
+    pairs = tuple((name.strip(), value.strip()) for name, _, value in (line[1:].partition("=") for line in head))
+    header = dict(pairs)
+    if (given := header.get("schema")) != schema:
+        raise ValueError(f"schema {given!r} is unknown; the first line must be '# schema={schema}'")
+    if (units := header.get("units", "")) not in KPA_PER_UNIT:
+        raise ValueError(f"units {units!r} are unknown; give one of {', '.join(KPA_PER_UNIT)}")
+    _check_columns(lines, len(head), units)
+    return Content(pairs, tuple(lines), units)
+
+
+def _check_columns(lines: Sequence[str], at: int, units: str) -> None:
+    given = lines[at].split(",") if at < len(lines) else []
+    expected = _column_names(units).split(",")
+    if missing := [name for name in expected if name not in given]:
+        raise ValueError(f"line {at + 1}: column {missing[0]} is missing; give {','.join(expected)}")
+    if given != expected:
+        raise ValueError(f"line {at + 1}: columns must be {','.join(expected)}, in this order")
+
+
+def _rows(lines: Sequence[str], start: int, columns: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, states and pressures of the rows from line ``start`` on."""
+    times: list[float] = []
+    states: list[int] = []
+    rows: list[list[float]] = []
+    for index, line in enumerate(lines[start:], start + 1):
+        time, state, row = _row(line, index)
+        if section_of(state, columns) != line.split(",")[1] or state > 2 * columns + 1:
+            raise ValueError(f"line {index}: section {line.split(',')[1]!r} does not fit state {state}")
+        if times:
+            if state not in (states[-1], states[-1] + 1):
+                raise ValueError(f"line {index}: state {state} does not follow state {states[-1]}")
+            begins = section_of(state, columns) != section_of(states[-1], columns)
+            if time != times[-1] if begins else time <= times[-1]:
+                rule = "equal, as a section begins" if begins else "later"
+                raise ValueError(
+                    f"line {index}: time {time:g} s after {times[-1]:g} s is not allowed; it must be {rule}"
+                )
+        times.append(time)
+        states.append(state)
+        rows.append(row)
+    if not states or sorted(set(states)) != list(range(2 * columns + 2)):
+        raise ValueError(f"rows end early; give states 0 to {2 * columns + 1}")
+    return np.array(times), np.array(states), np.array(rows)
+
+
+def _row(line: str, index: int) -> tuple[float, int, list[float]]:
+    parts = line.split(",")
+    size = len(_FIRST) + len(CHANNELS)
+    try:
+        time, state, row = float(parts[0]), int(parts[2]), [float(part) for part in parts[3:]]
+        whole = len(parts) == size and bool(np.isfinite([time, *row]).all())
+    except (ValueError, IndexError):
+        whole = False
+    if not whole:
+        raise ValueError(f"line {index}: give {size} values, finite numbers but for the section")
+    return time, state, row
+
+
+def _checksum(lines: Sequence[str]) -> str:
+    """SHA-256 of all lines but that of the checksum."""
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _column_names(units: str) -> str:
+    return ",".join((*_FIRST, *(f"{name}_{_UNIT_SPELLING[units]}" for name in CHANNELS)))

@@ -1,0 +1,295 @@
+"""Lattice robots as parts to print, as tables of a rig, as files of other simulators; and made of meshes."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+
+from robots.hardware import PneumaticRig, RigViolation, read_channels, write_csv
+from robots.hardware.dry_run import timing_text
+from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
+from robots.lattice_robot.mesh_robot import MarkedRegion, robot_of_mesh
+from robots.lattice_robot.on_rig import played_robot
+from robots.lattice_robot.printing import overlapping_parts_of, parts_of
+from taichi_sim.lattice import Material, body_from_array
+from taichi_sim.lattice.files import load_voxel_file
+
+SOFT = Material(5e4, 1000.0, static_friction=1.0, kinetic_friction=0.5, thermal_expansion=0.01, name="soft")
+HARD = Material(1e5, 1500.0, static_friction=1.0, kinetic_friction=0.5, name="hard")
+FAST = dataclasses.replace(
+    PneumaticRig(),
+    name="fast",
+    channels=tuple(dataclasses.replace(channel, slew_kpa_per_s=1e5) for channel in PneumaticRig().channels),
+)
+
+
+def robot(drives=None, **settings):
+    """A plate of foam on four legs, of which one is hard; the fifth region is the plate."""
+    array, regions = np.zeros((5, 3, 3), int), np.zeros((5, 3, 3), int)
+    array[:, :, 2] = 1
+    for number, (x, y) in enumerate(((0, 0), (0, 2), (4, 0), (4, 2)), 1):
+        array[x, y, :2], regions[x, y, :2] = 1 + (number == 4), number
+    body = body_from_array(array, (SOFT, HARD), 0.01, regions=regions)
+    usual = (
+        Drive("legs", (1, 2, 3, 4), amplitude=(0.2, 0.1, 0.2, 0.15), phase=(0.1, 0.4, 0.1, 0.8)),
+        Drive("plate", (0,), mean=1.05, knots=(0.0, 0.1, 0.0), amplitude=0.5, axes="x"),
+    )
+    given = {"cycles": 1, "settling": 0.05, "frequency": 3.0, "name": "table, with legs"} | settings
+    return LatticeRobot(body, usual if drives is None else drives, **given)
+
+
+# --- printing
+
+
+def test_each_voxel_is_in_one_part_which_its_material_and_channel_name():
+    parts = parts_of(robot())
+    volumes = {part.name: 1e6 * part.surface.volume for part in parts}
+    names = ["soft, channel plate", "soft, channel legs 2", "soft, channel legs 1", "hard, channel legs 3"]
+    assert list(volumes) == names  # regions 1 and 3 share a wave
+    assert list(volumes.values()) == pytest.approx([15, 2, 4, 2])
+    assert len({part.colour for part in parts}) == 4
+    for part in parts:
+        assert trimesh.Trimesh(part.surface.vertices, part.surface.faces, process=False).is_watertight
+
+
+def test_a_folder_has_the_body_each_material_and_each_channel(tmp_path):
+    told = robot().save_parts(tmp_path / "parts")
+    assert told[0] == "body.stl: 23 cm^3" and len(told) == len(overlapping_parts_of(robot())) == 7
+    volumes = {path.name: trimesh.load(path).volume for path in (tmp_path / "parts").iterdir()}
+    assert volumes["material_soft.stl"] == pytest.approx(21e3) and volumes["channel_legs_1.stl"] == pytest.approx(4e3)
+    assert all(trimesh.load(path).is_watertight for path in (tmp_path / "parts").iterdir())
+    assert robot().save_parts(tmp_path / "m.3mf", "draft=2,wall=3")[0].startswith("mould lower: ")
+    free = robot((Drive("legs", (1, 2, 3, 4), amplitude=Free(0, 0.2), phase=(0.1, 0.4, Free(0, 1), 0.8)),))
+    assert len(parts_of(free.filled(free.start))) == 5 and free.save_parts(tmp_path / "free.stl")
+
+
+@pytest.mark.parametrize(
+    ("path", "mould", "message"),
+    [
+        ("a.obj", None, "parts: .*a.obj is not allowed; give a file that ends in .3mf or .stl, or a folder"),
+        ("a.stl", "draft=2", "parts: .* has place for one surface, a mould has two halves"),
+        ("a", "draft=2,thickness=3", "mould: 'thickness=3' is not allowed; give draft=DEGREES,wall=MM,pull=AXIS"),
+        ("a", "draft=two", "mould: draft 'two' is not allowed; give a number"),
+        ("a", "wall=0", "wall: 0.0 is not allowed"),
+        ("a", "draft=46", "draft: 46.0 is not allowed; give a number from 0 to 45 degrees"),
+        ("a", "pull=x", r"pull: undercut at voxel \(.*\), .* opens along x$"),
+    ],
+)
+def test_what_cannot_be_printed_is_told(tmp_path, path, mould, message):
+    with pytest.raises(ValueError, match=f"^{message}") as error:
+        robot().save_parts(tmp_path / path, mould)
+    assert "\n" not in str(error.value) and not (tmp_path / path).exists()
+
+
+# --- tables
+
+
+def test_a_table_has_the_waves_of_the_channels_on_the_lines_of_bladders(tmp_path):
+    drives = (Drive("blow", (1, 2), "pressure", mean=6e3, amplitude=(4e3, 2e3), phase=0.25),)
+    body = robot().body
+    normals = np.zeros((body.voxel_count, 3), int)
+    normals[:, 2] = 1
+    pressed = dataclasses.replace(robot(), body=dataclasses.replace(body, pressure_normals=normals), drives=drives)
+    assert pressed.exportable
+    table = pressed.table(rig=FAST)
+    main = table.pressures[np.array(table.sections) == "main"]
+    node = 6 + np.outer(np.cos(2 * np.pi * np.arange(17) / 16), [4, 2])
+    assert main[:, 1:3] == pytest.approx(node) and not main[:, 3:].any() and not main[:, 0].any()
+    assert table.durations["main"] == pytest.approx(1 / 3, abs=2e-5) and table.loops == 1
+    assert not table.pressures[[0, -1]].any()  # vented before and after
+    assert "bladder1 bladder2" in timing_text(table)
+    write_csv(table, tmp_path / "a.csv")
+    read = read_channels(tmp_path / "a.csv")
+    assert read.robot == "table, with legs" and read.rhythm == table.rhythm
+    assert read.seconds == pytest.approx(table.seconds)
+    assert [wave.values for wave in read.waves] == [pytest.approx(1e3 * line[:16]) for line in node.T]
+
+
+def test_the_calibration_is_stated_and_checked():
+    legs = dataclasses.replace(robot(), drives=robot().drives[:1])
+    calibrated = {None: (0.8, 1.2), "0.5": (1.0, 1.5), "0.7:1.3": (0.7, 1.3)}
+    for told, (low, high) in calibrated.items():
+        found = legs.table(rig=FAST, full_scale=told, on_violation="clip").waves[0].calibration
+        assert (found.low, found.high) == pytest.approx((low, high), abs=0.01)
+        assert (found.low_kpa, found.high_kpa) == (0.0, 20.0)
+    line = legs.table(rig=FAST, full_scale="0.7:1.3").pressures[:, 1]
+    assert line.max() == pytest.approx(20 * (1.2 - 0.7) / 0.6, rel=0.01)
+    for wrong in ("0", "-1", "a", "1:0.5", "1:2:3", "nan"):
+        with pytest.raises(ValueError, match=r"^full-scale: .* is not allowed; give a positive number"):
+            legs.table(full_scale=wrong)
+    with pytest.raises(ValueError, match=r"^bladder3: -.* kPa at .* is not allowed; the rig's limit is 0 kPa"):
+        legs.table(rig=FAST, full_scale="0.5")
+
+
+def test_limits_of_a_rig_are_kept_or_refused(tmp_path):
+    with pytest.raises(RigViolation, match=r"kPa/s at .* is not allowed; the rig's limit is 15 kPa/s") as refusal:
+        robot().table()
+    assert len(refusal.value.violations) > 50
+    table = robot().table(on_violation="clip")
+    assert len(table.clipped) == len(refusal.value.violations)
+    steps = np.diff(table.times)
+    rates = np.abs(np.diff(table.pressures, axis=0))[steps > 0] / steps[steps > 0, None]
+    assert rates[:, 1:9].max() == pytest.approx(15, rel=1e-3)
+    write_csv(table, tmp_path / "a.csv")
+    assert read_channels(tmp_path / "a.csv").played_frequency == pytest.approx(1 / table.durations["main"])
+    report, seconds = robot().rig_report(None)
+    assert report.exceeded and seconds == pytest.approx(2 / 3) and report.states == 32
+    assert report.playing_s == pytest.approx(2 / 3, abs=1e-4)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(("settings", "nearness"), [({}, 1e-6), ({"units": "psi"}, 1e-6), ({"rate": 480.0}, 1e-3)])
+def test_a_table_plays_in_simulation_as_designed(tmp_path, settings, nearness):
+    designed = robot()
+    table = designed.table(rig=FAST, **settings)
+    write_csv(table, tmp_path / "a.csv")
+    played = played_robot(designed, read_channels(tmp_path / "a.csv"))
+    assert [drive.name for drive in played.drives] == ["legs 1", "legs 2", "legs 3", "plate"]
+    assert played.frequency == pytest.approx(3.0, rel=nearness)
+    each = [simulate(one, threads=1, record_every=50) for one in (designed, played)]
+    first, second = (one.frames[0].positions for one in each)
+    count = min(len(first), len(second))
+    assert np.abs(first[:count] - second[:count]).max() < 10 * nearness * 0.05
+
+
+def test_damaged_tables_and_other_robots_are_refused(tmp_path):
+    write_csv(robot().table(rig=FAST), tmp_path / "a.csv")
+    text = (tmp_path / "a.csv").read_text()
+    for old, new, message in (
+        ("nodes=16", "nodes=15", "line .*: section"),
+        ("# frequency=3.0\n", "", "frequency is missing in the header"),
+        ('"low": 0', '"low": 9', "header is damaged"),
+        ("channels-1", "channels-9", "schema 'morpholab-channels-9' is unknown"),
+        ("loops=1", "loops=2", "checksum does not fit"),
+    ):
+        (tmp_path / "b.csv").write_text(text.replace(old, new, 1))
+        with pytest.raises(ValueError, match=message) as error:
+            read_channels(tmp_path / "b.csv")
+        assert str(error.value).startswith(str(tmp_path / "b.csv")) and "\n" not in str(error.value)
+    other = robot((Drive("arms", (1,), amplitude=0.1),))
+    with pytest.raises(ValueError, match=r"^channel: legs 1 of the table is none of the robot's"):
+        played_robot(other, read_channels(tmp_path / "a.csv"))
+
+
+def test_robots_that_no_rig_plays_say_why():
+    grip = robot((Drive("grip", (1,), "friction", amplitude=0.1),))
+    with pytest.raises(ValueError, match=r"^drives: no line plays grip \(friction\); it takes drives of scale"):
+        grip.table()
+    array = np.ones((3, 3, 1), int)
+    body = body_from_array(array, SOFT, 0.01, regions=np.arange(9).reshape(array.shape))
+    many = LatticeRobot(body, (Drive("all", range(9), amplitude=0.1, phase=tuple(np.arange(9) / 9)),))
+    with pytest.raises(ValueError, match=r"^drives: 9 channels are not allowed; a rig has 8 lines for them"):
+        many.table()
+    assert not grip.exportable and not many.exportable
+
+
+# --- files of other simulators
+
+
+@pytest.mark.kernels
+def test_a_vxa_moves_as_the_robot_does(tmp_path):
+    warm = Drive("warm", (1, 2), "temperature", amplitude=(8.0, 14.0), phase=(0.1, 0.7))
+    legs = Drive("legs", (3, 4), amplitude=(0.2, 0.15), phase=(0.3, 0.9), mean=1.0)
+    ours = robot((warm, legs))
+    ours.save_voxels(tmp_path / "a.vxa")
+    settings = {"cycles": 1, "settling": 0.05}
+    theirs = dataclasses.replace(load_robot(tmp_path / "a.vxa"), **settings)
+    assert theirs.frequency == pytest.approx(3.0, rel=1e-15) and theirs.body.voxel_count == ours.body.voxel_count
+    found = [simulate(one, threads=1).distance[0] for one in (ours, theirs)]
+    assert found[0] == pytest.approx(found[1], abs=1e-7) and abs(found[0]) > 1e-4
+
+
+def test_a_vxl_json_holds_the_body(tmp_path):
+    robot().save_voxels(tmp_path / "a.vxl.json")
+    body, ours = load_voxel_file(tmp_path / "a.vxl.json").body, robot().body
+    assert np.array_equal(body.voxels, ours.voxels) and body.materials == ours.materials
+    assert np.array_equal(body.regions, ours.regions)
+
+
+@pytest.mark.parametrize(
+    ("drive", "why"),
+    [
+        (Drive("a", (1,), amplitude=0.1, axes="xy"), "it acts along xy only"),
+        (Drive("a", (1,), amplitude=0.1, mean=1.1), "it swings about 1.1"),
+        (Drive("a", (1,), knots=(0.1, 0.2), amplitude=1.0), "its wave is no sine"),
+        (Drive("a", (1,), "friction", amplitude=0.1), "it sets friction"),
+    ],
+)
+def test_what_a_vxa_cannot_hold_is_told(tmp_path, drive, why):
+    with pytest.raises(ValueError, match=f"^drives: a is not allowed in a .vxa, as {why}; it takes sines"):
+        robot((drive,)).save_voxels(tmp_path / "a.vxa")
+    with pytest.raises(ValueError, match=r"^voxels: .*a.vxd is not allowed; give a file that ends in .vxa or"):
+        robot().save_voxels(tmp_path / "a.vxd")
+    assert not any(tmp_path.iterdir())
+
+
+# --- meshes
+
+
+@pytest.fixture
+def meshes(tmp_path):
+    """A plate on legs that overlap it by 5 mm, and the legs alone, in millimetres."""
+    plate = trimesh.creation.box((80, 40, 20))
+    plate.apply_translation([0, 0, 30])
+    legs = []
+    for x, y in ((-30, -10), (-30, 10), (30, -10), (30, 10)):
+        leg = trimesh.creation.box((20, 10, 25))
+        leg.apply_translation([x, y, 12.5])
+        legs.append(leg)
+    trimesh.util.concatenate([plate, *legs]).export(tmp_path / "table.stl")
+    trimesh.util.concatenate(legs[:2]).export(tmp_path / "back.ply")
+    trimesh.util.concatenate(legs[2:]).export(tmp_path / "front.obj")
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "far.stl")
+    return tmp_path
+
+
+def test_region_meshes_mark_muscles_and_materials(meshes):
+    regions = [
+        MarkedRegion.from_text(f"back={meshes / 'back.ply'}"),
+        MarkedRegion.from_text(f"front={meshes / 'front.obj'},amplitude=0.05:0.1,phase=0.25,modulus=3e5,friction=0.5"),
+        MarkedRegion.from_text(f"soles={meshes / 'front.obj'},density=900"),
+    ]
+    found = robot_of_mesh(meshes / "table.stl", 5.0, regions, friction=0.9, cycles=2)
+    assert (found.body.voxel_size, found.cycles, found.name) == (0.005, 2, "table")
+    assert found.body.voxel_count == 16 * 8 * 4 + 4 * (4 * 2 * 4)
+    assert [drive.name for drive in found.drives] == ["back", "front"]
+    assert list(found.free) == ["back_amplitude", "back_phase", "front_amplitude"]
+    materials = {m.name: m for m in found.body.materials}
+    assert (materials["body"].static_friction, materials["body"].kinetic_friction) == (0.9, pytest.approx(0.72))
+    assert (materials["front"].youngs_modulus, materials["soles"].density) == (3e5, 900)
+    assert np.bincount(found.body.regions).tolist() == [480, 80, 80]
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        ([], "region: nothing drives the body; mark a muscle"),
+        (["a=far.stl,modulus=1e5"], "region: nothing drives the body"),
+        (["a=far.stl", "a=back.ply"], "region: names a, a do not all differ"),
+        (["a=back.ply", "b=back.ply"], "region: later regions mark all voxels of a"),
+        (["a=nothing.stl"], "mesh: .*nothing.stl cannot be read"),
+        (["a=far.stl"], "region: .*far.stl of a has no voxel's centre inside"),
+    ],
+)
+def test_regions_that_mark_nothing_are_told(meshes, texts, message):
+    regions = [MarkedRegion.from_text(text.replace("=", f"={meshes}/", 1)) for text in texts]
+    with pytest.raises(ValueError, match=f"^{message}") as error:
+        robot_of_mesh(meshes / "table.stl", 10.0, regions)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("legs.stl", "region: 'legs.stl' is not allowed; give NAME=FILE"),
+        ("a=b.stl,colour=1", "region: 'colour=1' of a is not allowed; give values of modulus, density"),
+        ("a=b.stl,phase=1:2:3", "a_phase: '1:2:3' is not allowed; give a number, or a range LOW:HIGH"),
+        ("a=b.stl,phase=1:0", "low: 1 to 0 is not allowed"),
+        ("a=b.stl,modulus=1:2", "a_modulus: '1:2' is not allowed; give a number"),
+        ("a=b.stl,modulus=-1", "a_modulus: -1.0 is not allowed; give a positive"),
+    ],
+)
+def test_regions_are_read_strictly(text, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        MarkedRegion.from_text(text)
