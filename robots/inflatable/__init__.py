@@ -1,8 +1,8 @@
 """The inflatable shape-changing robot: what its designs do on a terrain.
 
-A *design* is a core pressure, a heading and a schedule. A *schedule* has levels of ten actuators, from off (0) to on
-(1), over *columns*: actuation states, each with its motion and its settling. A *stroke* is one inflation or deflation
-of a bladder. A *gait* is a design as files hold it.
+A *design* is a core pressure, a heading and a schedule; also materials of the body's regions, if these are not as built.
+A *schedule* has levels of ten actuators, from off (0) to on (1), over *columns*: actuation states, each with its motion
+and its settling. A *stroke* is one inflation or deflation of a bladder. A *gait* is a design as files hold it.
 
 Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
 et al., Nature Machine Intelligence 3, 51-59, 2021.
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from robots.inflatable.design import save_design as save_design
     from robots.inflatable.gradient import InflatableGradient as InflatableGradient
     from robots.inflatable.gradient import differentiate as differentiate
+    from robots.inflatable.materials import RegionMaterials as RegionMaterials
     from robots.inflatable.program import Counting as Counting
     from robots.inflatable.schedule import MAXIMUM_PRESSURE as MAXIMUM_PRESSURE
     from robots.inflatable.schedule import GaitSchedule as GaitSchedule

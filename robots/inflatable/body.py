@@ -71,6 +71,8 @@ class InflatableGeometry:
         collision_damping: damping ratio of contacts.
         time_step_safety: the largest stable time step is divided by this.
         cores: that the pouch is divided into along its length, of as equal numbers of rows as possible.
+        closed: whether pressure acts on the closed surface of a single core, as it does on those of several. By the
+            published law, on faces of voxels, a pouch whose regions differ in size drives itself along.
     """
 
     bladder_columns: Count = 3
@@ -86,6 +88,7 @@ class InflatableGeometry:
     collision_damping: Positive = 1.0
     time_step_safety: Positive = 1.3
     cores: Count = 1
+    closed: bool = False
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -180,7 +183,13 @@ PUBLISHED = InflatableGeometry()
 # not inch, narrower ones do not roll.
 SMALL = InflatableGeometry(bladder_columns=2, rows=16, foot_rows=2)
 TWO_CORE = InflatableGeometry(cores=2)
-NAMED_GEOMETRIES = {"published": PUBLISHED, "small": SMALL, "two-core": TWO_CORE}
+NAMED_GEOMETRIES = {
+    "published": PUBLISHED,
+    "small": SMALL,
+    "two-core": TWO_CORE,
+    "closed": replace(PUBLISHED, closed=True),
+    "small-closed": replace(SMALL, closed=True),
+}
 
 
 def _skin_kind(geometry: InflatableGeometry, x: int, y: int) -> int:
@@ -213,6 +222,10 @@ def _build(geometry: InflatableGeometry) -> LatticeBody:
     skins = len(plan)
     # The skins are joined along the two long edges and the walls only: the spaces between them are the cores.
     cut = [(i, i + skins) for i, (x, y) in enumerate(plan) if 1 < x < geometry.columns and y not in geometry.wall_rows]
+    chambers = cores_of(regions)
+    if geometry.closed and geometry.cores == 1:
+        # Pressure acts on closed surfaces where there are several chambers: bladders are one that no pressure fills.
+        chambers = np.where(kinds_of(regions) >= FIRST_BLADDER, 1, 0)
     normals = np.zeros((len(voxels), 3), int)
     normals[:skins, 2], normals[skins : 2 * skins, 2] = 1, -1
     return LatticeBody(
@@ -223,7 +236,7 @@ def _build(geometry: InflatableGeometry) -> LatticeBody:
         regions=np.array(regions),
         cut_links=np.array(cut).reshape(-1, 2),
         pressure_normals=normals,
-        chambers=cores_of(regions),
+        chambers=chambers,
     )
 
 

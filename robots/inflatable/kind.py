@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 GAITS = tuple(BY_HAND)
-GEOMETRIES = ("published", "small", "two-core")
+GEOMETRIES = ("published", "small", "two-core", "closed", "small-closed")
 RIG_OPTION = Option(
     "calibration",
     "properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",

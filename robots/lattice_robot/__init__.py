@@ -7,6 +7,9 @@ from taichi_sim.base.lazy import exported_names
 if TYPE_CHECKING:
     from robots.lattice_robot.drive import Drive as Drive
     from robots.lattice_robot.drive import Free as Free
+    from robots.lattice_robot.mesh_robot import MarkedRegion as MarkedRegion
+    from robots.lattice_robot.mesh_robot import robot_of_mesh as robot_of_mesh
+    from robots.lattice_robot.on_rig import played_robot as played_robot
     from robots.lattice_robot.record import save_robot as save_robot
     from robots.lattice_robot.robot import LatticeRobot as LatticeRobot
     from robots.lattice_robot.simulation import LatticeRobotResult as LatticeRobotResult

@@ -39,6 +39,13 @@ class LatticeRobotKind(TerrainKind):
         Option("frequency", "of a mesh, of its muscles (default: 4)", number(0.1, 100, "Hz"), "HZ"),
         Option("cycles", "of a mesh, that count (default: 4)", whole(1), "N"),
         Option("settling", "of a mesh, before its muscles move, in seconds (default: 0.25)", number(0), "S"),
+        Option(
+            "channels",
+            "a table of its channels, as export --csv writes it: its rows drive the robot instead",
+            Path,
+            "FILE",
+            commands=("simulate", "view"),
+        ),
         Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
     )
 
@@ -70,4 +77,5 @@ def _of_mesh(source: str, options: Mapping[str, Any]) -> Robot:
     given = dict(options)
     if "pitch" not in given:
         raise ValueError(f"pitch: {source} is a mesh; give the edge of its voxels, in the unit of the file")
-    return robot_of_mesh(source, given.pop("pitch"), given.pop("region", ()), **given)
+    played = {name: given.pop(name) for name in ("channels",) if name in given}
+    return robot_of_mesh(source, given.pop("pitch"), given.pop("region", ()), **given).changed(played)

@@ -422,6 +422,14 @@ class LatticeRobot(Robot):
 
         save_voxels(self._fixed, path)
 
+    def changed(self, options: Mapping[str, Any]) -> Robot:
+        """This robot, with nothing free, driven by the rows of the table ``channels``, if that is among the options."""
+        from robots.hardware.channel_table import read_channels
+        from robots.lattice_robot.on_rig import played_robot
+
+        super().changed({name: value for name, value in options.items() if name != "channels"})
+        return played_robot(self._fixed, read_channels(options["channels"])) if "channels" in options else self
+
     def facts(self) -> Facts:
         """Body, drives and cycle."""
         voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"

@@ -35,8 +35,9 @@ def save_voxels(robot: "LatticeRobot", path: str | PathLike[str]) -> None:
 def heated_file(robot: "LatticeRobot") -> VoxelFile:
     """A robot as a voxel file: one temperature, to which each voxel's expansion and phase are fitted.
 
-    Edges grow by 1 + a sin(2 pi (f t + phase)) in both. A drive of size has a by itself, so its voxels expand by a per
-    kelvin of an amplitude of 1 K; a drive of temperature has a = expansion times amplitude.
+    Edges grow by 1 + a sin(2 pi (f t + phase)) in both. A drive of size gives a itself, one of temperature the
+    expansion of its material times its amplitude. The file's temperature swings by the largest amplitude of the drives
+    of temperature, or by 1 K, and each voxel expands by a of that.
 
     Raises:
         ValueError: for drives that are no sine of size, along all axes about 1, or of temperature about 0.

@@ -91,6 +91,11 @@ def test_a_mesh_is_designed_and_leaves_as_parts_table_and_voxels(morpholab, tmp_
     assert morpholab("export a/best.json --parts mould --mould draft=3,wall=5 --voxels best.vxa")[0] == 0
     assert {path.name for path in Path("mould").iterdir()} == {"mould_lower.stl", "mould_upper.stl"}
     assert morpholab(f"view best.vxa --frames 5 --out v.html {QUICK}")[0] == 0
+    (tmp_path / "fast.toml").write_text("[channels.bladder]\nslew_kpa_per_s = 1e5\n")
+    assert morpholab("export a --csv fast.csv --rig fast.toml --full-scale 0.5:1.5")[0] == 0
+    simulations = [f"simulate --robot a/best.json --threads 1 --json{more}" for more in ("", " --channels fast.csv")]
+    own, played = (json.loads(morpholab(line)[1]) for line in simulations)
+    assert played["distance"] == pytest.approx(own["distance"], rel=1e-4) and own["distance"] != 0
     code, out, _ = morpholab("export a --csv t.csv --dry-run --full-scale 0.5:1.5 --on-violation clip")
     assert code == 0 and "bladder1" in out
 
@@ -126,6 +131,7 @@ def test_phases_that_settle_at_rest_are_named(morpholab, tmp_path):
             "export my_robot.py --csv a.csv --full-scale none",
             "full-scale: 'none' is not allowed; give a positive number",
         ),
+        ("simulate --robot my_robot.py --channels no.csv", "no.csv: cannot be read"),
         ("export rolling --parts a.stl", "parts: inflatable robot has no surfaces to print; leave it out"),
         ("export rolling --voxels a.vxa", "voxels: inflatable robot has no such file; leave it out"),
         ("export rolling --csv a.csv --full-scale 1", "full-scale: the rig's map says what pressures stand for"),
