@@ -149,6 +149,27 @@ def difference_of_means(a: ArrayLike, b: ArrayLike, paired: bool = False) -> Dif
     return Difference(mean, float(found.low), float(found.high), known.p)
 
 
+def ratio_of_means(a: ArrayLike, b: ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
+    """Mean of sample a over that of sample b, with the bounds of its confidence interval by the bootstrap.
+
+    Source: Efron & Tibshirani, An introduction to the bootstrap, 1993, ch. 13 (percentiles, 10,000 resamples).
+
+    Raises:
+        ValueError: for fewer than two values, or a mean of b that is not positive.
+    """
+    a, b = _sample("a", a), _sample("b", b)
+    if not b.mean() > 0:
+        raise ValueError(f"b: a mean of {b.mean():g} is not allowed; it must be positive")
+
+    def ratio(first: Floats, second: Floats, axis: int = -1) -> Floats:
+        means = second.mean(axis=axis)
+        return np.asarray(first.mean(axis=axis) / np.where(means > 0, means, np.nan))
+
+    settings = {"confidence_level": level, "method": "percentile", "n_resamples": 10_000, "rng": 0}
+    found = _scipy().bootstrap((a, b), ratio, **settings).confidence_interval
+    return float(ratio(a, b)), float(found.low), float(found.high)
+
+
 def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]:
     """Confidence interval of the mean by Student's t, for few values that are nearly normal.
 

@@ -22,6 +22,7 @@ STUDIES: Registry[Study] = Registry(
         "rover-sweep": "optim.studies.chapter3.rover_sweep:STUDY",
         "rover-pre-optimisation": "optim.studies.chapter3.rover_pre_optimisation:STUDY",
         "shape-change": "optim.studies.chapter5.study:STUDY",
+        "freeform": "optim.studies.beyond.freeform:STUDY",
         "gait-hunt": "optim.studies.beyond.gait_hunt.study:STUDY",
         "gait-climb": "optim.studies.beyond.gait_hunt.climb:STUDY",
         "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",

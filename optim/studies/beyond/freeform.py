@@ -1,0 +1,390 @@
+"""Freeform robots: gradients beside gradient-free searches, at equal CPU time, from 48 to 3,000 variables.
+
+Blocks whose cells each have a muscle of their own amplitude and phase; grids whose cells may also be missing or of
+another tissue. All searches begin at random. A run counts the design that was best when its CPU time was used up: it is
+written as a file, read again, and moves in double precision from several noisy starts; its speed is their median, in
+lengths of the grid per second. Settings of all methods were chosen on one other block with equal CPU time, see
+``TUNING``.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from optim.experiments.equal_cost import Contest, Entry, Point
+from optim.experiments.jobs import run_parallel
+from optim.experiments.results import Progress, part_of, read_alone, write_json
+from optim.experiments.study import Count, Settings, Study
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, read_records, where, write_records
+from optim.measures.statistics import mean_interval, ratio_of_means
+from optim.problem import Request, judge
+from optim.problems.robot import RobotProblem
+from optim.runs.history import read_history
+from robots.freeform.grid import Grid
+from robots.freeform.palette import SILICONE, Palette, Tissue
+from robots.freeform.robot import FreeformRobot
+from robots.lattice_robot import LatticeRobot, load_robot
+from robots.world import Terrain
+from taichi_sim.base.checks import positive
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import write_text
+from taichi_sim.lattice import Material
+
+NAME = "freeform"
+TABLES = ("runs.csv", "curves.csv", "trials.csv")
+FILES = ("table.md", *TABLES, "summary.json", "runs", "designs")
+EXACT = Compute(precision="f64", threads=1)
+WARM_UP = 3  # seed of the point that has the kernels compiled
+CURVE = 40  # points of a curve in the table, at most
+STARTS = 8  # noisy starts of a judged design
+FRICTIONS = (0.5, 0.65, 0.8, 1.0)
+BONE = Tissue(
+    Material(2e5, 1e3, static_friction=0.3, kinetic_friction=0.2, internal_damping=1.0, name="slippery rubber"),
+    muscle=False,
+)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is designed, where, and how much CPU time a run may take.
+
+    Attributes:
+        shape: cells along x, y and z.
+        seconds: of CPU time.
+        settings: of the robot.
+        water: whether it swims.
+    """
+
+    shape: tuple[int, int, int]
+    seconds: float
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    water: bool = False
+
+    @property
+    def robot(self) -> FreeformRobot:
+        """The robot, with all that is free."""
+        return FreeformRobot(Grid(self.shape), **self.settings)
+
+    @property
+    def terrain(self) -> Terrain:
+        """Where it moves."""
+        return Terrain.water() if self.water else Terrain()
+
+
+_BLOCK: Mapping[str, Any] = {"full": True}
+_MIXED: Mapping[str, Any] = {"palette": Palette((Tissue(SILICONE), BONE))}
+PROBLEMS = {
+    "tuning": Problem((10, 4, 4), 90.0, _BLOCK),
+    "ground-288": Problem((12, 4, 3), 90.0, _BLOCK),
+    "ground-960": Problem((12, 8, 5), 150.0, _BLOCK),
+    "water-288": Problem((12, 4, 3), 90.0, _BLOCK, water=True),
+    "attempts-1536": Problem((12, 8, 4), 60.0, _MIXED),
+    "large-3000": Problem((20, 10, 5), 600.0),
+    "ground-48": Problem((6, 2, 2), 15.0, _BLOCK),
+    "ground-120": Problem((10, 3, 2), 38.0, _BLOCK),
+    "ground-2000": Problem((20, 10, 5), 312.0, _BLOCK),
+    "water-48": Problem((6, 2, 2), 15.0, _BLOCK, water=True),
+    "water-960": Problem((12, 8, 5), 150.0, _BLOCK, water=True),
+}
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A search of the comparison.
+
+    Attributes:
+        label: what it is called.
+        method: name in ``optim.search.METHODS``.
+        settings: of the method, but the seed.
+        gradients: whether it asks for gradients.
+    """
+
+    label: str
+    method: str
+    settings: Mapping[str, Any]
+    gradients: bool = False
+
+
+ARMS = {
+    "race": Arm("gradient race", "race", {"climbers": 8, "halving": 6, "moves": 100}, True),
+    "genetic": Arm("genetic", "genetic", {"population": 32}),
+    "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 16}),
+    "nes": Arm("NES", "nes", {"population": 32}),
+    "cma": Arm("CMA-ES", "cma", {"population": 16}),
+}
+# Settings that were tried on the block for tuning, each for its CPU time with one seed, beside those above.
+TUNING: Mapping[str, Sequence[Mapping[str, Any]]] = {
+    "race": (
+        {"learning_rate": 0.1},
+        {"climbers": 4},
+        {"climbers": 16, "halving": 4},
+        {"learning_rate": 0.07, "halving": 4, "moves": 80},
+    ),
+    "genetic": (
+        {"mutation": 0.02},
+        {"mutation": 0.1},
+        {"population": 16, "mutation": 0.02},
+        {"crossover": 0.5, "mutation": 0.02, "elites": 32},
+    ),
+    "hill-climb": ({"climbers": 1}, {"climbers": 4}, {"climbers": 2}, {"climbers": 8}),
+    "nes": (
+        {"population": 16},
+        {"random_mean": True, "sigma": 0.1},
+        {"population": 16, "sigma": 0.1},
+        {"random_mean": True, "sigma": 0.1, "population": 16},
+    ),
+    "cma": ({"population": 32}, {"population": 8}, {"random_mean": True}, {"random_mean": True, "population": 8}),
+}
+
+
+@dataclass(frozen=True)
+class Comparison(Settings):
+    """How large the comparison is.
+
+    Attributes:
+        share: of the CPU time of each problem.
+        times: multiples of that time at which designs are judged, ascending.
+        seeds: runs of every search.
+        problems: of ``PROBLEMS``.
+        arms: of ``ARMS``.
+    """
+
+    share: Annotated[float, positive] = 1.0
+    times: tuple[float, ...] = (1.0, 4.0)
+    seeds: Count = 5
+    problems: tuple[str, ...] = ("ground-288", "ground-960", "water-288")
+    arms: tuple[str, ...] = tuple(ARMS)
+
+    @property
+    def runs(self) -> list[tuple[str, str, int]]:
+        """Problem, search and seed of every run, seed by seed."""
+        return [(p, arm, seed) for seed in range(self.seeds) for p in self.problems for arm in self.arms]
+
+    def contest(self, problem: str, folder: Path) -> Contest:
+        """The searches of a problem, up to the last time."""
+        entries = {
+            name: Entry(partial(designed, problem), ARMS[name].method, ARMS[name].settings) for name in self.arms
+        }
+        seconds = self.share * self.times[-1] * PROBLEMS[problem].seconds
+        return Contest(entries, "cpu", seconds, folder / "runs" / problem, lambda line: None)
+
+
+def designed(name: str) -> RobotProblem:
+    """A problem by its name, for one thread in single precision."""
+    problem = PROBLEMS[name]
+    return RobotProblem(problem.robot, (problem.terrain,), precision="f32", threads=1)
+
+
+def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
+    """Write runs, what each has found, tables, and what follows from them; runs go on where they ended."""
+    if tables := read_alone(folder, NAME, TABLES[:2], FILES, {"share": settings.share}):
+        _report(folder, settings, tables[0])
+        return
+    tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in settings.runs]
+    run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
+    rows, curves, trials = list[Record](), list[Record](), list[Record]()
+    for number, (run, (_, task)) in enumerate(zip(settings.runs, tasks, strict=True)):
+        task(where, None)
+        rows += read_records(_kept(folder, *run))
+        curves += _curve(folder, settings, *run)
+        trials += read_records(_kept(folder, *run, "trials"))
+        if progress:
+            progress((number + 1) / len(tasks))
+    for name, records in zip(TABLES, (rows, curves, trials), strict=True):
+        write_records(folder / name, records)
+    _report(folder, settings, rows)
+
+
+@cache
+def _warm_up(name: str, gradients: bool) -> None:
+    """Have the kernels of this process ready before the clock of a search starts, so that no run pays for them."""
+    problem = designed(name)
+    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
+    for sharpness in (1.0, np.inf) if gradients else (np.inf,):
+        judge(problem, Request(point, "gradients" if gradients else "points", sharpness))
+
+
+def _kept(folder: Path, problem: str, arm: str, seed: int, what: str = "run") -> Path:
+    """Where what follows from a run is kept."""
+    return folder / "designs" / f"{problem}-{arm}-{seed}-{what}.csv"
+
+
+def _task(
+    folder: Path, settings: Comparison, run: tuple[str, str, int], where: Mapping[str, Any], progress: Progress
+) -> None:
+    """Run a search, and judge what it had found at each time, if that is not done."""
+    problem, name, seed = run
+    kept, contest = _kept(folder, *run), settings.contest(problem, folder)
+    marks = [settings.share * times * PROBLEMS[problem].seconds for times in settings.times]
+    if kept.exists() and [row["seconds"] for row in read_records(kept)] == marks:
+        return
+    _warm_up(problem, ARMS[name].gradients)
+    contest.run_one(name, seed)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    rows, trials = list[Record](), list[Record]()
+    for seconds in marks:
+        row, found = _found(folder, contest, run, seconds)
+        rows.append(row)
+        trials += found
+    write_records(_kept(folder, *run, "trials"), trials)
+    write_records(kept, rows)
+
+
+def _found(folder: Path, contest: Contest, run: tuple[str, str, int], seconds: float) -> tuple[Record, list[Record]]:
+    """What a run had found when its CPU time was used up, judged, and the single trials of the judgement."""
+    problem, name, seed = run
+    points = contest.curve(name, seed)
+    within = [number for number, each in enumerate(points) if each["cpu"] <= seconds]
+    about: Record = {"problem": problem, "search": name, "seed": seed, "seconds": seconds}
+    best = None
+    if within:
+        history = read_history(contest.folder(name, seed)).generations
+        best = history[within[-1]].best_point
+    row = {
+        **about,
+        "evaluations": points[within[-1]]["evaluations"] if within else 0,
+        "score": points[within[-1]]["best"] if within else None,
+    }
+    if best is None:
+        return {**row, "speed": 0.0, "kept": None}, [{**about, "trial": "none", "speed": 0.0}]
+    path = folder / "designs" / f"{problem}-{name}-{seed}-{seconds:g}.json"
+    made = designed(problem)
+    made.save(made.space.from_dict(best), path)
+    trials = judged(load_robot(path), PROBLEMS[problem].terrain)
+    nominal = float(np.median([speed for kind, speed in trials if kind == "start"]))
+    others = [speed for kind, speed in trials if kind != "start"]
+    kept = float(np.median(others)) / nominal if nominal > 0 else None
+    return {**row, "speed": nominal, "kept": kept}, [{**about, "trial": k, "speed": speed} for k, speed in trials]
+
+
+def judged(robot: LatticeRobot, terrain: Terrain) -> list[tuple[str, float]]:
+    """Speeds of a true robot in double precision; one that diverges does not move.
+
+    Trials: ``start``, noisy starts; ``friction-0.5`` and so on, where all materials have that friction, on ground only;
+    ``half-step``, half the time step.
+    """
+    trials: list[tuple[str, LatticeRobot, Terrain]] = [
+        ("start", dataclasses.replace(robot, seed=seed), terrain) for seed in range(STARTS)
+    ]
+    if not terrain.is_fluid:
+        trials += [(f"friction-{mu:g}", robot, Terrain(high_friction=mu)) for mu in FRICTIONS]
+    half = dataclasses.replace(robot, time_step_safety=2 * robot.time_step_safety)
+    trials.append(("half-step", half, terrain))
+    found = []
+    for kind, each, place in trials:
+        speed = each.simulate((), place, compute=EXACT).measures["speed"][0]
+        found.append((kind, float(np.nan_to_num(speed))))
+    return found
+
+
+def _curve(folder: Path, settings: Comparison, problem: str, name: str, seed: int) -> list[Record]:
+    """The course of a run: at most so many of its generations, evenly, and the last."""
+    points = settings.contest(problem, folder).curve(name, seed)
+    every = max(1, -(-len(points) // CURVE))
+    chosen: list[Point] = [p for n, p in enumerate(points) if n % every == 0 or n == len(points) - 1]
+    about = {"problem": problem, "search": name, "seed": seed}
+    return [{**about, "cpu_s": round(p["cpu"], 2), "evaluations": p["evaluations"], "best": p["best"]} for p in chosen]
+
+
+def _report(folder: Path, settings: Comparison, rows: Sequence[Record]) -> None:
+    """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
+    found = {
+        f"{problem}-{seconds:g}": _summary(where(rows, problem=problem, seconds=seconds))
+        for problem in distinct(rows, "problem")
+        for seconds in distinct(where(rows, problem=problem), "seconds")
+    }
+    write_json(folder / "summary.json", {"share": settings.share, "problems": found})
+    write_text(folder / "table.md", page(*(part for each in found.values() for part in _table(each))))
+
+
+def _summary(rows: Sequence[Record]) -> dict[str, Any]:
+    """Searches of a problem after one time, and the best with gradients over the best without."""
+    problem, seconds = rows[0]["problem"], rows[0]["seconds"]
+    speeds = {name: column(where(rows, search=name), "speed") for name in distinct(rows, "search")}
+    searches = {name: _search(values, where(rows, search=name)) for name, values in speeds.items()}
+    best = {
+        kind: max((n for n in speeds if ARMS[n].gradients == kind), key=lambda n: searches[n]["mean"], default="")
+        for kind in (True, False)
+    }
+    found: dict[str, Any] = {"problem": problem, "seconds": seconds, "searches": searches}
+    if best[True] and best[False] and len(speeds[best[False]]) > 1 and searches[best[False]]["mean"] > 0:
+        ratio = ratio_of_means(speeds[best[True]], speeds[best[False]])
+        found |= {"best_with_gradients": best[True], "best_without": best[False], "ratio": ratio[0]}
+        found["interval"] = list(ratio[1:])
+    return found
+
+
+def _search(speeds: Any, rows: Sequence[Record]) -> dict[str, Any]:
+    low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
+    kept = [row["kept"] for row in rows if row["kept"] is not None]
+    return {
+        "label": ARMS[rows[0]["search"]].label,
+        "seeds": len(speeds),
+        "mean": float(speeds.mean()),
+        "low": low,
+        "high": high,
+        "each": speeds.tolist(),
+        "evaluations": float(np.median(column(rows, "evaluations"))),
+        "kept": float(np.median(kept)) if kept else None,
+    }
+
+
+def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
+    """A table of the searches of a problem, the fastest first, and the ratio."""
+    problem = PROBLEMS[found["problem"]]
+    lines = []
+    for name, each in sorted(found["searches"].items(), key=lambda item: -item[1]["mean"]):
+        interval = f"{cell(each['low'], '.3f')} to {cell(each['high'], '.3f')}"
+        told = ", ".join(f"{speed:.3f}" for speed in each["each"])
+        mark = f"**{each['label']}**" if ARMS[name].gradients else each["label"]
+        kept = cell(each["kept"], ".2f")
+        lines.append((mark, f"{each['evaluations']:.0f}", f"{each['mean']:.3f}", interval, told, kept))
+    sides = " x ".join(map(str, problem.shape))
+    variables = len(problem.robot.parameters)
+    header = ("search", "evaluations", "mean speed", "95 % interval", "each seed", "kept")
+    where_to = problem.terrain.spoken
+    told = f"{sides} cells {where_to}, {variables} variables, {found['seconds']:g} s of CPU time a run:"
+    parts: list[str | list[str]] = [told, markdown(header, "lrrrrr", lines)]
+    if "ratio" in found:
+        low, high = found["interval"]
+        parts.append(
+            f"{ARMS[found['best_with_gradients']].label} over {ARMS[found['best_without']].label}: "
+            f"{found['ratio']:.2f} times, 95 % interval {low:.2f} to {high:.2f}."
+        )
+    return parts
+
+
+def tune(folder: Path, arms: Sequence[str]) -> list[Record]:
+    """Try the settings in ``TUNING`` on the block for tuning; the score of each after its CPU time."""
+    rows = list[Record]()
+    for name in arms:
+        for number, given in enumerate(({}, *TUNING[name])):
+            arm, label = ARMS[name], f"{name}-{number}"
+            entry = Entry(partial(designed, "tuning"), arm.method, {**arm.settings, **given})
+            contest = Contest({label: entry}, "cpu", PROBLEMS["tuning"].seconds, folder / "tuning", lambda line: None)
+            _warm_up("tuning", arm.gradients)
+            contest.run_one(label, 100)
+            best = contest.at(contest.curve(label, 100), contest.budget, "best")
+            rows.append({"search": name, "settings": str({**arm.settings, **given}), "best": best})
+    return rows
+
+
+STUDY = Study(
+    title="freeform robots: gradients beside gradient-free searches, from 48 to 3,000 variables",
+    source="beyond chapter 5",
+    scales={
+        "small": Comparison(
+            share=0.2, times=(1.0,), seeds=2, problems=("ground-48",), arms=("race", "genetic", "hill-climb")
+        ),
+        "medium": Comparison(times=(1.0,)),
+        "full": Comparison(problems=tuple(name for name in PROBLEMS if name != "tuning")),
+    },
+    run=study,
+    writes=FILES[:5],
+    cost="two days of one core; medium takes three hours",
+)
