@@ -142,6 +142,8 @@ class GradientRace(Search):
         gradients = np.zeros(self.here.shape)
         gradients[rows] = np.where(valid[:, None], slopes, 0.0)
         free = free_variables(self.relaxed, self.here, gradients)
+        if self.move >= self.between:  # what makes no difference stays, whatever led there before
+            free &= gradients != 0
         rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.moves)
         steps = rate * self.steps.steps(moved, gradients, free)
         self.anchor[moved], self.step[moved] = self.here[moved], steps[moved]
