@@ -1,29 +1,31 @@
 """Gradient ascent for many variables: a race of climbers that ends in one, through ever truer designs."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from optim.problem import Evaluation
 from optim.search import method
-from optim.search.base import Search, number, positive, table, whole
+from optim.search.base import number, positive, whole
+from optim.search.independent import IndependentSearches
 from optim.search.step_rules import Adam, free_variables
 from taichi_sim.base.arrays import Arrays, Floats, Indices
 
 
 @dataclass(eq=False, kw_only=True)
-class GradientRace(Search):
+class GradientRace(IndependentSearches):
     """Rounds of C climbers that follow gradients; every few moves the worse half of them gives up.
 
     So most gradients are spent on starts that turned out well (successive halving: Jamieson & Talwalkar, AISTATS 2016).
     A round begins at random points. Where variables are binary, or ``sharpens`` says so, the climbers go through
     mixtures of designs that become ever sharper, from 1 to ``sharpest``; then they are rounded and go on as true
     designs, whose binary variables stay (continuation: Wang, Lazarov & Sigmund, Struct. Multidisc. Optim. 43, 2011).
-    Only true designs are results: also those next to the climbers, judged whenever some of these give up.
+    Only true designs are results: also those next to the climbers, judged at the start and every few moves.
 
-    A point that failed, or whose gradient did, is taken back half way to the last that did not.
+    A point that failed, or whose gradient did, is taken back half way to the last that did not; without such a point,
+    the climber starts anew.
 
     Attributes:
         climbers: C, at the start of a round.
@@ -40,12 +42,10 @@ class GradientRace(Search):
     """
 
     arrays: ClassVar[tuple[str, ...]] = (
-        *("points", "score", "here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),
+        *("here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),
     )
 
     climbers: int = whole(8, 1, method.MOST_POINTS)
-    seed: int = whole(0, 0, 2**63 - 1)
-    start: Mapping[str, float] | None = table()
     moves: int = whole(100, 2)
     halving: int = whole(6, 1)
     learning_rate: float = positive(0.05, 1.0)
@@ -66,7 +66,6 @@ class GradientRace(Search):
         self.between = round(self.mixed * self.moves) if self.mixes else 0  # moves through mixtures
         shape = (self.climbers, self.space.size)
         self.steps = Adam(*shape, 1.0, self.clip)
-        self.points, self.score = np.full((1, self.space.size), np.nan), np.nan  # the best true design
         self.here, self.anchor, self.step = np.empty((3, *shape))
         self.scale, self.record = np.empty((2, self.climbers))
         self.racing = np.zeros(self.climbers, bool)
@@ -97,9 +96,10 @@ class GradientRace(Search):
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
         """Move on from the points just judged, and let the worse half give up when it is time."""
         scores = method.single_objective(evaluation, len(points))
-        true = self.judging or self.sharpness == np.inf
-        if true:
-            self._keep(self.space.round(points), scores)
+        if self.judging or self.sharpness == np.inf:
+            kept, known = np.full(self.here.shape, np.nan), np.full(self.climbers, np.nan)
+            kept[self.racing], known[self.racing] = self.space.round(points), scores
+            self._keep(kept, known)
         if self.judging:
             self.judging = False
         else:
@@ -109,28 +109,27 @@ class GradientRace(Search):
         self.generation += 1
 
     def result(self) -> method.SearchResult:
-        """The best true design."""
-        score = np.array([[self.score]])
+        """The best true design of all climbers, and of each, in all rounds."""
         numbers = {"round": self.round, "climbers racing": int(self.racing.sum())}
-        return method.SearchResult(self.points[0].copy(), float(self.score), self.points.copy(), score, numbers)
+        return replace(super().result(), numbers=numbers)
 
     def _begin(self) -> None:
         """Begin a round with climbers at random points."""
-        rngs = [method.generator(self.seed, self.round, climber) for climber in range(self.climbers)]
-        starts = np.concatenate([self.relaxed.sample(rng, 1) for rng in rngs])
-        self.here = method.with_values(self.relaxed, starts, self.start)
-        self.move, self.racing[:] = 0, True
+        self._start_anew(range(self.climbers))
+        self.racing[:], self.judging = True, self.between > 0
         self.steps.forget(np.ones(self.climbers, bool))
         self._leave()
+
+    def _start_anew(self, climbers: Sequence[int]) -> None:
+        """Put some climbers at random points; those that fail there are put elsewhere in the next generation."""
+        rngs = [method.generator(self.seed, self.generation, climber) for climber in climbers]
+        starts = np.reshape([self.relaxed.sample(rng, 1) for rng in rngs], (-1, self.space.size))
+        starts = method.with_values(self.relaxed, starts, self.start)
+        self.here[list(climbers)] = self.space.round(starts) if self.move >= self.between else starts
 
     def _leave(self) -> None:
         """Never go back to where climbers have been, as they are judged otherwise now."""
         self.anchor[:], self.step[:], self.scale[:], self.record[:] = np.nan, 0.0, 1.0, -np.inf
-
-    def _keep(self, points: Floats, scores: Floats) -> None:
-        best = int(np.argmax(method.below_all(scores)))
-        if np.isnan(self.points).any() or scores[best] > self.score or np.isnan(self.score) > np.isnan(scores[best]):
-            self.points, self.score = points[best : best + 1].copy(), float(scores[best])
 
     def _climb(self, scores: Floats, slopes: Floats) -> None:
         """A step of Adam for each climber that races, or half way back where one failed."""
@@ -151,14 +150,15 @@ class GradientRace(Search):
         there = self.relaxed.bound(self.anchor + self.scale[:, None] * self.step * self.space.span)
         known = self.racing & ~np.isnan(self.anchor).any(axis=1)
         self.here[known] = there[known]
+        self._start_anew(np.flatnonzero(self.racing & ~known).tolist())
 
     def _next_move(self) -> bool:
         """Count the move; whether true points shall be judged next."""
         self.move += 1
         if self.move == self.moves:
-            self.round += 1
+            self.move, self.round = 0, self.round + 1
             self._begin()
-            return False
+            return self.judging
         among_mixtures = self.move < self.between
         halves = self.move % self.halving == 0
         if halves and self.racing.sum() > 1:
