@@ -46,7 +46,10 @@ class FreeformKind(TerrainKind):
         from robots.freeform.grid import Grid
         from robots.freeform.palette import Palette, palette_of
         from robots.freeform.robot import FreeformActuation, FreeformRobot
+        from robots.lattice_robot.sources import robot_of_python
 
+        if source is not None and source.lower().endswith(".py"):
+            return robot_of_python(Path(source), FreeformRobot).changed(options)
         if source is not None:
             raise ValueError(f"robot: {source} is no freeform robot; a design of one is a lattice robot")
 

@@ -50,13 +50,15 @@ class LatticeRobotKind(TerrainKind):
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
-        """The robot of a file."""
-        from robots.lattice_robot.sources import load_robot
+        """The robot of a file; one of Python may set a robot of any kind."""
+        from robots.lattice_robot.sources import load_robot, robot_of_python
 
         if source is None:
             raise ValueError("robot: a lattice robot is made of a file; give it, such as my_robot.py")
         if source.lower().endswith(MESH_SUFFIXES):
             return _of_mesh(source, options)
+        if source.lower().endswith(".py") and Path(source).is_file():
+            return robot_of_python(Path(source), Robot).changed(options)
         return load_robot(source).changed(options)
 
     def recognises(self, path: Path, form: str | None) -> bool:

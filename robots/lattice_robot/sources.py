@@ -5,7 +5,7 @@ import runpy
 import warnings
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,9 +13,11 @@ from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import MESH_SUFFIXES, VOXEL_SUFFIXES
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
+from robots.robot import Robot
 from robots.world import STANDARD_GRAVITY
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
+AnyRobot = TypeVar("AnyRobot", bound=Robot)
 SUFFIXES = (".py", ".json", *VOXEL_SUFFIXES, *MESH_SUFFIXES)
 
 
@@ -34,7 +36,7 @@ def load_robot(path: str | PathLike[str]) -> LatticeRobot:
         raise ValueError(f"robot: {path} is no file; give one of {', '.join(SUFFIXES)}")
     name = path.name.lower()
     if name.endswith(".py"):
-        return _of_python(path)
+        return robot_of_python(path, LatticeRobot)
     if name.endswith(VOXEL_SUFFIXES):
         try:
             return robot_of_voxel_file(load_voxel_file(path), name=path.stem)
@@ -86,13 +88,18 @@ def robot_of_voxel_file(
     return LatticeRobot(file.body, (drive,), **{"frequency": frequency, **settings})
 
 
-def _of_python(path: Path) -> LatticeRobot:
+def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
+    """The robot that a Python file sets, which must be of a kind; the file is run.
+
+    Raises:
+        ValueError: one line that names the file and what is wrong with it.
+    """
     try:
         names = runpy.run_path(str(path))
     except (Exception, SystemExit) as error:  # whatever the user's code does
         raise ValueError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from None
     robot = names.get("robot")
-    if not isinstance(robot, LatticeRobot):
+    if not isinstance(robot, kind):
         told = "is missing" if robot is None else f"is a {type(robot).__name__}"
-        raise ValueError(f"{path}: robot {told}; set it to a LatticeRobot")
+        raise ValueError(f"{path}: robot {told}; set it to a {kind.__name__}")
     return robot
