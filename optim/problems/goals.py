@@ -234,15 +234,16 @@ class Goals(RobotObjective):
 
     def spoken(self, measure: Measure) -> str:
         """What is maximised and minimised, for people."""
-        told = []
+        text = ""
         for part in self.parts:
-            about = part.measure
-            one = Objective(about.spoken, about.unit) if about else part.scored.objective(measure)
-            text = ("minimised " if part.goal.minimised else "") + part.goal.weighted(one.name)
-            told.append(text + (f" ({one.unit})" if one.unit else ""))
-        if len(told) == 1:
-            return told[0]
-        return f"{'the sum of ' if self.summed else ''}{', '.join(told[:-1])} and {told[-1]}"
+            one = Objective(part.measure.spoken, part.measure.unit) if part.measure else part.scored.objective(measure)
+            told = part.goal.weighted(one.name).replace("*", " × ", 1) + (f" ({one.unit})" if one.unit else "")
+            minimised = part.goal.minimised
+            if self.summed and text:
+                text += (" minus " if minimised else " plus ") + told
+            else:
+                text += ("; " if text else "") + ("minimised: " if minimised else "") + told
+        return text
 
     def differentiated(self, measure: Measure) -> tuple[str, ...]:
         """Names of the measures of all goals."""
