@@ -93,6 +93,8 @@ def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
         ValueError: for two words, a goal given twice, and a text that is no goal.
     """
     texts = [given] if isinstance(given, str) else list(given)
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"objective: {given!r} is not allowed; give texts")
     if len(texts) == 1 and texts[0] in OBJECTIVES:
         return texts[0]
     words = [text for text in texts if text in WORDS]

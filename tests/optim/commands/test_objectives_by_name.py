@@ -60,6 +60,8 @@ def test_vehicles_are_judged_by_named_measures(morpholab, tmp_path):
     assert code == 0 and out.startswith("best minus worst closest: -")
     code, _, error = morpholab("codesign --resume --out a --quiet --objective total --objective minimise:closest")
     assert code == 2 and "problem.objective: ['mean', 'minimise:closest'] is not what the run in a has" in error
+    code, _, error = morpholab("codesign --resume --out a --generations 1")
+    assert code == 0 and "generation 1/1: best minus worst closest -" in error
     code, out, _ = morpholab(f"{search} --objective total --out b")
     assert code == 0 and out.startswith("best total: -")
     code, _, error = morpholab("codesign --resume --out b --quiet --objective minimise:closest")
