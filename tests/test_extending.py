@@ -54,6 +54,18 @@ def test_the_hopper_is_designed_by_the_new_method_and_objective(lab):
     assert found.score == pytest.approx(np.sqrt(highest), rel=0.02)
 
 
+def test_the_objective_is_named_among_others_and_has_a_gradient(lab):
+    robot, point = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]])
+    problem = RobotProblem(robot, objective=("2*cautious", "minimise:0.5*height"), summed=True)
+    assert problem.objective_names == ("2*cautious height minus 0.5*height",)
+    found = problem.evaluate_relaxed(point, np.inf, gradients=True)
+    height = robot.simulate(point, robot.worlds[0]).measures["height"]
+    assert found.objectives[:, 0] == pytest.approx(2 * np.sqrt(height) - 0.5 * height)
+    for n, step in enumerate(1e-6 * np.eye(2)):
+        above, below = (problem.evaluate(point + way * step).objectives[0, 0] for way in (1, -1))
+        assert found.gradients[0, n] == pytest.approx((above - below) / 2e-6, rel=1e-6)
+
+
 def test_the_hoppers_gradient_is_that_of_differences(lab):
     robot, point, step = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]]), 1e-6
     slopes = robot.differentiate(point, robot.worlds[0]).gradients["height"][0]

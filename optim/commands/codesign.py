@@ -162,6 +162,6 @@ def _interrupted(shown: "list[Generation]", planned: Plan, folder: Path, code: i
 
 
 def _text(last: "Generation", planned: Plan) -> str:
-    best, mean = Objective("best").value(last.best), planned.score.value(last.mean)
+    best, mean = Objective(planned.best_name).value(last.best), planned.score.value(last.mean)
     spent = counted(last.evaluations, "evaluation")
-    return f"generation {last.generation}/{planned.generations}: best {best}, mean {mean}, {spent}"
+    return f"generation {last.generation}/{planned.generations}: {planned.best_name} {best}, mean {mean}, {spent}"

@@ -95,6 +95,12 @@ class Plan:
         """Name and unit of the scores."""
         return score_of(objectives_of(self.problem))
 
+    @property
+    def best_name(self) -> str:
+        """What progress calls the best score: by its name where objectives were named, as it may be negated."""
+        named = isinstance(getattr(self.problem, "objective", ""), tuple)
+        return f"best {self.score.name}" if named else "best"
+
     def config(self) -> dict[str, Any]:
         """The settings of the run."""
         return settings_of(self.problem, self.method, self.settings, self.generations)

@@ -19,6 +19,8 @@ DESIGNERS = {
     "vehicle": "optim.problems.designer:VehicleDesigner",
 }
 
+VEHICLE_WORDS = {"total": "mean", "environments": "each"}  # what these are of robots of other kinds
+
 
 @dataclass(frozen=True)
 class Request:
@@ -87,13 +89,11 @@ class Designer:
         worlds = self.kind.world_options
         return (
             *(dataclasses.replace(option, help=_of_several(option), several=True) for option in worlds),
-            Option(
-                "objective",
-                f"of several {worlds[0].name}s: the mean, each, the worst, or an objective of an installed package "
-                "(default: mean; each with methods for several objectives)",
-                metavar="NAME",
+            objective_option(
+                f"mean, each or worst of several {worlds[0].name}s",
+                "the mean of the robot's first measure; each with methods for several objectives",
             ),
-            Option("measure", "of the robot that the objective is about (default: its first)", metavar="NAME"),
+            Option("measure", "of the robot that mean, each and worst are about (default: its first)", metavar="NAME"),
             *self.kind.options_for("codesign"),
         )
 
@@ -109,11 +109,26 @@ class Designer:
         settings.setdefault("precision", getattr(asked.known, "precision", self.kind.search_precision))
         if worlds := self.worlds(asked):
             settings["worlds"] = worlds
-        settings |= asked.chosen(("objective", "measure"))
+        settings |= asked.chosen(("measure",))
+        if "objective" in asked.given:
+            settings |= self._objectives(asked)
         if asked.known is not None:
             return Design(self._continued(asked, settings))
         settings.setdefault("objective", "each" if asked.several else "mean")
         return Design(RobotProblem(make_robot(self.kind, asked.source, self._own(asked.given)), **settings))
+
+    def _objectives(self, asked: Request) -> dict[str, Any]:
+        """Fields of the problem by which it is judged; several goals are judged by their mean unless a word is given.
+
+        Raises:
+            ValueError: for what is no objective.
+        """
+        from optim.problems.goals import WORDS, named
+
+        texts = asked.given["objective"]
+        alone = sum(text not in WORDS for text in texts) == 1
+        objective = named(texts, "each" if asked.several and alone else "mean")
+        return {"objective": objective, **({} if isinstance(objective, str) else {"summed": not asked.several})}
 
     def worlds(self, asked: Request) -> tuple[World, ...]:
         """The worlds asked for, in whichever way each of them is named."""
@@ -139,7 +154,7 @@ class Designer:
             settings["terrain"], *others = settings.pop("worlds")
             if others:
                 raise ValueError(f"terrain: the run in {asked.out} has one; leave out {others[0].name}")
-        for name in settings.keys() - fields:
+        for name in sorted(settings.keys() - fields):
             raise ValueError(f"{name}: the run in {asked.out} is one of version 1.0, which knows none; leave it out")
         problem: Problem = dataclasses.replace(known, **settings)
         return problem
@@ -173,10 +188,11 @@ class VehicleDesigner(Designer):
     @property
     def options(self) -> tuple[Option, ...]:
         """What ``codesign`` can be asked."""
-        told = (
-            "the sum of the distances from the light, or each (default: total; environments with methods for several)"
+        own = objective_option(
+            "total or environments: the sum of the distances from the light, or each; with measures total is the mean "
+            "over the environments, as worst is the worst of them",
+            "total; environments with methods for several objectives",
         )
-        own = Option("objective", told, choices=("total", "environments"))
         return tuple(
             own if option.name == "objective" else option for option in super().options if option.name != "measure"
         )
@@ -186,21 +202,33 @@ class VehicleDesigner(Designer):
         from optim.problems.braitenberg import VehicleProblem
 
         settings = asked.chosen(COMPUTE)
-        if self.worlds(asked) or (asked.known is not None and hasattr(asked.known, "worlds")):
-            general = {"total": "mean", "environments": "each"}
-            given = {**asked.given}
-            if "objective" in given:
-                given["objective"] = general[given["objective"]]
+        texts = asked.given.get("objective", [])
+        named = asked.known is None and any(text not in VEHICLE_WORDS for text in texts)
+        if named or self.worlds(asked) or hasattr(asked.known, "worlds"):
+            given = {**asked.given, **({"objective": [VEHICLE_WORDS.get(t, t) for t in texts]} if texts else {})}
             return super().design(dataclasses.replace(asked, given=given))  # by each environment's own measures
+        if len(texts) > 1:
+            raise ValueError(f"objective: {' and '.join(texts)} are not allowed together; give one of them")
+        objective = texts[0] if texts else None
         if asked.known is not None:
-            asked.same("problem.objectives", asked.given.get("objective"), getattr(asked.known, "objectives", ""))
+            asked.same("problem.objectives", objective, getattr(asked.known, "objectives", ""))
             return Design(self._continued(asked, settings))
         robot: Any = make_robot(self.kind, asked.source, self._own(asked.given))
         if not robot.parameters:
             raise ValueError("controller: weights leave nothing free to change; give contralateral or full")
-        objectives = asked.given.get("objective") or ("environments" if asked.several else "total")
+        objectives = objective or ("environments" if asked.several else "total")
         body = {"body": robot.body, "controller": robot.controller, "sensors": robot.sensors}
         return Design(VehicleProblem(**body, objectives=objectives, **settings))
+
+
+def objective_option(words: str, default: str) -> Option:
+    """The option that names objectives; ``words`` says how worlds are combined."""
+    goals = (
+        "NAME of a measure of the robot or an objective of an installed package, WEIGHT*NAME, minimise:NAME or "
+        "minimise:WEIGHT*NAME; repeat it for several, which add up, or make a front with methods for several "
+        "objectives"
+    )
+    return Option("objective", f"{goals}; or {words} (default: {default})", metavar="OBJECTIVE", several=True)
 
 
 def options_of(kind: RobotKind) -> tuple[Option, ...]:

@@ -13,6 +13,8 @@ from robots.robot import Measure, Outcome, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.registry import Registry
 
+DERIVATIVES = {"score": "slopes", "combined": "combined_slopes", "values": "gradients"}  # of methods
+
 
 class RobotObjective:
     """The mean over the worlds of a score, which is a measure of the robot unless a subclass says otherwise."""
@@ -31,36 +33,69 @@ class RobotObjective:
         Raises:
             ValueError: if they are not known.
         """
-        if type(self).score is not RobotObjective.score or measure.name not in outcome.gradients:
-            raise ValueError(f"objective: {self.objective(measure).name} has no gradient; choose another method")
+        self.differentiated(measure)
+        if measure.name not in outcome.gradients:
+            raise self._flat(measure)
         return outcome.gradients[measure.name]
+
+    def differentiated(self, measure: Measure) -> tuple[str, ...]:
+        """Names of the measures whose gradients :meth:`slopes` needs.
+
+        Raises:
+            ValueError: if the score has no derivatives.
+        """
+        own = self.own
+        alone = any(law in own and slope not in own for law, slope in DERIVATIVES.items())  # its derivative is unknown
+        if alone and "gradients" not in own:
+            raise self._flat(measure)
+        return (measure.name,)
 
     def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """Names and units of the K objectives."""
-        return (self.objective(measure),)
+        return self.named(self.objective(measure), worlds)
 
     def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """The objectives of N points, shape (N, K), of one outcome for each world."""
-        return np.mean([self.score(outcome, measure) for outcome in outcomes], axis=0)[:, None]
+        return self.combined(np.array([self.score(outcome, measure) for outcome in outcomes]))
 
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of a single objective by the parameters, shape (N, P)."""
-        return np.asarray(np.mean([self.slopes(outcome, measure) for outcome in outcomes], axis=0))
+        scores = np.array([self.score(outcome, measure) for outcome in outcomes])
+        return self.combined_slopes(scores, np.array([self.slopes(outcome, measure) for outcome in outcomes]))
+
+    def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
+        """What comes of a score of this name and unit, by combining W worlds."""
+        return (one,)
+
+    def combined(self, scores: Floats) -> Floats:
+        """The objectives, shape (N, K), of the scores in W worlds, shape (W, N)."""
+        return np.asarray(np.mean(scores, axis=0))[:, None]
+
+    def combined_slopes(self, scores: Floats, slopes: Floats) -> Floats:
+        """Derivatives of a single objective, shape (N, P), of scores, shape (W, N), and slopes, shape (W, N, P)."""
+        return np.asarray(np.mean(slopes, axis=0))
+
+    @property
+    def own(self) -> set[str]:
+        """Names of the methods that a subclass defines in its own way."""
+        return {name for name, one in vars(RobotObjective).items() if getattr(type(self), name) is not one}
+
+    def _flat(self, measure: Measure) -> ValueError:
+        return ValueError(f"objective: {self.objective(measure).name} has no gradient; choose another method")
 
 
 class EachWorld(RobotObjective):
     """The score in each world is an objective."""
 
-    def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
+    def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """One for each world."""
-        one = self.objective(measure)
         return tuple(Objective(f"{one.name}_{world.name}", one.unit) for world in worlds)
 
-    def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+    def combined(self, scores: Floats) -> Floats:
         """The scores in all worlds."""
-        return np.stack([self.score(outcome, measure) for outcome in outcomes], axis=1)
+        return scores.T
 
-    def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+    def differentiated(self, measure: Measure) -> tuple[str, ...]:
         """Several objectives have no single gradient."""
         raise ValueError("objective: one for each world has no single gradient; choose mean or worst")
 
@@ -68,20 +103,18 @@ class EachWorld(RobotObjective):
 class WorstWorld(RobotObjective):
     """The score in the world in which it is lowest."""
 
-    def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
+    def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """One, named after the score."""
-        one = self.objective(measure)
         return (Objective(f"worst {one.name}", one.unit),)
 
-    def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+    def combined(self, scores: Floats) -> Floats:
         """The lowest score."""
-        return np.min([self.score(outcome, measure) for outcome in outcomes], axis=0)[:, None]
+        return np.asarray(np.min(scores, axis=0))[:, None]
 
-    def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+    def combined_slopes(self, scores: Floats, slopes: Floats) -> Floats:
         """The derivatives in the world that is worst."""
-        scores = np.nan_to_num([self.score(outcome, measure) for outcome in outcomes], nan=-np.inf)
-        slopes = np.array([self.slopes(outcome, measure) for outcome in outcomes])
-        return np.asarray(slopes[scores.argmin(axis=0), np.arange(slopes.shape[1])])
+        worst = np.nan_to_num(scores, nan=-np.inf).argmin(axis=0)
+        return np.asarray(slopes[worst, np.arange(slopes.shape[1])])
 
 
 OBJECTIVES: Registry[type[RobotObjective]] = Registry(

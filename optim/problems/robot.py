@@ -14,11 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import OK, Evaluation, Objective, Problem
-from optim.problems.objectives import OBJECTIVES, RobotObjective
+from optim.problems.goals import Goals, Names, named, objective_of
+from optim.problems.objectives import RobotObjective
 from optim.space import Space
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, World, part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+
+OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -138,8 +141,9 @@ def subject_of(name: str, worlds: Sequence[World]) -> str:
 class JudgedRobot(RobotDesigning):
     """A robot of any kind, judged by an objective. Subclasses say which robot, and how to describe that."""
 
-    objective = "mean"
+    objective: Names = "mean"
     measure = ""
+    summed = False
 
     @property
     @abstractmethod
@@ -168,7 +172,7 @@ class JudgedRobot(RobotDesigning):
 
     @cached_property
     def _objective(self) -> RobotObjective:
-        return OBJECTIVES.find(self.objective)()
+        return objective_of(self.objective, self.offered.measures, self.summed)
 
     @property
     def _objectives(self) -> tuple[Objective, ...]:
@@ -216,16 +220,15 @@ class JudgedRobot(RobotDesigning):
             compute = dataclasses.replace(compute, precision="f32")  # mixtures only lead to results
         if not gradients and sharpness == math.inf:
             return self.evaluate(points)
-        attempt = (
-            partial(robot.differentiate, sharpness=sharpness)
-            if gradients
-            else partial(robot.simulate, sharpness=sharpness)
-        )
+        attempt = partial(robot.simulate, sharpness=sharpness)
+        if gradients:
+            measures = self._objective.differentiated(self.judged_by)
+            attempt = partial(robot.differentiate, sharpness=sharpness, measures=measures)
         outcomes = self._tried(points, attempt, compute)
-        if not gradients:
-            return self._judged(outcomes, self._objective.values(outcomes, self.judged_by), None)
         values = self._objective.values(outcomes, self.judged_by)
-        return self._judged(outcomes, values, self._objective.gradients(outcomes, self.judged_by))
+        return self._judged(
+            outcomes, values, self._objective.gradients(outcomes, self.judged_by) if gradients else None
+        )
 
     def _tried(
         self, points: ArrayLike, attempt: Callable[..., Outcome], compute: Compute | None = None
@@ -258,10 +261,15 @@ class JudgedRobot(RobotDesigning):
 
     @property
     def curves(self) -> Mapping[str, str]:
-        """The measure in each of several worlds, and what else the robot names."""
+        """The measure in each of several worlds, or those of several goals, and what else the robot names."""
         several = self.tried_in if len(self.tried_in) > 1 else ()
-        name = self.judged_by.name
-        return {f"{name}_{world.name}": world.spoken or world.name for world in several} or self.offered.curves
+        about = (self._objective.about if isinstance(self._objective, Goals) else ()) or (self.judged_by,)
+        if len(about) == 1:
+            name = about[0].name
+            return {f"{name}_{world.name}": world.spoken or world.name for world in several} or self.offered.curves
+        labels = {measure.name: Objective(measure.name, measure.unit).label for measure in about}
+        places = [(f"_{world.name}", f" {world.spoken or world.name}") for world in several] or [("", "")]
+        return {name + end: label + place for name, label in labels.items() for end, place in places}
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
         """What the robot tells of several points."""
@@ -273,10 +281,14 @@ class JudgedRobot(RobotDesigning):
 
     def facts(self) -> Facts:
         """Rows for a report: the robot, its worlds, the objective and the simulation."""
-        (first, *_), several = self._objectives, len(self.tried_in) > 1
-        over = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}
-        spoken = self.judged_by.spoken if first.name.endswith(self.judged_by.name) else first.name
-        told = spoken + (over.get(self.objective, "") if several else "") + (f" ({first.unit})" if first.unit else "")
+        first, over = self._objectives[0], ""
+        if len(self.tried_in) > 1:
+            over = OVER.get(self.objective if isinstance(self.objective, str) else self.objective[0], "")
+        if isinstance(self._objective, Goals):
+            told = self._objective.spoken(self.judged_by) + over
+        else:
+            spoken = self.judged_by.spoken if first.name.endswith(self.judged_by.name) else first.name
+            told = spoken + over + (f" ({first.unit})" if first.unit else "")
         return [
             *self.offered.facts(),
             (
@@ -296,21 +308,27 @@ class RobotProblem(JudgedRobot):
     Attributes:
         robot: with what is free of it.
         worlds: where it is tried; its own by default.
-        objective: name in ``OBJECTIVES``: ``"mean"`` over the worlds, ``"each"`` world, ``"worst"`` world.
-        measure: of the robot, that the objective is about; the first by default.
+        objective: name in ``OBJECTIVES``: ``"mean"`` over the worlds, ``"each"`` world, ``"worst"`` world; or several
+            texts, such as ``("worst", "speed", "minimise:0.1*energy")``, see ``optim.problems.goals``.
+        measure: of the robot, that an objective that names none is about; the first by default.
+        summed: whether goals add up to one objective, for methods that take one; else each is one.
     """
 
     robot: Robot
     worlds: tuple[World, ...] = ()
-    objective: str = "mean"
+    objective: Names = "mean"
     measure: str = ""
+    summed: bool = False
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "objective", named(self.objective))
         object.__setattr__(self, "worlds", tuple(self.worlds) or self.robot.worlds)
         names = [world.name for world in self.worlds]
         if len(set(names)) < len(names):
             raise ValueError(f"{KINDS[self.robot.kind].world_option}: {', '.join(names)}; give none twice")
         _ = self.space, self.compute, self.objective_names
+        if self.measure and isinstance(self._objective, Goals) and self._objective.names_all:
+            raise ValueError(f"measure: {self.measure!r} is not used; each objective names its own, so leave it out")
 
     @property
     def offered(self) -> Robot:
@@ -329,7 +347,8 @@ class RobotProblem(JudgedRobot):
             "kind": self.robot.kind,
             "robot": json.dumps(self.robot.describe(), separators=(",", ":")),
             "worlds": [kind.world_record(world) for world in self.worlds],
-            "objective": self.objective,
+            "objective": self.objective if isinstance(self.objective, str) else list(self.objective),
+            **({} if isinstance(self.objective, str) else {"summed": self.summed}),
             **({"measure": self.measure} if self.measure else {}),
             "precision": self.precision,
             "device": self.device,

@@ -28,6 +28,7 @@ JUDGED = (
     "worlds",
     "objective",
     "measure",
+    "summed",
     "objectives",
     "steps",
     "warm_up",

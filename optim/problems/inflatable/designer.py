@@ -28,6 +28,7 @@ SETTINGS = (
     *("steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort"),
     *("window", "draws", "noise", "friction_spread", "gentle"),
 )
+WORDS = ("mean", "terrains")  # how the speeds on several terrains are judged
 INSIDE = 0.15  # how far levels keep from off and on there
 OPTIONS = (
     Option(
@@ -140,9 +141,10 @@ class InflatableDesigner(Designer):
         worlds = super().options[: len(self.kind.world_options)]
         objective = Option(
             "objective",
-            "the mean speed over the terrains, or that on each of them (default: mean; terrains with methods for "
-            "several objectives)",
-            choices=("mean", "terrains"),
+            "mean or terrains: the mean speed over the terrains, or that on each of them (default: mean; terrains with "
+            "methods for several objectives); speed, its only measure, may be named, too",
+            metavar="OBJECTIVE",
+            several=True,
         )
         return (*worlds, objective, *OPTIONS)
 
@@ -186,9 +188,18 @@ class InflatableDesigner(Designer):
 
 def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
     """The mean over the terrains, or each of them where the method looks for a front."""
+    texts = args.objective or []
+    for text in texts:
+        if text not in (*WORDS, "speed"):
+            more = "; --effort says what it costs to move" if "effort" in text or "energy" in text else ""
+            raise ValueError(f"objective: {text!r} is not allowed; gaits have mean, terrains and speed{more}")
+    words = [text for text in texts if text in WORDS]
+    if len(words) > 1 or len(set(texts)) < len(texts):
+        raise ValueError(f"objective: {', '.join(texts)} are not allowed together; give mean or terrains once")
+    word = words[0] if words else None
     if asked.known is not None:
-        asked.same("problem.objectives", args.objective, settings["objectives"])
-    settings.setdefault("objectives", args.objective or ("terrains" if asked.several else "mean"))
+        asked.same("problem.objectives", word, settings["objectives"])
+    settings.setdefault("objectives", word or ("terrains" if asked.several else "mean"))
     count = len(set(args.terrain))
     if settings["objectives"] == "terrains" and not asked.several:
         why = f"needs a method for several objectives; {asked.method} takes one, the mean"

@@ -1,0 +1,276 @@
+"""Objectives by name: which measures a search maximises or minimises, with which weights, and over which worlds.
+
+A goal is written ``NAME``, ``WEIGHT*NAME``, ``minimise:NAME`` or ``minimise:WEIGHT*NAME``. Its name is a measure of the
+robot, or an objective that an installed package adds. The words ``mean``, ``each`` and ``worst`` among goals say how
+worlds are combined, each goal by itself.
+
+Searches maximise all that they are told, so a goal that is minimised is told negated: as ``minus energy``.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from optim.problem import Objective
+from optim.problems.objectives import OBJECTIVES, RobotObjective
+from robots.robot import Measure, Outcome, World
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import nearest
+
+MINIMISE = "minimise:"
+WORDS = tuple(OBJECTIVES.builtin)  # how worlds are combined
+WAYS = ("objectives", "values", "gradients", "named", "combined", "combined_slopes")  # to combine worlds
+Names = str | tuple[str, ...]  # one objective of the registry, or how worlds are combined and then the goals
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A number that a search maximises, or minimises, with a weight.
+
+    Attributes:
+        name: of a measure, or of an objective in ``OBJECTIVES``.
+        weight: of it in a sum, above 0; an objective by itself has its weight, too.
+        minimised: whether less is better.
+    """
+
+    name: str
+    weight: float = 1.0
+    minimised: bool = False
+
+    @classmethod
+    def of(cls, text: str) -> "Goal":
+        """The goal that a text says.
+
+        Raises:
+            ValueError: for a weight that is not allowed.
+        """
+        rest = text.removeprefix(MINIMISE)
+        weight, star, name = rest.rpartition("*")
+        try:
+            number = float(weight) if star else 1.0
+        except ValueError:
+            number = math.nan
+        if not (0 < number < math.inf) or not name or ":" in name:
+            hint = "; what shall be low is minimise:NAME" if number < 0 else ""
+            raise ValueError(
+                f"objective: {text!r} is not allowed; give NAME, WEIGHT*NAME, minimise:NAME or minimise:WEIGHT*NAME "
+                f"with a finite weight above 0{hint}"
+            )
+        return cls(name, number, rest != text)
+
+    @property
+    def text(self) -> str:
+        """The text that says it, always the same for the same goal."""
+        return (MINIMISE if self.minimised else "") + self.weighted(self.name)
+
+    @property
+    def factor(self) -> float:
+        """By which its scores are multiplied to be maximised."""
+        return -self.weight if self.minimised else self.weight
+
+    def weighted(self, name: str) -> str:
+        """A name with the weight, unless that is 1."""
+        short = f"{self.weight:g}"
+        weight = short if float(short) == self.weight else repr(self.weight)
+        return name if self.weight == 1 else f"{weight}*{name}"
+
+    def told(self, one: Objective) -> Objective:
+        """What searches call an objective with the weight and the sign of this goal."""
+        return Objective(("minus " if self.minimised else "") + self.weighted(one.name), one.unit)
+
+
+def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
+    """What was asked for, in one way only: the name of one objective, or how worlds are combined and the goals.
+
+    Args:
+        given: words and goals, in any order.
+        usual: how worlds are combined unless a word says so.
+
+    Raises:
+        ValueError: for two words, a goal given twice, and a text that is no goal.
+    """
+    texts = [given] if isinstance(given, str) else list(given)
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"objective: {given!r} is not allowed; give texts")
+    if len(texts) == 1 and texts[0] in OBJECTIVES:
+        return texts[0]
+    words = [text for text in texts if text in WORDS]
+    if len(words) > 1:
+        raise ValueError(f"objective: {words[0]} and {words[1]} both say how worlds are combined; give one of them")
+    goals = [Goal.of(text) for text in texts if text not in WORDS]
+    for number, goal in enumerate(goals):
+        if goal.name in WORDS:
+            raise ValueError(f"objective: {goal.text!r} is not allowed; {goal.name} says how worlds are combined")
+        if goal.name in (other.name for other in goals[:number]):
+            raise ValueError(f"objective: {goal.name} is given twice; name each once")
+    word = words[0] if words else usual
+    return (word, *(goal.text for goal in goals)) if goals else word
+
+
+def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> RobotObjective:
+    """What judges robots by an objective of the registry, or by goals, of which the first name says how worlds combine.
+
+    Args:
+        names: see :func:`named`.
+        measures: that the robot offers.
+        summed: whether goals add up to one objective; else each is one.
+
+    Raises:
+        ValueError: for a name that is unknown, or goals that cannot be combined so.
+    """
+    if isinstance(names, str):
+        return OBJECTIVES.find(names)()
+    known = {measure.name: measure for measure in measures}
+    parts = []
+    for goal in map(Goal.of, names[1:]):
+        if goal.name not in OBJECTIVES and goal.name not in known:
+            others = [name for name in OBJECTIVES if name not in WORDS]
+            hint = nearest(goal.name, [*known, *OBJECTIVES]).removeprefix("; ")
+            raise ValueError(
+                f"objective: {goal.name!r} is unknown; {hint + ' all' if hint else 'choose one of the'} measures: "
+                f"{', '.join(known)}{'; objectives: ' if others else ''}{', '.join(others)}"
+            )
+        scored = OBJECTIVES[goal.name]() if goal.name in OBJECTIVES else RobotObjective()
+        parts.append(Part(goal, scored, None if goal.name in OBJECTIVES else known[goal.name], names[0]))
+    return Goals(tuple(parts), names[0], summed)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A goal, and how its scores in several worlds come about.
+
+    Attributes:
+        goal: with weight and sign.
+        scored: tells the score in one world; one that combines worlds in a way of its own does that, too.
+        measure: that it is about; None for the one that the problem names.
+        word: how worlds are combined.
+
+    Raises:
+        ValueError: if two ways to combine worlds are asked for.
+    """
+
+    goal: Goal
+    scored: RobotObjective
+    measure: Measure | None
+    word: str
+
+    def __post_init__(self) -> None:
+        if self.combines and self.word != "mean":
+            raise ValueError(
+                f"objective: {self.goal.name} combines worlds in its own way; give mean instead of {self.word}"
+            )
+
+    @property
+    def combines(self) -> bool:
+        """Whether the objective of a package combines worlds in a way of its own."""
+        return not self.scored.own.isdisjoint(WAYS)
+
+    @cached_property
+    def over(self) -> RobotObjective:
+        """What combines the worlds."""
+        return self.scored if self.combines else OBJECTIVES[self.word]()
+
+    def about(self, usual: Measure) -> Measure:
+        """The measure of its score."""
+        return self.measure or usual
+
+    def objectives(self, usual: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
+        """Names and units of what is maximised."""
+        measure = self.about(usual)
+        if self.combines:
+            return tuple(map(self.goal.told, self.scored.objectives(measure, worlds)))
+        return tuple(map(self.goal.told, self.over.named(self.scored.objective(measure), worlds)))
+
+    def values(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
+        """What is maximised, shape (N, K)."""
+        if self.combines:
+            return self.goal.factor * self.scored.values(outcomes, self.about(usual))
+        return self.over.combined(self._scores(outcomes, usual))
+
+    def gradients(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
+        """Derivatives of what is maximised by the parameters, shape (N, P)."""
+        measure = self.about(usual)
+        if self.combines:
+            return self.goal.factor * self.scored.gradients(outcomes, measure)
+        slopes = self.goal.factor * np.array([self.scored.slopes(outcome, measure) for outcome in outcomes])
+        return self.over.combined_slopes(self._scores(outcomes, usual), slopes)
+
+    def _scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
+        """Scores with weight and sign, shape (W, N): the worst of what is minimised is the largest."""
+        return self.goal.factor * np.array([self.scored.score(outcome, self.about(usual)) for outcome in outcomes])
+
+
+@dataclass(frozen=True)
+class Goals(RobotObjective):
+    """Several goals, each an objective or one for each world, or all of them one objective, their weighted sum.
+
+    Attributes:
+        parts: the goals.
+        word: how worlds are combined.
+        summed: whether they add up.
+
+    Raises:
+        ValueError: if a sum is asked for each world by itself.
+    """
+
+    parts: tuple[Part, ...]
+    word: str
+    summed: bool
+
+    def __post_init__(self) -> None:
+        if self.summed and self.word == "each":
+            raise ValueError("objective: each needs a method for several objectives; choose mean or worst")
+
+    @property
+    def about(self) -> tuple[Measure, ...]:
+        """Measures that goals name."""
+        return tuple(part.measure for part in self.parts if part.measure)
+
+    @property
+    def names_all(self) -> bool:
+        """Whether every goal is a measure."""
+        return len(self.about) == len(self.parts)
+
+    def spoken(self, measure: Measure) -> str:
+        """What is maximised and minimised, for people."""
+        text = ""
+        for part in self.parts:
+            one = Objective(part.measure.spoken, part.measure.unit) if part.measure else part.scored.objective(measure)
+            told = part.goal.weighted(one.name).replace("*", " × ", 1) + (f" ({one.unit})" if one.unit else "")
+            minimised = part.goal.minimised
+            if self.summed and text:
+                text += (" minus " if minimised else " plus ") + told
+            else:
+                text += ("; " if text else "") + ("minimised: " if minimised else "") + told
+        return text
+
+    def differentiated(self, measure: Measure) -> tuple[str, ...]:
+        """Names of the measures of all goals."""
+        if self.word == "each" or (len(self.parts) > 1 and not self.summed):
+            raise ValueError("objective: several have no single gradient; choose a method for one objective")
+        needed = [name for part in self.parts for name in part.scored.differentiated(part.about(measure))]
+        return tuple(dict.fromkeys(needed))
+
+    def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
+        """Those of all goals in their order; or their sum, such as ``speed minus 0.1*energy``."""
+        each = tuple(one for part in self.parts for one in part.objectives(measure, worlds))
+        if not self.summed:
+            return each
+        if len(each) > len(self.parts):
+            names = ", ".join(one.name for one in each)
+            raise ValueError(f"objective: {names} have no sum; choose a method for several objectives")
+        units = {one.unit for one in each}
+        name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
+        return (Objective(name, units.pop() if len(units) == 1 else ""),)
+
+    def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+        """A column for each objective, or the sum."""
+        each = np.concatenate([part.values(outcomes, measure) for part in self.parts], axis=1)
+        return np.asarray(each.sum(axis=1, keepdims=True)) if self.summed else each
+
+    def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+        """Derivatives of the sum."""
+        return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.parts], axis=0))

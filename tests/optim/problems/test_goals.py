@@ -1,0 +1,193 @@
+"""Objectives by name: goals with weights and signs, combined over worlds, summed or side by side."""
+
+import json
+
+import numpy as np
+import pytest
+from plug_in import install
+
+from optim.problem import Objective, objectives_of
+from optim.problems import problem_of_description
+from optim.problems.goals import Goal, named
+from optim.problems.objectives import OBJECTIVES, RobotObjective
+from optim.problems.robot import RobotProblem
+from robots.freeform.grid import Grid
+from robots.freeform.robot import FreeformRobot
+from robots.robot import Measure, Outcome, Parameter, Place, Robot
+from robots.world import Terrain
+
+POINTS = np.array([[0.5, 2.0], [1.5, 1.0], [-1.0, 0.3]])
+
+
+class Cart(Robot):
+    """Its speed and cost are plain functions of two numbers, and depend on where it is."""
+
+    kind = "freeform"
+    parameters = (Parameter("push", -2.0, 2.0), Parameter("gear", 0.1, 3.0))
+    measures = (Measure("speed", "m/s"), Measure("cost", "J", "work of the motor"), Measure("heat", "J"))
+    worlds = (Place("flat"), Place("steep"))
+    differentiable = True
+    asked = None
+
+    def run(self, points, trial):
+        self.asked = trial.gradients
+        push, gear = points.T
+        load = 3.0 if trial.world.name == "steep" else 1.0
+        measures = {"speed": push * gear - load * push**2, "cost": load * push**2 + gear, "heat": load * gear}
+        slopes = {
+            "speed": np.stack([gear - 2 * load * push, push], axis=1),
+            "cost": np.stack([2 * load * push, np.ones(len(push))], axis=1),
+        }
+        return Outcome(measures, gradients={n: slopes[n] for n in trial.gradients if n in slopes})
+
+
+class Spread(RobotObjective):
+    """How much the measure differs between worlds."""
+
+    def values(self, outcomes, measure):
+        return np.ptp([outcome.measures[measure.name] for outcome in outcomes], axis=0)[:, None]
+
+
+class Root(RobotObjective):
+    """The root of a measure, with its slopes."""
+
+    def objective(self, measure):
+        return Objective(f"root {measure.name}", measure.unit)
+
+    def score(self, outcome, measure):
+        return np.sqrt(outcome.measures[measure.name])
+
+    def slopes(self, outcome, measure):
+        return 0.5 * super().slopes(outcome, measure) / self.score(outcome, measure)[:, None]
+
+
+@pytest.fixture
+def packaged(tmp_path, monkeypatch):
+    """Objectives of an installed package."""
+    install(tmp_path, "kit", "morpholab.objectives", {"spread": "kit:Spread", "root": "kit:Root"})
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(OBJECTIVES, "_loaded", {**OBJECTIVES._loaded, "spread": Spread, "root": Root})
+
+
+def judged(*objective, **settings):
+    """A problem, and what its objectives are called."""
+    problem = RobotProblem(Cart(), objective=objective, **settings)
+    return problem, [(one.name, one.unit) for one in objectives_of(problem)]
+
+
+def test_goals_are_written_in_one_way():
+    assert Goal.of("minimise:0.10*energy") == Goal("energy", 0.1, minimised=True)
+    assert Goal.of("1*speed").text == "speed" and Goal.of("2.0*speed").text == "2*speed"
+    assert Goal.of("minimise:0.10*energy").text == "minimise:0.1*energy"
+    assert named(["0.5*speed", "worst"]) == ("worst", "0.5*speed") and named("each") == named(["each"]) == "each"
+    assert named(["speed"], "each") == ("each", "speed")
+
+
+def test_each_goal_is_an_objective_and_the_worst_of_a_minimised_one_is_the_largest():
+    problem, told = judged("worst", "speed", "minimise:0.5*cost")
+    assert told == [("worst speed", "m/s"), ("minus 0.5*worst cost", "J")]
+    found = problem.evaluate(POINTS)
+    flat, steep = (Cart().simulate(POINTS, world).measures for world in Cart.worlds)
+    assert np.array_equal(found.objectives[:, 0], np.minimum(flat["speed"], steep["speed"]))
+    assert np.array_equal(found.objectives[:, 1], -0.5 * np.maximum(flat["cost"], steep["cost"]))
+    assert np.array_equal(found.details["cost_steep"], steep["cost"])
+    problem, told = judged("each", "speed", "minimise:cost")
+    assert [name for name, _ in told] == ["speed_flat", "speed_steep", "minus cost_flat", "minus cost_steep"]
+    assert np.array_equal(problem.evaluate(POINTS).objectives[:, 3], -steep["cost"])
+    assert problem.curves["cost_steep"] == "cost [J] steep"
+
+
+@pytest.mark.parametrize("word", ["mean", "worst"])
+def test_a_sum_is_one_objective_with_a_gradient(word):
+    problem, told = judged(word, "2*speed", "minimise:0.5*cost", summed=True)
+    two, half = ("worst speed", "worst cost") if word == "worst" else ("speed", "cost")
+    assert told == [(f"2*{two} minus 0.5*{half}", "")]
+    apart = judged(word, "2*speed", "minimise:0.5*cost")[0].evaluate(POINTS).objectives
+    found = problem.evaluate_relaxed(POINTS, np.inf, gradients=True)
+    assert np.array_equal(found.objectives[:, 0], apart.sum(axis=1))
+    assert problem.robot.asked == ("speed", "cost")
+    for n, step in enumerate(1e-6 * np.eye(2)):
+        up, down = (problem.evaluate(POINTS + way * step).objectives[:, 0] for way in (1, -1))
+        assert found.gradients[:, n] == pytest.approx((up - down) / 2e-6, rel=1e-6, abs=1e-7)
+
+
+def test_a_measure_by_itself_is_judged_and_differentiated_as_ever():
+    old = RobotProblem(Cart(), objective="worst", measure="cost")
+    new, told = judged("worst", "cost")
+    assert told == [("worst cost", "J")]
+    first, second = (each.evaluate_relaxed(POINTS, np.inf, gradients=True) for each in (old, new))
+    assert np.array_equal(first.objectives, second.objectives) and np.array_equal(first.gradients, second.gradients)
+    assert new.robot.asked == ("cost",)
+
+
+def test_a_part_without_a_gradient_is_named(packaged):
+    for objective, name in ((("speed", "minimise:heat"), "heat"), (("speed", "spread"), "speed")):
+        with pytest.raises(ValueError, match=f"^objective: {name} has no gradient; choose another method$"):
+            judged(*objective, summed=True)[0].evaluate_relaxed(POINTS, np.inf, gradients=True)
+    with pytest.raises(ValueError, match="several have no single gradient"):
+        judged("speed", "cost")[0].evaluate_relaxed(POINTS, np.inf, gradients=True)
+
+
+def test_objectives_of_packages_are_named_among_others(packaged):
+    problem, told = judged("worst", "speed", "minimise:0.5*root", measure="cost")
+    assert told == [("worst speed", "m/s"), ("minus 0.5*worst root cost", "J")]
+    flat, steep = (Cart().simulate(POINTS, world).measures["cost"] for world in Cart.worlds)
+    assert np.array_equal(problem.evaluate(POINTS).objectives[:, 1], -0.5 * np.sqrt(np.maximum(flat, steep)))
+    problem, told = judged("minimise:root", "speed", measure="cost", summed=True)
+    assert told == [("minus root cost plus speed", "")]
+    found = problem.evaluate_relaxed(POINTS, np.inf, gradients=True)
+    up, down = (problem.evaluate(POINTS + way * np.array([1e-6, 0])).objectives[:, 0] for way in (1, -1))
+    assert found.gradients[:, 0] == pytest.approx((up - down) / 2e-6, rel=1e-6)
+    problem, told = judged("minimise:spread", "speed", measure="cost")
+    assert np.array_equal(problem.evaluate(POINTS).objectives[:, 0], -np.ptp([flat, steep], axis=0))
+    with pytest.raises(ValueError, match="spread combines worlds in its own way; give mean instead of worst"):
+        judged("worst", "speed", "spread")
+    with pytest.raises(ValueError, match=r"'sped' is unknown; did you mean speed\? all .* objectives: root, spread"):
+        judged("sped", "cost")
+
+
+@pytest.mark.parametrize(
+    "objective, settings, why",
+    [
+        (["sped"], {}, "'sped' is unknown; did you mean speed\\? all measures: speed, cost, heat"),
+        (["0*speed"], {}, "'0\\*speed' is not allowed; give NAME, WEIGHT\\*NAME, .* finite weight above 0$"),
+        (["-1*speed"], {}, "what shall be low is minimise:NAME"),
+        (["inf*speed"], {}, "finite weight"),
+        (["nan*speed"], {}, "finite weight"),
+        (["much*speed"], {}, "finite weight"),
+        (["maximise:speed"], {}, "give NAME"),
+        (["2*"], {}, "give NAME"),
+        (["speed", 3], {}, "give texts"),
+        (["speed", "minimise:0.5*speed"], {}, "speed is given twice"),
+        (["mean", "worst", "speed"], {}, "mean and worst both say"),
+        (["minimise:worst"], {}, "worst says how worlds are combined"),
+        (["each", "speed", "cost"], {"summed": True}, "each needs a method for several objectives"),
+    ],
+)
+def test_what_is_no_objective_is_refused_in_one_line(objective, settings, why):
+    with pytest.raises(ValueError, match=rf"^objective: .*{why}") as caught:
+        judged(*objective, **settings)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_measure_that_no_objective_is_about_is_refused():
+    with pytest.raises(ValueError, match=r"^measure: 'cost' is not used"):
+        judged("speed", measure="cost")
+
+
+def test_descriptions_say_goals_and_old_ones_are_as_they_were():
+    robot = FreeformRobot(Grid((4, 2, 2)))
+    old = RobotProblem(robot, objective="worst", measure="energy")
+    assert list(old.describe()) == ["kind", "robot", "worlds", "objective", "measure", "precision", "device"]
+    assert old.describe()["objective"] == "worst"
+    worlds = Terrain(), Terrain.parse("hill:10")
+    new = RobotProblem(robot, worlds, ("0.50*speed", "minimise:energy", "worst"), summed=True)
+    assert new.describe()["objective"] == ["worst", "0.5*speed", "minimise:energy"]
+    for problem in (old, new):
+        description = json.loads(json.dumps(problem.describe()))
+        again = problem_of_description(description)
+        assert again.describe() == description and objectives_of(again) == objectives_of(problem)
+    told = dict(new.facts())["Objective"]
+    assert told == (
+        "0.5 × speed along its heading (BL/s) minus work of the muscles in the last cycle (J) in the worst world"
+    )
