@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from searching import CELL_GRID as SPACE
+from searching import PLACES, SIDES
 from standard_functions import mixed_space
 
 from optim.problem import Evaluation
@@ -10,17 +12,7 @@ from optim.search import GeneticSearch
 from optim.search.neighbourhood import Neighbourhood
 from optim.space import Space, Variable
 
-SIDES = (5, 4)
-PLACES = [(x, y) for x in range(SIDES[0]) for y in range(SIDES[1])]
 CELLS = len(PLACES)
-SPACE = Space(
-    (
-        Variable("alone", 0.0, 1.0),
-        *(Variable(f"there_{x}_{y}", 0, 1, "binary", place=(x, y)) for x, y in PLACES),
-        *(Variable(f"size_{x}_{y}", 0.0, 10.0, step=0.5, place=(x, y)) for x, y in PLACES),
-        *(Variable(f"turn_{x}_{y}", 0.0, 1.0, "angle", step=0.1, place=(x, y)) for x, y in PLACES),
-    )
-)
 THERE = slice(1, 1 + CELLS)
 
 
