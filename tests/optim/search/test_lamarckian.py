@@ -139,12 +139,12 @@ def test_failures_go_back_half_way_to_where_there_were_none():
 def test_bodies_that_must_learn_before_they_are_worth_anything():
     """At the same cost, a gradient counted as five evaluations, evolution alone leaves many parts out."""
     lamarckian, genetic = [], []
-    for seed in range(3):
+    for seed in range(5):
         learner = run(LamarckianSearch(BODIES, population=10, seed=seed), bodies, bodies_slope, 9 * 12)
         lamarckian.append(learner.result().score)
         cost = 12 * (8 * GRADIENT_COST + 1)
         genetic.append(run(GeneticSearch(BODIES, population=10, seed=seed), bodies, None, cost).result().score)
-    assert min(lamarckian) > 7 > 5 > max(genetic), (lamarckian, genetic)
+    assert min(lamarckian) > 7.9 > 7 > max(genetic) and np.median(genetic) < 5, (lamarckian, genetic)
 
 
 @pytest.mark.parametrize("stop", [1, 3, 4, 6])
