@@ -21,6 +21,7 @@ EDGE = 0.5  # half the width of a blob's border [cells]
 WEIGHT_LIMIT = 4.0  # of a coordinate network
 VOID, LUMP = 0.8, 1.5  # largest radii of balls, for random voids to empty about a third of a grid
 MUTATION = 0.1  # of a range
+FLIP = 0.22  # of a binary variable: a mutation changes 2.3 % of them, those whose deviate exceeds 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +105,10 @@ class Cells(Parametrisation):
 
     def _of_cells(self, field: str, high: float, kind: Kind = "continuous") -> list[Variable]:
         """A variable of each free cell, from 0, with its place."""
-        found = []
+        found, step = [], FLIP if kind == "binary" else MUTATION * high
         for place in self.grid.places[self.grid.free].tolist():
             name = "_".join([field, *(str(side + 1) for side in place)])
-            found.append(Variable(name, 0, high, kind, MUTATION * high, place=tuple(place)))
+            found.append(Variable(name, 0, high, kind, step, place=tuple(place)))
         return found
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
