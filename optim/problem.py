@@ -138,7 +138,7 @@ class RelaxableProblem(Problem, Protocol):
             points: binary variables may have any value from 0 to 1. A point whose binary variables are all 0 or 1
                 is judged as by :meth:`evaluate`, unless the problem says otherwise.
             sharpness: how strongly the problem pushes those values towards 0 and 1 before it judges them; 0
-                leaves them as they are.
+                leaves them as they are; infinite, points are rounded and judged as by :meth:`evaluate`.
             gradients: whether to compute ``Evaluation.gradients``, with respect to ``points``; integers stay whole
                 and have gradient zero.
         """

@@ -14,6 +14,8 @@ from taichi_sim.base.variables import Variable
 
 __all__ = ["Space", "Variable"]
 
+LISTED, SHOWN = 100, 8  # variables that a message names in full; of more the first few
+
 
 @dataclass(frozen=True)
 class Space:
@@ -45,6 +47,12 @@ class Space:
     def names(self) -> tuple[str, ...]:
         """Names in the order of the coordinates."""
         return tuple(variable.name for variable in self.variables)
+
+    @property
+    def listed(self) -> str:
+        """Names for a message of one line: of many the first ones and how many more there are."""
+        shown = self.names if self.size <= LISTED else self.names[:SHOWN]
+        return ", ".join(shown) + (f" and {self.size - len(shown)} more" if len(shown) < self.size else "")
 
     @cached_property
     def low(self) -> Floats:
@@ -157,6 +165,4 @@ class Space:
         """Raise a ValueError that starts with ``field`` if a key is not a variable of this space."""
         unknown = [name for name in values if name not in self.names]
         if unknown:
-            raise ValueError(
-                f"{field}: {', '.join(unknown)} not free to change; the variables are {', '.join(self.names)}"
-            )
+            raise ValueError(f"{field}: {', '.join(unknown)} not free to change; the variables are {self.listed}")

@@ -93,6 +93,9 @@ class Robot:
     exportable = False  # whether :meth:`table` makes a table for hardware
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
     curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
+    descriptors: Mapping[
+        str, tuple[float, float]
+    ] = {}  # what trials tell of kinds of designs, with its lowest and highest
     horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
 
     @property

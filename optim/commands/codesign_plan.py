@@ -3,7 +3,7 @@
 import argparse
 import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -187,11 +187,18 @@ def _method(args: argparse.Namespace, name: str, design: Design, known: dict[str
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
     settings |= {**given, **design.settings}
-    if name == "map-elites":  # the grid of the lab: the body
-        names = design.problem.space.names
-        body = [each for each in names if each == "orientation" or each.startswith("pressure")]
-        settings.setdefault("descriptors", body or list(names[:2]))
-    return settings
+    return settings | (_map(design.problem, settings) if name == "map-elites" else {})
+
+
+def _map(problem: "Problem", settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Axes of a map of elites and their ranges, as far as they are not given: the body, or what the robot suggests."""
+    names, suggested = problem.space.names, getattr(problem, "descriptors", {})
+    body = [each for each in names if each == "orientation" or each.startswith("pressure")]
+    axes = settings.get("descriptors", body or list(suggested)[:2] or list(names[:2]))
+    given = settings.get("ranges") or {}
+    known = isinstance(axes, list) and isinstance(given, Mapping)
+    ends = {n: list(ends) for n, ends in suggested.items() if known and n in axes and n not in given}
+    return {"descriptors": axes} | ({"ranges": {**ends, **given}} if ends else {})
 
 
 def _setting(text: str) -> tuple[str, Any]:

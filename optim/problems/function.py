@@ -1,5 +1,6 @@
 """Any function of a batch of points as a problem."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -68,7 +69,8 @@ class FunctionProblem(PlainProblem):
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """Call the function, and the gradient if wanted, with binary variables between 0 and 1."""
-        del sharpness  # the function is told nothing but points
+        if sharpness == math.inf:  # of a finite one the function is told nothing
+            points = self.space.round(points)
         if gradients and self.gradient is None:
             raise ValueError("gradient: the method needs one; give gradient=..., or choose another method")
         return self._judged(self.space.relaxed().validate(np.atleast_2d(points)), gradients)

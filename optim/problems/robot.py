@@ -104,6 +104,11 @@ class RobotDesigning(Problem):
         """Details whose course in a search is worth a curve, and what they are called."""
         return {}
 
+    @property
+    def descriptors(self) -> Mapping[str, tuple[float, float]]:
+        """Details that tell kinds of designs apart, with their lowest and highest values: axes of a map of elites."""
+        return {}
+
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
         """What the log says of the best point in each world: measures by name.
 
@@ -270,6 +275,13 @@ class JudgedRobot(RobotDesigning):
         labels = {measure.name: Objective(measure.name, measure.unit).label for measure in about}
         places = [(f"_{world.name}", f" {world.spoken or world.name}") for world in several] or [("", "")]
         return {name + end: label + place for name, label in labels.items() for end, place in places}
+
+    @property
+    def descriptors(self) -> Mapping[str, tuple[float, float]]:
+        """Those of the robot, in the first world."""
+        world = f"_{self.tried_in[0].name}" if len(self.tried_in) > 1 else ""
+        ends = {f"{name}{world}": ends for name, ends in self.offered.descriptors.items()}
+        return {name: each for name, each in ends.items() if (name,) != self.objective_names}
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
         """What the robot tells of several points."""

@@ -27,6 +27,7 @@ METHODS: Registry[type[Method]] = Registry(
         "gradient": "optim.search.gradient:GradientAscent",
         "gradient-hill-climb": "optim.search.gradient_hill_climb:GradientHillClimb",
         "hill-climb": "optim.search.hill_climb:HillClimb",
+        "lamarckian": "optim.search.lamarckian:LamarckianSearch",
         "map-elites": "optim.search.map_elites:MapElites",
         "memetic": "optim.search.memetic:MemeticSearch",
         "nes": "optim.search.nes:SeparableNES",

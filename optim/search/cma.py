@@ -1,8 +1,11 @@
-"""CMA-ES with margin: a normal distribution that learns its shape, for numbers and whole numbers together."""
+"""CMA-ES with margin: a normal distribution that learns its shape, for numbers and whole numbers together.
+
+Sources: Hamano et al., GECCO 2022, arXiv:2205.13482 (margin); Ros & Hansen, PPSN X, 2008, p. 296 (separable CMA-ES).
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +15,12 @@ from optim.search.base import number, whole
 from optim.search.method import MOST_POINTS, below_all
 from optim.search.population import PopulationSearch
 from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.checks import flag
 
 if TYPE_CHECKING:
-    from cmaes import CMAwM
+    from cmaes import CMAwM, SepCMA
 
+MANY = 500  # variables: with more, a full covariance takes seconds a generation and never learns enough
 COLLAPSED = 1e-9  # the widest continuous variable has a smaller standard deviation: nothing is left to search [ranges]
 # What changes from generation to generation: of the inner CMA, and of the margin around it, which is there only
 # if a variable is discrete. Between two generations nothing else has a value that the constructor would not give.
@@ -27,10 +32,10 @@ MARGIN = ("_A", "m_z_lim_low", "m_z_lim_up")
 class CMAESWithMargin(PopulationSearch):
     """N points a generation from a normal distribution whose mean, step size and covariance follow the best half.
 
-    A margin keeps the probability of every neighbouring whole number from vanishing: Hamano et al., GECCO 2022,
-    arXiv:2205.13482, as implemented by the library ``cmaes``. Coordinates are ranges of the variables. Continuous
-    ones are free to leave their bounds, and evaluated where :meth:`Space.reflect` brings them, angles so too: drawing
-    anew and clipping, as the library does, hardly converges where several bounds hold the optimum.
+    A margin keeps the probability of every neighbouring whole number from vanishing, as implemented by the library
+    ``cmaes``. Coordinates are ranges of the variables. Continuous ones are free to leave their bounds, and evaluated
+    where :meth:`Space.reflect` brings them, angles so too: drawing anew and clipping, as the library does, hardly
+    converges where several bounds hold the optimum.
 
     Only the order of the scores counts: equal ones share a rank, failures have the last. The mean starts in the middle
     of the ranges, which needs no more generations than a random start. It starts again, with the first step size and
@@ -42,6 +47,8 @@ class CMAESWithMargin(PopulationSearch):
             given, generation 0 judges that point, too.
         sigma: first standard deviation of every variable [ranges].
         patience: generations of points without a better one before a restart.
+        separable: whether the covariance is diagonal, so that variances alone are learnt: in less time and memory, and
+            from fewer points, but no variable with another. With more than ``MANY`` variables if None.
         random_mean: whether the mean is first at random where ``start`` says nothing, as after a restart: for
             problems whose middle is no good place, such as a plateau.
     """
@@ -51,10 +58,16 @@ class CMAESWithMargin(PopulationSearch):
     population: int = whole(60, 4, MOST_POINTS)
     sigma: float = number(0.3, 1e-3, 1.0)
     patience: int = whole(100, 1)
+    separable: bool | None = None
     random_mean: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.separable is not None:
+            flag("separable", self.separable)
+        self.diagonal = self.space.size > MANY if self.separable is None else self.separable
+        if self.diagonal and self.space.size == 1:
+            raise ValueError("separable: only allowed with at least 2 variables; leave it out")
         self.discrete = self.space.integers
         given = np.array([self.random_mean or name in self.given for name in self.space.names])
         self.strategy = to_arrays(self._build(np.where(given, self._to_ranges(self._starts()[0]), 0.5)))
@@ -65,6 +78,12 @@ class CMAESWithMargin(PopulationSearch):
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
         _, places, _ = self._draw()
         return np.concatenate([self._to_points(places), self._complete_start()])
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from :meth:`state`, with the kind of covariance that the search began with."""
+        if self.separable is None:
+            self.diagonal = state["strategy/C"].ndim == 1
+        super().restore(state)
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
         """Move the distribution, unless there is nothing to learn; restart it if it has done what it can."""
@@ -88,7 +107,9 @@ class CMAESWithMargin(PopulationSearch):
             self.strategy = to_arrays(self._build(self._to_ranges(self.space.sample(self._generator(1), 1)[0])))
 
     def _collapsed(self) -> bool:
-        deviations = self.strategy["sigma"] * np.sqrt(np.diag(self.strategy["C"]))
+        covariance = self.strategy["C"]
+        variances = np.diag(covariance) if covariance.ndim == 2 else covariance
+        deviations = self.strategy["sigma"] * np.sqrt(variances)
         return not self.discrete.all() and bool(deviations[~self.discrete].max() < COLLAPSED)
 
     def _draw(self) -> tuple["CMAwM", Floats, Floats]:
@@ -105,7 +126,7 @@ class CMAESWithMargin(PopulationSearch):
     def _build(self, mean: Floats) -> "CMAwM":
         bounds = np.where(self.discrete[:, None], [0.0, 1.0], [-np.inf, np.inf])
         steps = np.where(self.discrete, 1 / self.space.span, 0.0)
-        return build_strategy(mean, self.sigma, bounds, steps, self.population)
+        return build_strategy(mean, self.sigma, bounds, steps, self.population, self.diagonal)
 
     def _to_ranges(self, points: Floats) -> Floats:
         return (points - self.space.low) / self.space.span
@@ -121,7 +142,23 @@ class CMAESWithMargin(PopulationSearch):
         return {"strategy": self.strategy}
 
 
-def build_strategy(mean: Floats, sigma: float, bounds: Floats, steps: Floats, population: int) -> "CMAwM":
+class _Diagonal:
+    """A separable strategy as the margin of the library wants one: its covariance is a matrix."""
+
+    def __init__(self, strategy: "SepCMA") -> None:
+        self.strategy = strategy
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.strategy, name)
+
+    @property
+    def _C(self) -> Floats:
+        return np.diag(self.strategy._C)
+
+
+def build_strategy(
+    mean: Floats, sigma: float, bounds: Floats, steps: Floats, population: int, diagonal: bool = False
+) -> "CMAwM":
     """Make a strategy of the library, which has not been told anything.
 
     Args:
@@ -130,23 +167,33 @@ def build_strategy(mean: Floats, sigma: float, bounds: Floats, steps: Floats, po
         bounds: low and high of each variable, shape (D, 2).
         steps: between the values of a discrete variable, 0 of a continuous one, shape (D,).
         population: points a generation.
+        diagonal: whether its covariance is.
     """
-    from cmaes import CMAwM  # it costs time, and not every search needs it
+    from cmaes import CMAwM, SepCMA  # it costs time, and not every search needs it
 
     strategy = CMAwM(mean=mean, sigma=sigma, bounds=bounds, steps=steps, population_size=population, seed=0)
-    strategy._cma._funhist_values[:] = 0.0  # not initialised by the library, though never read before it is set
+    if diagonal:
+        plain = SepCMA(mean=mean.copy(), sigma=sigma, population_size=population, seed=0)
+        plain._cmu = min(plain._cmu, 1 - plain._c1)  # of many points in few variables: variances stay positive
+        strategy._cma = cast(Any, _Diagonal(plain))
+    _inner(strategy)._funhist_values[:] = 0.0  # not initialised by the library, though never read before it is set
     return strategy
+
+
+def _inner(strategy: "CMAwM") -> Any:
+    """The strategy around which the margin is."""
+    return strategy._cma.strategy if isinstance(strategy._cma, _Diagonal) else strategy._cma
 
 
 def to_arrays(strategy: "CMAwM") -> Arrays:
     """What changes of a strategy, by name; to be taken after it was told, before it is asked again."""
-    inner = {name.strip("_"): np.array(getattr(strategy._cma, name)) for name in INNER}
+    inner = {name.strip("_"): np.array(getattr(_inner(strategy), name)) for name in INNER}
     return inner | {name.strip("_"): np.array(getattr(strategy, name)) for name in MARGIN if hasattr(strategy, name)}
 
 
 def set_arrays(strategy: "CMAwM", arrays: Mapping[str, NDArray[Any]]) -> None:
     """Put into a strategy of the same shape what :func:`to_arrays` returned."""
-    for owner, names in ((strategy._cma, INNER), (strategy, MARGIN)):
+    for owner, names in ((_inner(strategy), INNER), (strategy, MARGIN)):
         for name in names:
             if (values := arrays.get(name.strip("_"))) is not None:
                 setattr(owner, name, values.copy() if values.ndim else values.item())

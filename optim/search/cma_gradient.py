@@ -43,6 +43,7 @@ class CMAGradient(CMAESWithMargin):
     arrays: ClassVar[tuple[str, ...]] = ("anchor", "slope", "moved", "change", "step")
 
     random_mean: bool = hidden(False)
+    separable: bool | None = hidden(False)
     every: int = whole(1, 1)
     samples: int = whole(0, 0, MOST_POINTS // 2)
     rate: float = number(4.0, 1e-3, UNIT / 4)

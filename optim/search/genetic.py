@@ -12,6 +12,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search.base import number, whole
 from optim.search.method import MOST_POINTS, below_all
+from optim.search.neighbourhood import Neighbourhood
 from optim.search.population import PopulationSearch
 from optim.search.variation import around_start, mutation_steps, ranking
 from taichi_sim.base.arrays import Floats, Indices
@@ -36,6 +37,9 @@ class GeneticSearch(PopulationSearch):
         resetting: probability that a variable which mutates is drawn anew from all of its range ("random
             resetting", Eiben & Smith, Introduction to Evolutionary Computing, 2015, 4.3.1), where steps lead
             nowhere.
+        patches: probability that a child mutates in a patch of cells instead, where variables have places: one
+            variable of cells side by side changes by the same step, or cells are added or removed together, inside
+            or at the surface.
         elites: members that compete with the children for a place: 0, none survives its generation; N, the best
             of parents and children do ("mu + lambda"); a tenth of N, at least 1, if None.
         starts: points of generation 0, at least N, which is meant by None. Many find what is rare.
@@ -46,6 +50,7 @@ class GeneticSearch(PopulationSearch):
     crossover: float = number(0.9, 0.0, 1.0)
     mutation: float | None = number(None, 0.0, 1.0)
     resetting: float = number(0.0, 0.0, 1.0)
+    patches: float = number(0.0, 0.0, 1.0)
     elites: int | None = whole(None, 0)
     starts: int | None = whole(None, "population", MOST_POINTS)
 
@@ -58,6 +63,7 @@ class GeneticSearch(PopulationSearch):
         self.steps = mutation_steps(self.space)
         self.whole = self.space.integers
         self.binary = self.whole & ~self.space.relaxed().integers
+        self.neighbourhood = Neighbourhood(self.space) if self.patches else None
 
     def ask(self) -> Floats:
         """The starts, then the children, shape (N, D)."""
@@ -92,6 +98,10 @@ class GeneticSearch(PopulationSearch):
         if self.resetting:
             anew = rng.random(children.shape) < self.resetting
             mutants = np.where(anew, self.space.sample(rng, self.population), mutants)
+        if self.neighbourhood is not None:
+            rows = np.flatnonzero(rng.random(self.population) < self.patches)
+            chosen[rows] = self.neighbourhood.patches(rng, children[rows])
+            mutants[rows] = self._moved(children[rows], rng.standard_normal((len(rows), 1)))
         return self.space.reflect(self.space.round(np.where(chosen, mutants, children)))
 
     def _parents(self, rng: np.random.Generator) -> Indices:
@@ -108,8 +118,12 @@ class GeneticSearch(PopulationSearch):
         return np.where(self.whole, np.where(rng.random(first.shape) < 0.5, first, second), blended)
 
     def _mutated(self, rng: np.random.Generator, points: Floats) -> Floats:
-        """All variables changed: by a normal deviate, whole numbers by at least 1, binary ones to the other value."""
-        away = self.steps * rng.standard_normal(points.shape)
+        """All variables changed, each by a deviate of its own."""
+        return self._moved(points, rng.standard_normal(points.shape))
+
+    def _moved(self, points: Floats, deviates: Floats) -> Floats:
+        """All variables changed: by normal deviates, whole numbers by at least 1, binary ones to the other value."""
+        away = self.steps * deviates
         least = np.where(away < 0, -1.0, 1.0)
         whole = np.where(abs(away) < 1, least, np.rint(away))
         return np.where(self.binary, 1 - points, points + np.where(self.whole, whole, away))

@@ -90,7 +90,7 @@ class MapElites(PopulationSearch):
             return float(ends[0]), float(ends[1])
         if name not in self.space.names:
             raise ValueError(
-                f"descriptors: {name} is no variable ({', '.join(self.space.names)}); give its [low, high] in ranges"
+                f"descriptors: {name} is no variable ({self.space.listed}); give its [low, high] in ranges"
             )
         variable = self.space.variables[self.space.names.index(name)]
         return variable.low, variable.high

@@ -50,12 +50,15 @@ class PopulationSearch(Search):
         if self.wants == "gradients":
             self._follow(method.slopes_per_range(evaluation, self.space, len(points)))
         else:
-            scores = evaluation.objectives.mean(axis=1)
-            best = int(np.argmax(method.below_all(scores)))
-            if self.generation == 0 or method.below_all(scores)[best] > method.below_all(self.best_score):
-                self.best_point, self.best_score = points[best].copy(), float(scores[best])
+            self._remember(points, evaluation.objectives.mean(axis=1))
             self._take(points, evaluation)
         self.generation += 1
+
+    def _remember(self, points: Floats, scores: Floats) -> None:
+        """Keep the best of all points judged so far, the first of equals."""
+        best = int(np.argmax(method.below_all(scores)))
+        if self.generation == 0 or method.below_all(scores)[best] > method.below_all(self.best_score):
+            self.best_point, self.best_score = points[best].copy(), float(scores[best])
 
     @abstractmethod
     def _take(self, points: Floats, evaluation: Evaluation) -> None:

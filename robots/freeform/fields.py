@@ -5,7 +5,7 @@ Fields are functions of points that may be traced (``taichi_sim.autodiff.arrays`
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from robots.control.pattern import PatternWiring
 from robots.freeform.grid import Grid
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.checks import positive, whole_number
-from taichi_sim.base.variables import Variable
+from taichi_sim.base.variables import Kind, Variable
 
 RESOLUTION = 1e-12  # of a muscle's swing: below it an amplitude has no phase
 STEEP = 30.0  # no exponent is larger
@@ -21,6 +21,7 @@ EDGE = 0.5  # half the width of a blob's border [cells]
 WEIGHT_LIMIT = 4.0  # of a coordinate network
 VOID, LUMP = 0.8, 1.5  # largest radii of balls, for random voids to empty about a third of a grid
 MUTATION = 0.1  # of a range
+FLIP = 0.22  # of a binary variable: a mutation changes 2.3 % of them, those whose deviate exceeds 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +94,22 @@ def _sigmoid(x: Any) -> Any:
 class Cells(Parametrisation):
     """Every cell has its own presence (0 or 1), tissue weights, amplitude and phase."""
 
-    presence_kind = "binary"
+    presence_kind: ClassVar[Kind] = "binary"
 
     def variables(self) -> list[Variable]:
         """``presence_X_Y_Z`` and so on, places counted from 1, by kind; the first tissue's weight is a half."""
-        names = ["_".join(str(side + 1) for side in place) for place in self.grid.places[self.grid.free].tolist()]
-        found = [] if self.solid else [Variable(f"presence_{n}", 0, 1, self.presence_kind, MUTATION) for n in names]  # type: ignore[arg-type]
+        found = [] if self.solid else self._of_cells("presence", 1, self.presence_kind)
         for tissue in range(2, self.tissues + 1):
-            found += [Variable(f"tissue_{tissue}_{name}", 0, 1, step=MUTATION) for name in names]
-        found += [Variable(f"amplitude_{name}", 0, self.amplitude, step=MUTATION * self.amplitude) for name in names]
-        return found + [Variable(f"phase_{name}", 0, 1, "angle", MUTATION) for name in names]
+            found += self._of_cells(f"tissue_{tissue}", 1)
+        return found + self._of_cells("amplitude", self.amplitude) + self._of_cells("phase", 1, "angle")
+
+    def _of_cells(self, field: str, high: float, kind: Kind = "continuous") -> list[Variable]:
+        """A variable of each free cell, from 0, with its place."""
+        found, step = [], FLIP if kind == "binary" else MUTATION * high
+        for place in self.grid.places[self.grid.free].tolist():
+            name = "_".join([field, *(str(side + 1) for side in place)])
+            found.append(Variable(name, 0, high, kind, step, place=tuple(place)))
+        return found
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
         count = len(self.grid.free)
@@ -122,7 +129,7 @@ class FilteredCells(Cells):
     """
 
     radius: float = 1.8
-    presence_kind = "continuous"
+    presence_kind: ClassVar[Kind] = "continuous"
 
     def __post_init__(self) -> None:
         positive("radius", self.radius, float(max(self.grid.shape)))

@@ -139,6 +139,17 @@ class FreeformRobot(Robot):
         return measures_of(self.target)
 
     @property
+    def descriptors(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]
+        """Mass, mass of the payload and number of channels, as far as designs may differ in them."""
+        heaviest = self.grid.count * self.grid.voxel_size**3 * max(m.density for m in self.palette.materials)
+        found = {} if self.full and len(self.palette) == 1 else {"mass": (0.0, heaviest)}
+        if not self.palette.muscles.all():
+            found["payload"] = (0.0, heaviest)
+        if self.actuation.channels is not None:
+            found["channels"] = (0.5, self.actuation.channels + 0.5)
+        return found
+
+    @property
     def differentiable(self) -> bool:  # type: ignore[override]
         """Whether its parametrisation has gradients."""
         return self.fields != "pattern"

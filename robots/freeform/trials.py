@@ -30,7 +30,10 @@ CHOICE = 4.0  # how sharply the heaviest tissue prevails, where nothing is sharp
 
 
 def try_designs(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobotResult:
-    """Try points, shape (N, P): as robots that can be built, or between designs if the trial's sharpness is finite."""
+    """Try points, shape (N, P): as robots that can be built, or between designs if the trial's sharpness is finite.
+
+    Of robots that can be built it also tells the numbers of ``cells`` and ``channels``.
+    """
     if math.isfinite(trial.sharpness) and robot.relaxable:
         return _between(robot, points, trial)
     fields = robot.parametrisation(points)
@@ -45,7 +48,10 @@ def try_designs(robot: "FreeformRobot", points: Floats, trial: Trial) -> Lattice
     for done, rows in enumerate(groups):
         tick = part_of(trial.progress, done, len(groups))
         parts.append((np.array(rows), _built(robot, solids[rows[0]], points[rows], trial, tick)))
-    return _assembled(robot, parts, np.array([solid.fault for solid in solids]), points, trial)
+    found = _assembled(robot, parts, np.array([solid.fault for solid in solids]), points, trial)
+    counts = {"cells": [len(solid.cells) for solid in solids], "channels": [solid.count for solid in solids]}
+    told = {name: np.where(found.status == "ok", each, np.nan) for name, each in counts.items()}
+    return dataclasses.replace(found, measures={**found.measures, **told})
 
 
 def _assembled(

@@ -1,7 +1,7 @@
 """Named numbers that a search may change."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 Kind = Literal["continuous", "integer", "angle", "binary"]
@@ -20,6 +20,8 @@ class Variable:
         step: standard deviation of a mutation, in the unit of the variable.
         unit: unit of the values, such as ``Pa``; empty for a plain number.
         start: the value before any search; None is the middle.
+        place: coordinates of the cell that it belongs to, if any: variables of one place belong to one cell, and cells
+            at most 1 apart are neighbours. Methods that know no neighbours ignore it, and no file keeps it.
     """
 
     name: str
@@ -29,6 +31,7 @@ class Variable:
     step: float = 0.0
     unit: str = ""
     start: float | None = None
+    place: tuple[float, ...] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):

@@ -148,3 +148,10 @@ def test_importing_it_is_light():
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     heavy = {"taichi", "torch", "scipy", "matplotlib", "rich", "cmaes", "pymoo", "robots", "optim.search.cma"}
     assert not heavy & set(done.stdout.split())
+
+
+def test_infinite_sharpness_is_of_true_points():
+    problem = problem_of(lambda p: p.sum(axis=1), {"b": (0, 1, "binary"), "x": (0, 1)}, gradient=np.ones_like)
+    found = problem.evaluate_relaxed(np.array([[0.7, 0.25]]), np.inf, True)
+    assert found.objectives[0, 0] == 1.25
+    assert problem.evaluate_relaxed(np.array([[0.75, 0.25]]), 3.0, True).objectives[0, 0] == 1.0

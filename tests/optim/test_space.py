@@ -145,3 +145,10 @@ def test_steps_and_names_without_sense_are_refused():
         Space((Variable("x", 0, 1), Variable("x", 0, 2)))
     with pytest.raises(ValueError, match="at least one"):
         Space(())
+
+
+def test_messages_name_the_first_of_very_many_variables():
+    few, many = (Space(tuple(Variable(f"x{n}", 0, 1) for n in range(size))) for size in (100, 1000))
+    assert few.listed == ", ".join(few.names)
+    with pytest.raises(ValueError, match=r"z not free to change; the variables are x0, x1, .*, x7 and 992 more$"):
+        many.check_names("start", {"z": 1.0})

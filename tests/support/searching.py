@@ -1,4 +1,4 @@
-"""How tests drive a search method, and a space with a variable of every kind."""
+"""How tests drive a search method, a space with a variable of every kind, and one of cells in a plane."""
 
 import numpy as np
 
@@ -11,6 +11,16 @@ EVERYTHING = Space(
         Variable("a", -180.0, 180.0, "angle"),
         Variable("n", -3, 4, "integer"),
         Variable("b", 0, 1, "binary"),
+    )
+)
+SIDES = (5, 4)
+PLACES = [(x, y) for x in range(SIDES[0]) for y in range(SIDES[1])]
+CELL_GRID = Space(
+    (
+        Variable("alone", 0.0, 1.0),
+        *(Variable(f"there_{x}_{y}", 0, 1, "binary", place=(x, y)) for x, y in PLACES),
+        *(Variable(f"size_{x}_{y}", 0.0, 10.0, step=0.5, place=(x, y)) for x, y in PLACES),
+        *(Variable(f"turn_{x}_{y}", 0.0, 1.0, "angle", step=0.1, place=(x, y)) for x, y in PLACES),
     )
 )
 

@@ -5,6 +5,7 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -181,7 +182,14 @@ class GaitProblem(GaitSettings):
 
         Without a value between 0 and 1 it can still be another judgement than :meth:`evaluate`: by ``ramp_steps``,
         and because no idle columns are skipped, see ``GaitSchedule``.
+
+        Raises:
+            ValueError: if the sharpness is infinite, as that judgement would be none of true points.
         """
+        if sharpness == math.inf:
+            raise ValueError(
+                "method: it wants gradients of true designs, which gaits do not have; choose memetic or gradient"
+            )
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
         return self._judged(designs, True, points if gradients else None, sharpness)

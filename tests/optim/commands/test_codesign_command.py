@@ -317,3 +317,9 @@ def test_a_point_that_fails_anywhere_has_failed(simulator):
     assert not np.isnan(evaluation.details["speed_hill:15"]).any()
     alone = [problem.evaluate(point[None]).objectives[0, 0] for point in points]
     assert np.array_equal(alone, evaluation.objectives[:, 0], equal_nan=True)
+
+
+def test_gaits_refuse_gradients_of_true_designs_in_one_line(morpholab):
+    line = "codesign --terrain flat --encoding bits --geometry small --method lamarckian --population 4 --quiet --out a"
+    code, _, error = morpholab(line)
+    assert code == 2 and "method: it wants gradients of true designs, which gaits do not have" in error

@@ -274,7 +274,7 @@ def test_a_setting_of_any_type_is_allowed_or_refused_in_one_line(name, setting):
             json.dumps(dict(method.result().numbers), allow_nan=False)
 
 
-@pytest.mark.parametrize("name", ["gradient", "memetic", "cma-gradient"])
+@pytest.mark.parametrize("name", ["gradient", "lamarckian", "memetic", "cma-gradient"])
 def test_where_nothing_has_a_gradient_a_search_by_gradients_is_refused(name):
     whole = Space((Variable("n", 0, 8, "integer"), Variable("m", 0, 8, "integer")))
     with pytest.raises(ValueError, match=r"^n: an integer has no gradient"):

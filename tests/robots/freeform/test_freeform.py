@@ -58,6 +58,25 @@ def test_cells_say_what_their_variables_say():
     np.testing.assert_allclose(fields.swing[0], [[0, 0.5], [-1, 0]], atol=1e-12)
 
 
+def test_variables_of_a_cell_have_its_place():
+    made = robot((4, 3, 2), symmetry="y")
+    for parameter in made.parameters:
+        kind, *sides = parameter.name.replace("tissue_2", "tissue").split("_")
+        assert parameter.place == tuple(int(side) - 1 for side in sides)
+        assert parameter.step == {"presence": 0.22, "amplitude": 0.1 * 0.2}.get(kind, 0.1)
+    assert all(p.place is None for p in robot(fields="blobs").parameters)
+
+
+def test_descriptors_are_what_designs_may_differ_in():
+    soft, channels = Palette(), FreeformActuation(channels=3)
+    full = 30 * 1e-6 * 2e3  # of bones alone [kg]
+    assert robot().descriptors == {"mass": (0.0, pytest.approx(full)), "payload": (0.0, pytest.approx(full))}
+    assert list(robot(actuation=channels).descriptors) == ["mass", "payload", "channels"]
+    assert list(robot(palette=soft).descriptors) == ["mass"]
+    assert robot(palette=soft, full=True, actuation=channels).descriptors == {"channels": (0.5, 3.5)}
+    assert robot(palette=soft, full=True).descriptors == {}
+
+
 @pytest.mark.parametrize("fields", PARAMETRISATIONS)
 @pytest.mark.parametrize("symmetry", ["y", "xz", "xyz"])
 def test_both_halves_are_alike_along_axes_of_symmetry(fields, symmetry):
@@ -227,6 +246,16 @@ def test_a_robot_of_nothing_fails_with_a_reason():
         "the body has no muscle",
         "the body has 1 connected cells; it needs 4",
     ]
+
+
+@pytest.mark.kernels
+def test_trials_of_true_designs_count_cells_and_channels():
+    made = robot(actuation=FreeformActuation(cycles=1, frequency=12.0, settling=0.02, channels=2))
+    points = np.stack([named(made, presence=1.0), named(made, presence=0.0), sampled(made)[0]])
+    found = made.simulate(points, Terrain(), compute=F64).measures
+    assert found["cells"][0] == 30 and found["channels"][0] == 1 and np.isnan(found["cells"][1])
+    assert 4 <= found["cells"][2] < 30 and found["channels"][2] == 2
+    assert "cells" not in made.simulate(points, Terrain(), compute=F64, sharpness=2.0).measures
 
 
 def test_descriptions_make_the_same_robot_again():

@@ -1,0 +1,62 @@
+"""``morpholab codesign --robot freeform`` by evolution: maps of elites, patches of cells, lives that learn."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+from run_products import log
+
+SMALL = "codesign --robot freeform --shape 4,3,2 --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet"
+TISSUES = [{"name": "soft"}, {"name": "bone", "youngs_modulus": 2e5, "density": 2e3, "muscle": False}]
+
+
+@pytest.fixture(autouse=True)
+def palette(tmp_path):
+    (tmp_path / "palette.json").write_text(json.dumps(TISSUES))
+
+
+def method_of(folder):
+    return tomllib.loads((Path(folder) / "config.toml").read_text())["method"]
+
+
+@pytest.mark.kernels
+def test_mass_and_energy_are_axes_of_a_map(morpholab, tmp_path):
+    line = f"{SMALL} --palette palette.json --method map-elites --population 8 --out a --set bins=6"
+    settings = """--set 'descriptors=["mass","energy"]' --set 'ranges={"energy":[0,0.002]}'"""
+    code, out, error = morpholab(f"{line} {settings} --generations 2 --json")
+    assert (code, error) == (0, "")
+    assert method_of("a")["ranges"] == {"mass": [0.0, pytest.approx(0.048)], "energy": [0, 0.002]}
+    assert json.loads(out)["numbers"]["cells"] > 2
+    assert morpholab("codesign --resume --generations 3 --out a --quiet --threads 1")[0] == 0
+    assert len(log(tmp_path / "a")) == 4
+
+
+@pytest.mark.kernels
+def test_a_map_has_axes_that_the_robot_suggests(morpholab):
+    line = f"{SMALL} --method map-elites --population 4 --generations 1"
+    assert morpholab(f"{line} --palette palette.json --out a")[0] == 0
+    assert method_of("a")["descriptors"] == ["mass", "payload"] and len(method_of("a")["ranges"]) == 2
+    assert morpholab(f"{line} --channels 3 --full --out b --terrain flat --terrain water")[0] == 0
+    assert method_of("b")["descriptors"] == ["channels_flat"]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("method", ["lamarckian --set learning=2", "genetic"])
+def test_patches_of_cells_evolve(morpholab, tmp_path, method):
+    line = f"{SMALL} --population 4 --set patches=0.5 --method {method}"
+    assert morpholab(f"{line} --generations 6 --out whole")[::2] == (0, "")
+    assert morpholab(f"{line} --generations 4 --out parts")[0] == 0
+    assert morpholab("codesign --resume --generations 6 --quiet --threads 1 --out parts")[0] == 0
+    assert (tmp_path / "whole/log.jsonl").read_bytes() == (tmp_path / "parts/log.jsonl").read_bytes()
+    assert log(tmp_path / "whole")[-1]["best"] > 0
+
+
+def test_descriptors_that_are_none_are_told_in_one_short_line(morpholab):
+    code, _, error = morpholab(f"""{SMALL} --shape 8,4,4 --method map-elites --set 'descriptors=["enrgy"]' --out a""")
+    assert code == 2 and "descriptors: enrgy is no variable (presence_1_1_1, " in error and " and 376 more" in error
+
+
+def test_patches_need_fields_of_cells(morpholab):
+    code, _, error = morpholab(f"{SMALL} --fields blobs --method genetic --set patches=0.5 --out a")
+    assert code == 2 and "patches: only allowed where variables have places" in error
