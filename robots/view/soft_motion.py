@@ -1,5 +1,6 @@
 """Build motions of voxel robots: the inflatable robot, lattice robots."""
 
+import colorsys
 from collections.abc import Sequence
 
 import numpy as np
@@ -136,7 +137,8 @@ def lattice_robot_motion(
 ) -> Motion:
     """Build the motion of a simulated lattice robot, with a node for each voxel.
 
-    Channels: each drive, as in the first of its regions, then distance and speed along the heading.
+    Channels: each drive, as in the first of its regions, then distance and speed along the heading. Voxels have the
+    colour of their drive, or of their phase, where a drive has several.
 
     Args:
         result: result of ``simulate``, with frames.
@@ -164,11 +166,29 @@ def lattice_robot_motion(
         colour, label = BLADDERS[number % len(BLADDERS)], f"{drive.name} {drive.quantity}"
         driven.append(Channel(label, UNITS[drive.quantity], times, wave, colour))
         shown[np.isin(region, drive.regions)] = number
+    colours = {number: channel.colour for number, channel in enumerate(driven)}
+    by_phase = {
+        (number, label): _phase_colour(phase)
+        for number, drive in enumerate(robot.drives)
+        if isinstance(drive.phase, tuple)
+        for label, phase in zip(drive.regions, drive.phase, strict=True)
+        if isinstance(phase, float)
+    }
     nodes = [
-        Node(f"voxel {v}", motion.CUBE, SKIN_COLOUR if n < 0 else driven[n].colour, None if n < 0 else n)
-        for v, n in enumerate(shown.tolist())
+        Node(
+            f"voxel {v}",
+            motion.CUBE,
+            by_phase.get((n, label), colours.get(n, SKIN_COLOUR)),
+            None if n < 0 else n,
+        )
+        for v, (n, label) in enumerate(zip(shown.tolist(), region.tolist(), strict=True))
     ]
     return _voxels(name, frames, body, 0, nodes, driven, terrain, robot.heading)
+
+
+def _phase_colour(phase: float) -> tuple[float, float, float]:
+    """A colour of the wheel for a phase [cycles], so that equal phases look alike."""
+    return colorsys.hls_to_rgb(phase % 1.0, 0.55, 0.55)
 
 
 def _recorded(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
