@@ -171,8 +171,9 @@ def test_a_design_moves_as_the_lattice_robot_that_it_is_saved_as(channels, tmp_p
     made.save(point, tmp_path / "best.json")
     saved = load_robot(tmp_path / "best.json")
     theirs = saved.simulate((), Terrain(), compute=F64)
-    for name, values in ours.measures.items():
-        np.testing.assert_array_equal(values, theirs.measures[name], err_msg=name)
+    assert set(ours.measures) == {*theirs.measures, "cells", "channels"}
+    for name, values in theirs.measures.items():
+        np.testing.assert_array_equal(ours.measures[name], values, err_msg=name)
     if channels:
         assert [d.name for d in saved.drives] == ["channel_1", "channel_2", "channel_3"]
     assert (saved.body.voxel_count < made.grid.count) and saved.perturbation == 1e-5
