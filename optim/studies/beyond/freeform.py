@@ -111,7 +111,7 @@ class Arm:
 
 
 ARMS = {
-    "race": Arm("gradient race", "race", {"climbers": 8, "halving": 6, "moves": 100}, True),
+    "race": Arm("gradient race", "race", {"climbers": 16, "halving": 4, "moves": 100}, True),
     "genetic": Arm("genetic", "genetic", {"population": 32}),
     "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 16}),
     "nes": Arm("NES", "nes", {"population": 32}),
@@ -120,10 +120,10 @@ ARMS = {
 # Settings that were tried on the block for tuning, each for its CPU time with one seed, beside those above.
 TUNING: Mapping[str, Sequence[Mapping[str, Any]]] = {
     "race": (
-        {"learning_rate": 0.1},
-        {"climbers": 4},
-        {"climbers": 16, "halving": 4},
-        {"learning_rate": 0.07, "halving": 4, "moves": 80},
+        {"climbers": 8, "halving": 6},
+        {"climbers": 8, "halving": 6, "learning_rate": 0.1},
+        {"climbers": 4, "halving": 6},
+        {"climbers": 8, "halving": 4, "learning_rate": 0.07, "moves": 80},
     ),
     "genetic": (
         {"mutation": 0.02},
