@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 
 from optim.problem import GAIT, check_kind
-from optim.problems.inflatable.encoding import EMPTY_CORE, ENCODINGS, GradedGait, ShapeGenes
-from optim.problems.inflatable.material_genes import MATERIAL_PARTS, MaterialGenes
+from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, MaterialGenes, ShapeGenes
+from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
 from optim.problems.inflatable.outcomes import NEXT
 from optim.problems.robot import RobotDesigning
 from robots.calibration import Properties, robot_of
