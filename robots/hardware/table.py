@@ -182,7 +182,7 @@ def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
             allowed = "a rig has one line for the core, so give all cores one"
             raise ValueError(f"core_pressure: {len(core)} rows are not allowed; {allowed}")
         schedule = replace(schedule, core_pressure=core[0])
-    return replace(design, pressure=pressure, schedule=schedule)
+    return InflatableDesign(pressure, design.orientation, schedule, design.materials)
 
 
 def design_hash(design: InflatableDesign) -> str:

@@ -41,6 +41,11 @@ class GaitEncoding(ABC):
     def __post_init__(self) -> None:
         whole_number("columns", self.columns, 1)
 
+    @property
+    def more_tables(self) -> tuple[str, ...]:
+        """Names of the schedule's tables, beside its levels, that genes say and that have derivatives."""
+        return ()
+
     @abstractmethod
     def variables(self) -> list[Variable]:
         """The genes."""
@@ -215,6 +220,11 @@ class GradedGait(GaitEncoding):
                 *((np.where(within, others[name], 0.0)).ravel() for name, within in self._inside(values).items()),
             ]
         )
+
+    @property
+    def more_tables(self) -> tuple[str, ...]:
+        """Core pressures and paces of the columns, where they are free."""
+        return ("core_pressure",) * (self.cores > 0) + ("pace",) * self.paced
 
     def _own(self, values: Floats) -> dict[str, Floats]:
         """Core pressures, shape (N, T), and paces, shape (8, T), as the genes have them, where they are free."""

@@ -32,6 +32,7 @@ class Design:
     pressure: float = 12e3
     orientation: float = 0.0
     schedule: GaitSchedule = INCHING
+    materials: None = None
 
 
 def with_channel(rig, name, **changes):
