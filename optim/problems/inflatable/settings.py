@@ -146,7 +146,9 @@ class GaitSettings(RobotDesigning):
             raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
 
     def _check_more(self) -> None:
-        """Refuse free parts that contradict the rest."""
+        """Refuse free parts that are unknown, or contradict the rest."""
+        for part in self.more:
+            choice("free", part, MORE_PARTS)
         object.__setattr__(self, "more", tuple(part for part in MORE_PARTS if part in self.more))
         for part in GAIT_PARTS:
             if part in self.more and (self.schedule is not None or self.encoding != "graded"):

@@ -45,5 +45,5 @@ def test_derivatives_come_back_to_the_events_that_were_carried_on():
 
 @pytest.mark.parametrize("steps", [[-1, 0], [0, 21], [0]])
 def test_a_split_outside_the_program_is_refused_in_one_line(steps):
-    with pytest.raises(ValueError, match="^steps: .* are not allowed; give one from 0 to each robot's length$"):
+    with pytest.raises(ValueError, match=r"^steps: .* are not allowed; give one from 0 to each robot's length$"):
         program().split(steps)
