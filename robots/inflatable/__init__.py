@@ -1,6 +1,6 @@
 """The inflatable shape-changing robot: what its designs do on a terrain.
 
-A *design* is a core pressure, a heading and a schedule; also materials of regions, if these are not as built.
+A *design* is a core pressure, a heading and a schedule; also materials of the body, if regions are not as built.
 A *schedule* has levels of ten actuators, from off (0) to on (1), over *columns*: actuation states, each with its motion
 and its settling. A *stroke* is one inflation or deflation of a bladder. A *gait* is a design as files hold it.
 

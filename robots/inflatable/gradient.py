@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.program import WHOLE, Counting, Numbers, build_program, write_gait
+from robots.inflatable.numbers import Numbers, numbers_of
+from robots.inflatable.program import WHOLE, Counting, build_program, write_gait
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import (
     PER_ROBOT,
@@ -247,12 +248,6 @@ def check_alike(designs: Sequence[InflatableDesign]) -> None:
             "designs: a mixture is not allowed; give gaits of one number of columns, all or none with pressures"
         )
     raise ValueError("designs: a mixture is not allowed; give all of them a pace, friction, moduli and sizes, or none")
-
-
-def numbers_of(design: InflatableDesign) -> dict[str, Any]:
-    """All numbers of a design by which it is differentiated, by name."""
-    modulus = None if design.materials is None else design.materials.modulus
-    return {**Numbers.of(design).given, **({} if modulus is None else {"modulus": modulus})}
 
 
 class _Kept(ProgramBuilder):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from robots.inflatable import SMALL
-from robots.inflatable.gradient import numbers_of
+from robots.inflatable.numbers import numbers_of
 
 
 class Linear:

@@ -1,84 +1,29 @@
-"""How a search writes a design: its heading and core pressures, then the schedule.
+"""How a search writes a schedule, the last variables of a point.
 
-A schedule is written as codes, bit by bit, as a pattern in space and time, or by levels and times.
+It is written as codes, bit by bit, as a pattern in space and time, or by levels and times.
 """
 
 import dataclasses
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from optim.problems.inflatable.body_genes import EMPTY_CORE
 from optim.space import Variable
 from robots.control.pattern import PatternWiring
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
-from robots.inflatable.design import Pressure, checked_pressure
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
 from robots.inflatable.timing import cycle_starts, most_repeats, play
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import whole_number
 
-if TYPE_CHECKING:
-    from robots.inflatable.gradient import InflatableGradient
-
-EMPTY_CORE = -4000.0  # the least pressure that graded gaits may ask for [Pa]; below zero the core is empty
 LEAST_MOTION = 100  # time steps of a column's motion; valves switch no faster
 LEVEL_STEP = 0.2  # of a level, from -0.5 to 1.5
 SLOWEST, PACE_END, PACE_STEP = 0.5, 1.5, 0.1  # of a pace; above 1 it is cut, so that full speed is easily kept
 SETTLING, SETTLING_STEP = 4001, 800  # time steps; published columns settle for as many
 BIT_STEP = 0.22  # a mutation flips a bit where a deviate exceeds 0.5: 2.3 % of them, 2 of 80
-
-
-@dataclass(frozen=True)
-class ShapeGenes:
-    """The first variables of a point, shape (D,): what is None is free.
-
-    Attributes:
-        orientation: [degrees], or None.
-        pressure: of the cores [Pa], or None.
-        cores: of the body.
-        least: pressure that a search may ask for [Pa]; below zero a core is empty.
-    """
-
-    orientation: float | None
-    pressure: Pressure | None
-    cores: int = 1
-    least: float = 0.0
-
-    @property
-    def pressures(self) -> tuple[str, ...]:
-        """Names of the pressures, were they free."""
-        return ("pressure",) if self.cores == 1 else tuple(f"pressure_{core}" for core in range(1, self.cores + 1))
-
-    def variables(self) -> list[Variable]:
-        """``orientation``, then ``pressure``, or ``pressure_1`` and on; the steps are the published ones."""
-        found = [] if self.orientation is not None else [Variable("orientation", 0.0, 90.0, step=9.0)]
-        if self.pressure is None:
-            found.extend(Variable(name, self.least, 12_000.0, step=1200.0) for name in self.pressures)
-        return found
-
-    @property
-    def size(self) -> int:
-        """How many there are."""
-        return (self.orientation is None) + self.cores * (self.pressure is None)
-
-    def values(self, point: ArrayLike) -> tuple[Pressure, float]:
-        """Pressure and orientation of a point."""
-        values = np.asarray(point, float)[: self.size]
-        orientation = float(values[0]) if self.orientation is None else self.orientation
-        if self.pressure is not None:
-            return self.pressure, orientation
-        return checked_pressure(np.maximum(values[-self.cores :], 0.0)), orientation
-
-    def slopes(self, run: "InflatableGradient", points: Floats) -> Floats:
-        """d distance / d variable, shape (N, size), at points of shape (N, D); none by a core that is empty."""
-        found = [run.orientation[:, None]] if self.orientation is None else []
-        if self.pressure is None:
-            inflated = points[:, self.size - self.cores : self.size] > 0
-            found.append(run.pressure.reshape(inflated.shape) * inflated)
-        return np.concatenate(found, axis=1) if found else np.zeros((len(points), 0))
 
 
 @dataclass(frozen=True)
@@ -95,6 +40,11 @@ class GaitEncoding(ABC):
 
     def __post_init__(self) -> None:
         whole_number("columns", self.columns, 1)
+
+    @property
+    def more_tables(self) -> tuple[str, ...]:
+        """Names of the schedule's tables, beside its levels, that genes say and that have derivatives."""
+        return ()
 
     @abstractmethod
     def variables(self) -> list[Variable]:
@@ -270,6 +220,11 @@ class GradedGait(GaitEncoding):
                 *((np.where(within, others[name], 0.0)).ravel() for name, within in self._inside(values).items()),
             ]
         )
+
+    @property
+    def more_tables(self) -> tuple[str, ...]:
+        """Core pressures and paces of the columns, where they are free."""
+        return ("core_pressure",) * (self.cores > 0) + ("pace",) * self.paced
 
     def _own(self, values: Floats) -> dict[str, Floats]:
         """Core pressures, shape (N, T), and paces, shape (8, T), as the genes have them, where they are free."""

@@ -216,8 +216,7 @@ class GaitProblem(GaitSettings):
             sharpness: with which they were judged.
             friction: by which that of each robot was multiplied, shape (N,).
         """
-        others = {name: getattr(run, name) for name in ("pace", "core_pressure")}
-        tables = {name: table for name, table in others.items() if table is not None}
+        tables = {name: getattr(run, name) for name in self._control.more_tables}
         genes = []
         for robot, (point, slope) in enumerate(zip(points, run.levels, strict=True)):
             own = {name: np.reshape(table[robot], (-1, table.shape[-1])) for name, table in tables.items()}

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 
 from optim.problem import GAIT, check_kind
-from optim.problems.inflatable.encoding import EMPTY_CORE, ENCODINGS, GradedGait, ShapeGenes
-from optim.problems.inflatable.material_genes import MATERIAL_PARTS, MaterialGenes
+from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, MaterialGenes, ShapeGenes
+from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
 from optim.problems.inflatable.outcomes import NEXT
 from optim.problems.robot import RobotDesigning
 from robots.calibration import Properties, robot_of
@@ -146,7 +146,9 @@ class GaitSettings(RobotDesigning):
             raise ValueError(f"effort: {self.effort:g} is not allowed with objectives, {self.objectives}; choose mean")
 
     def _check_more(self) -> None:
-        """Refuse free parts that contradict the rest."""
+        """Refuse free parts that are unknown, or contradict the rest."""
+        for part in self.more:
+            choice("free", part, MORE_PARTS)
         object.__setattr__(self, "more", tuple(part for part in MORE_PARTS if part in self.more))
         for part in GAIT_PARTS:
             if part in self.more and (self.schedule is not None or self.encoding != "graded"):

@@ -388,10 +388,10 @@ STUDY = Study(
     source="beyond chapter 5",
     scales={
         "small": Comparison(seconds=4.0, seeds=2, starts=2, columns=1, worlds=(FLAT,), arms=("random", "gradient")),
-        "medium": Comparison(),
+        "medium": Comparison(seconds=36.0, arms=("nes", "genetic", "hill-climb", "gradient", "memetic")),
         "full": Comparison(seconds=600.0, arms=tuple(ARMS)),
     },
     run=study,
     writes=FILES[:4],
-    cost="a day and a half of one core; medium takes an hour",
+    cost="a day of one core; medium takes an hour",
 )

@@ -83,7 +83,8 @@ class ShapeChange(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.choice("geometry", self.geometry, [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1])
+        known = [name for name, each in NAMED_GEOMETRIES.items() if each.cores == 1 and not each.closed]
+        checks.choice("geometry", self.geometry, known)
 
     def terrain(self, place: str) -> Terrain:
         """The terrain of a place, ``"flat"`` or ``"hill"``."""

@@ -63,8 +63,10 @@ class Robot(Settings):
         checks.number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
 
     def describe(self) -> dict[str, Any]:
-        """Describe all settings for JSON, as version 1.0 did, which knew no ``ramp_steps``."""
+        """Describe all settings for JSON, as version 1.0 did, which knew no ``ramp_steps`` and no ``closed``."""
         described = super().describe()
+        if not self.geometry.closed:
+            del described["geometry"]["closed"]
         if self.actuation.ramp_steps is None:
             del described["actuation"]["ramp_steps"]
         return described

@@ -161,13 +161,13 @@ def test_bad_input_is_told_in_one_line(morpholab, tmp_path, mine, line, message)
 
 
 def test_the_examples_are_short_and_load():
-    from robots.lattice_robot import load_robot
+    from robots.robot import KINDS
 
     files = sorted(EXAMPLES.glob("*.py"))
-    assert [path.stem for path in files] == ["inchworm", "starfish", "voxel_walker"]
+    assert [path.stem for path in files] == ["freeform", "inchworm", "starfish", "voxel_walker"]
     for path in files:
         assert len(path.read_text().splitlines()) <= 40, path
-        assert load_robot(path).free, path
+        assert KINDS["lattice"].build(str(path), {}).parameters, path
 
 
 @pytest.mark.kernels

@@ -130,6 +130,7 @@ def test_gentle_slopes_rise_with_the_sharpness(linear):
         ),
         ({"more": ("friction",), "hard": True}, "free: friction is not allowed with hard conditions"),
         ({"terrains": (Terrain(high_friction=1.0),)}, "free: friction is not allowed on flat, which has its own"),
+        ({"more": ("colour",)}, "free: 'colour' is unknown; choose one of core, pace, friction, modulus, size"),
         ({"noise": 1e-6}, "noise: 1e-06 is not allowed with a single draw; give draws"),
         ({"friction_spread": 0.2}, "friction_spread: 0.2 is not allowed with a single draw"),
         ({"window": -1}, "window: -1 is not allowed"),

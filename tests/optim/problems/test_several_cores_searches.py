@@ -9,7 +9,7 @@ import pytest
 from graded import TINY_TWO
 from run_products import log
 
-from optim.problems.inflatable.encoding import EMPTY_CORE
+from optim.problems.inflatable.body_genes import EMPTY_CORE
 from optim.problems.inflatable.problem import GaitProblem
 from robots import inflatable
 from robots.inflatable import NAMED_GEOMETRIES

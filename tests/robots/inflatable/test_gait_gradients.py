@@ -52,7 +52,7 @@ class Simulator:
         slope[:, 0, 0] += [level[9, -1] for level in levels]
         slope[:, 9, -1] += [level[0, 0] for level in levels]
         slope = slope * np.where(failed, np.nan, 1 + pressure / 12e3)[:, None, None]
-        gradient = {"levels": slope, "core_pressure": None, "pace": None}
+        gradient = {"levels": slope, "core_pressure": None}
         return SimpleNamespace(result=result, pressure=gait / 12e3, orientation=-2 * aim / 90, **gradient)
 
     def simulate(self, designs, terrain, *, progress=None, **options):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from graded import tabled
 
-from optim.problems.inflatable.encoding import EMPTY_CORE
+from optim.problems.inflatable.body_genes import EMPTY_CORE
 from optim.problems.inflatable.problem import GaitProblem
 from robots.inflatable import INCHING, ROLLING
 from robots.inflatable.design import InflatableDesign, save_design
