@@ -18,7 +18,7 @@ import numpy as np
 
 from optim.experiments.equal_cost import Contest, Entry, Point
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, part_of, read_alone, write_json
+from optim.experiments.results import Progress, check_folder, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, read_records, where, write_records
 from optim.measures.statistics import mean_interval, ratio_of_means
@@ -165,6 +165,16 @@ class Comparison(Settings):
         """Problem, search and seed of every run, seed by seed."""
         return [(p, arm, seed) for seed in range(self.seeds) for p in self.problems for arm in self.arms]
 
+    def marks(self, problem: str) -> list[float]:
+        """CPU times at which designs are judged [s]."""
+        return [self.share * times * PROBLEMS[problem].seconds for times in self.times]
+
+    def told(self, run: tuple[str, str, int], rows: Sequence[Record]) -> bool:
+        """Whether rows tell what a run had found at every time."""
+        problem, arm, seed = run
+        known = {row["seconds"] for row in where(rows, problem=problem, search=arm, seed=seed)}
+        return known >= set(self.marks(problem))
+
     def contest(self, problem: str, folder: Path) -> Contest:
         """The searches of a problem, up to the last time."""
         entries = {
@@ -181,23 +191,26 @@ def designed(name: str) -> RobotProblem:
 
 
 def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
-    """Write runs, what each has found, tables, and what follows from them; runs go on where they ended."""
-    if tables := read_alone(folder, NAME, TABLES[:2], FILES, {"share": settings.share}):
-        _report(folder, settings, tables[0])
-        return
-    tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in settings.runs]
+    """Write what runs have found, tables, and what follows from them; runs go on where they ended.
+
+    Runs that are whole in the tables of the folder are not run again.
+    """
+    check_folder(folder, FILES, NAME)
+    known = [read_records(folder / name) if (folder / name).exists() else [] for name in TABLES]
+    missing = [run for run in settings.runs if not settings.told(run, known[0])]
+    tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in missing]
     run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
-    rows, curves, trials = list[Record](), list[Record](), list[Record]()
-    for number, (run, (_, task)) in enumerate(zip(settings.runs, tasks, strict=True)):
+    for number, (run, (_, task)) in enumerate(zip(missing, tasks, strict=True)):
         task(where, None)
-        rows += read_records(_kept(folder, *run))
-        curves += _curve(folder, settings, *run)
-        trials += read_records(_kept(folder, *run, "trials"))
+        about = dict(zip(("problem", "search", "seed"), run, strict=True))
+        for place, what in enumerate(("run", "curve", "trials")):
+            others = [row for row in known[place] if any(row[name] != value for name, value in about.items())]
+            known[place] = others + read_records(_kept(folder, *run, what))
+        for name, records in zip(TABLES, known, strict=True):  # what there is so far is of use
+            write_records(folder / name, records)
         if progress:
             progress((number + 1) / len(tasks))
-    for name, records in zip(TABLES, (rows, curves, trials), strict=True):
-        write_records(folder / name, records)
-    _report(folder, settings, rows)
+    _report(folder, settings, known[0])
 
 
 @cache
@@ -220,18 +233,18 @@ def _task(
     """Run a search, and judge what it had found at each time, if that is not done."""
     problem, name, seed = run
     kept, contest = _kept(folder, *run), settings.contest(problem, folder)
-    marks = [settings.share * times * PROBLEMS[problem].seconds for times in settings.times]
-    if kept.exists() and [row["seconds"] for row in read_records(kept)] == marks:
+    if kept.exists() and settings.told(run, read_records(kept)):
         return
     _warm_up(problem, ARMS[name].gradients)
     contest.run_one(name, seed)
     kept.parent.mkdir(parents=True, exist_ok=True)
     rows, trials = list[Record](), list[Record]()
-    for seconds in marks:
+    for seconds in settings.marks(problem):
         row, found = _found(folder, contest, run, seconds)
         rows.append(row)
         trials += found
     write_records(_kept(folder, *run, "trials"), trials)
+    write_records(_kept(folder, *run, "curve"), _curve(contest, *run))
     write_records(kept, rows)
 
 
@@ -282,9 +295,9 @@ def judged(robot: LatticeRobot, terrain: Terrain) -> list[tuple[str, float]]:
     return found
 
 
-def _curve(folder: Path, settings: Comparison, problem: str, name: str, seed: int) -> list[Record]:
-    """The course of a run: at most so many of its generations, evenly, and the last."""
-    points = settings.contest(problem, folder).curve(name, seed)
+def _curve(contest: Contest, problem: str, name: str, seed: int) -> list[Record]:
+    """The course of a run: some of its generations, evenly, and the last."""
+    points = contest.curve(name, seed)
     every = max(1, -(-len(points) // CURVE))
     chosen: list[Point] = [p for n, p in enumerate(points) if n % every == 0 or n == len(points) - 1]
     about = {"problem": problem, "search": name, "seed": seed}

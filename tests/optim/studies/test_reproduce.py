@@ -85,7 +85,10 @@ def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_pa
         ),
         ("reproduce training", "out: none given; name a folder for the results"),
         ("reproduce co-optimisation --out a --sweep b", "sweep: study co-optimisation reads none; leave it out"),
-        ("reproduce training --out a --jobs 2", "jobs: 2 is not allowed with study training; freeform, gait-hunt, gait-climb"),
+        (
+            "reproduce training --out a --jobs 2",
+            "jobs: 2 is not allowed with study training; freeform, gait-hunt, gait-climb",
+        ),
         ("reproduce gait-hunt --out a --jobs 0", "argument --jobs: 0 is not allowed; give a whole number, at least 1"),
     ],
 )
