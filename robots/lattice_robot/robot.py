@@ -20,10 +20,11 @@ from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
-from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.robot import HERE, Facts, Judgement, Measure, Outcome, Parameter, Progress, Robot, Trial, World, counted
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, positive, whole_number
+from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
@@ -429,6 +430,14 @@ class LatticeRobot(Robot):
 
         super().changed({name: value for name, value in options.items() if name != "channels"})
         return played_robot(self._fixed, read_channels(options["channels"])) if "channels" in options else self
+
+    def judge(
+        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Judgement:
+        """What remains of its speed from noisy starts, with other friction, and with half the time step."""
+        from robots.lattice_robot.robustness import trust_in
+
+        return trust_in(self._fixed, terrain_of(world), seed=seed, compute=compute, progress=progress).judgement
 
     def facts(self) -> Facts:
         """Body, drives and cycle."""

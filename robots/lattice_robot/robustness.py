@@ -1,0 +1,98 @@
+"""How far the speed of a soft robot can be trusted: noisy starts, other friction, half the time step.
+
+Contact makes robots sensitive: a gait that a search has found may live on one friction, one step size or one stance.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robots.outcome import Judgement
+from robots.robot import Progress, part_of
+from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from robots.lattice_robot.robot import LatticeRobot
+
+STARTS = 8
+NOISE = 1e-3  # of an edge: standard deviation of the start positions, unless the robot has its own
+FRICTIONS = (0.5, 0.625, 0.75, 0.875)  # parts of the coefficients of all materials
+ENOUGH = 0.5  # part of the speed that shall remain in the median
+
+
+@dataclass(frozen=True, eq=False)
+class Trust:
+    """Speeds of a robot in trials that differ from each other [body lengths/s]; one that diverges does not move.
+
+    Attributes:
+        starts: from noisy starts, shape (R,).
+        changed: under changed conditions, by their names.
+    """
+
+    starts: Floats
+    changed: dict[str, float]
+
+    @property
+    def speed(self) -> float:
+        """Median of the noisy starts."""
+        return float(np.median(self.starts))
+
+    @property
+    def kept(self) -> float:
+        """Part of the speed that remains in the median of the changed conditions; 0 for a robot that goes nowhere."""
+        return float(np.median(list(self.changed.values()))) / self.speed if self.speed > 0 else 0.0
+
+    @property
+    def broken_by(self) -> tuple[str, ...]:
+        """Conditions under which less than half of the speed remains."""
+        return tuple(name for name, speed in self.changed.items() if speed < ENOUGH * self.speed)
+
+    @property
+    def judgement(self) -> Judgement:
+        """The trust in words, and as a document."""
+        low, high = self.starts.min(), self.starts.max()
+        spread = f"{self.speed:.4f} BL/s, {low:.4f} to {high:.4f} from {len(self.starts)} noisy starts"
+        told = ", ".join(f"{name} {speed:.4f}" for name, speed in self.changed.items())
+        text = f"{spread}\nchanged: {told}\n{self.kept:.2f} of the speed remains in the median"
+        if self.broken_by:
+            text += f"; less than half with {', '.join(self.broken_by)}"
+        document: dict[str, Any] = {
+            "speeds": self.starts.tolist(),
+            "changed": self.changed,
+            "kept": self.kept,
+            "broken_by": list(self.broken_by),
+        }
+        return Judgement(text, document, not self.kept >= ENOUGH)
+
+
+def trust_in(
+    robot: "LatticeRobot", terrain: Terrain, *, seed: int = 0, compute: Compute, progress: Progress | None = None
+) -> Trust:
+    """Try a robot, of which nothing is free, from noisy starts, with other friction, and with half the time step."""
+    noise = robot.perturbation or NOISE * robot.body.voxel_size
+    noisy = replace(robot, perturbation=noise, seed=seed)
+    trials = [("", replace(noisy, seed=seed + number)) for number in range(STARTS)]
+    if not terrain.is_fluid:
+        trials += [(f"{part:g} of the friction", _slippery(noisy, part)) for part in FRICTIONS]
+    trials.append(("half the time step", replace(noisy, time_step_safety=2 * robot.time_step_safety)))
+    starts, changed = [], {}
+    for done, (name, each) in enumerate(trials):
+        outcome = each.simulate((), terrain, compute=compute, progress=part_of(progress, done, len(trials)))
+        speed = float(np.nan_to_num(outcome.measures["speed"][0]))
+        if name:
+            changed[name] = speed
+        else:
+            starts.append(speed)
+    return Trust(np.array(starts), changed)
+
+
+def _slippery(robot: "LatticeRobot", part: float) -> "LatticeRobot":
+    """The robot with a part of the friction of each of its materials."""
+    materials = tuple(
+        replace(m, static_friction=part * m.static_friction, kinetic_friction=part * m.kinetic_friction)
+        for m in robot.body.materials
+    )
+    return replace(robot, body=replace(robot.body, materials=materials))
