@@ -1,0 +1,131 @@
+"""What motions are worth: measures of made-up records, whose values are known, and of robots."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
+from robots.lattice_robot import Drive, LatticeRobot
+from robots.lattice_robot.measures import Constants, Record, measure
+from robots.lattice_robot.robustness import STARTS, Trust, trust_in
+from robots.world import Terrain
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice import LatticeBody, Material, body_from_array
+
+EDGE, MODULUS = 0.01, 1e5
+RUBBER = Material(MODULUS, 1e3, static_friction=1.0, kinetic_friction=0.8, name="rubber")
+BAR = LatticeBody(np.argwhere(np.ones((3, 1, 1))), (RUBBER,), np.zeros(3, int), EDGE)
+
+
+def made(body=BAR, density=None, driven=None, **changes):
+    """Constants and a record in which nothing moves, of one robot."""
+    count = body.voxel_count
+    constants = Constants(
+        np.full((1, count), 1e3) if density is None else np.array([density]),
+        np.full((1, count), MODULUS),
+        np.ones((1, count)) if driven is None else np.array([driven]),
+        body,
+        np.array([1.0, 0.0, 0.0]),
+        0.03,
+        0.5,
+        4.0,
+        changes.pop("target", None),
+    )
+    positions = np.tile(body.start_positions, (1, FRAMES_FROM, 1, 1))
+    strains = np.zeros((1, FRAMES_FROM, len(body.topology.links)))
+    sizes = np.full((1, FRAMES_FROM, count, 3), EDGE)
+    return constants, Record(positions, strains, sizes)
+
+
+def test_speed_is_that_of_the_centre_of_mass():
+    constants, record = made(density=[1e3, 1e3, 2e3])
+    record.positions[0, 1] += [[0.01, 0.5, 0.0], [0.01, 0.0, 0.2], [0.03, 0.0, 0.0]]
+    assert measure("distance", record, constants)[0] == pytest.approx(0.02)
+    assert measure("speed", record, constants)[0] == pytest.approx(0.02 / 0.03 / 0.5)
+
+
+def test_a_jump_is_the_highest_centre_of_mass_in_the_last_cycle():
+    constants, record = made()
+    record.positions[0, 0, :, 2] += 9.0  # before the last cycle
+    record.positions[0, LAST_CYCLE.start + 5, :, 2] += 0.02
+    record.positions[0, LAST_CYCLE.start + 6, 0, 2] += 0.03
+    assert measure("jump", record, constants)[0] == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("degrees", [-170.0, -20.0, 0.0, 35.0])
+def test_turning_is_the_angle_of_a_rigid_motion(degrees):
+    constants, record = made(density=[1e3, 2e3, 1e3])
+    cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
+    record.positions[0, LAST_CYCLE.stop - 1] = BAR.start_positions @ turn.T + [0.3, -0.1, 0.2]
+    assert measure("turning", record, constants)[0] == pytest.approx(4 * degrees)
+
+
+def test_energy_is_the_positive_work_against_the_links():
+    constants, record = made()
+    stiffness, squeeze, growth = MODULUS * EDGE**2, 0.1, 0.002
+    record.strains[0, LAST_CYCLE, 0] = -squeeze  # a link under pressure lengthens, then shortens again
+    record.sizes[0, LAST_CYCLE.start + 4 : LAST_CYCLE.start + 9, :2, 0] += growth
+    assert measure("energy", record, constants)[0] == pytest.approx(stiffness * squeeze * growth)
+    record.strains[0, LAST_CYCLE, 0] = squeeze  # a link under tension: now shortening is work
+    assert measure("energy", record, constants)[0] == pytest.approx(stiffness * squeeze * growth)
+    record.strains[:] = 0.0
+    assert measure("energy", record, constants)[0] == 0.0
+
+
+def test_payload_is_what_nothing_drives():
+    constants, record = made(density=[1e3, 2e3, 4e3], driven=[1.0, 0.5, 0.0])
+    assert measure("mass", record, constants)[0] == pytest.approx(7e3 * EDGE**3)
+    assert measure("payload", record, constants)[0] == pytest.approx(5e3 * EDGE**3)
+
+
+def test_remaining_is_the_way_to_the_target():
+    constants, record = made(target=(0.05, 0.02))
+    assert "remaining" in constants.names
+    record.positions[0, 1] += [0.01, 0.05, 0.0]
+    assert measure("remaining", record, constants)[0] == pytest.approx(np.hypot(0.04, 0.03))
+
+
+def robot(**settings):
+    array = np.ones((4, 2, 2), int)
+    array[1:3, :, 0] = 0
+    regions = np.arange(16).reshape(array.shape) % 2
+    body = body_from_array(array, (RUBBER,), EDGE, regions=regions)
+    given = {"cycles": 1, "frequency": 12.0, "settling": 0.02} | settings
+    return LatticeRobot(body, (Drive("legs", (0, 1), amplitude=0.15, phase=(0.1, 0.4)),), **given)
+
+
+@pytest.mark.kernels
+def test_robots_tell_all_their_measures():
+    made_robot = robot(target=(0.1, 0.0), reference_length=0.08)
+    found = made_robot.simulate((), Terrain()).measures
+    assert set(found) == {m.name for m in made_robot.measures} and "remaining" in found
+    assert found["mass"][0] == pytest.approx(12 * 1e3 * EDGE**3) and found["payload"][0] == 0
+    assert found["energy"][0] > 0
+    assert found["speed"][0] == pytest.approx(found["distance"][0] / 0.08 * 12)
+
+
+@pytest.mark.kernels
+def test_noise_is_the_same_for_all_points_and_differs_by_seed():
+    speeds = [robot(perturbation=1e-5, seed=seed).simulate((), Terrain()).measures["speed"][0] for seed in (0, 0, 1)]
+    assert speeds[0] == speeds[1] != speeds[2]
+    assert speeds[0] != robot().simulate((), Terrain()).measures["speed"][0]
+
+
+@pytest.mark.kernels
+def test_trust_is_told_for_people_and_machines():
+    trust = trust_in(robot(), Terrain(), compute=Compute())
+    assert len(trust.starts) == STARTS and np.ptp(trust.starts) > 0
+    assert list(trust.changed) == [*(f"{p:g} of the friction" for p in (0.5, 0.625, 0.75, 0.875)), "half the time step"]
+    document = robot().judge(Terrain(), compute=Compute()).document
+    assert document["speeds"] == trust.starts.tolist() and document["kept"] == trust.kept
+    water = trust_in(robot(), Terrain.water(), compute=Compute())
+    assert list(water.changed) == ["half the time step"]
+
+
+def test_trust_names_what_breaks_a_robot():
+    trust = Trust(np.array([1.0, 0.9, 1.1]), {"ice": 0.1, "sand": 0.6, "half the time step": 0.8})
+    assert trust.kept == pytest.approx(0.6) and trust.broken_by == ("ice",)
+    assert "less than half with ice" in trust.judgement.text and not trust.judgement.failed
+    assert dataclasses.replace(trust, starts=np.zeros(3)).judgement.failed
