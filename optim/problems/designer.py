@@ -176,8 +176,9 @@ class Designer:
         world = self.kind.chosen_world(given)
         lengths = list(wanted if wanted is not None else robot.horizons)
         trials = dict(robot.at_horizon(length) for length in lengths) if lengths else {"trial": robot}
+        worlds = () if world is None else (world,)
         return {
-            name: (RobotProblem(trial, () if world is None else (world,), **compute), trial.start)
+            name: (RobotProblem(trial, worlds, relaxed_precision=None, **compute), trial.start)
             for name, trial in trials.items()
         }
 

@@ -149,6 +149,7 @@ class JudgedRobot(RobotDesigning):
     objective: Names = "mean"
     measure = ""
     summed = False
+    relaxed_precision: str | None = "f32"  # of mixtures of designs, which only lead to results
 
     @property
     @abstractmethod
@@ -221,8 +222,8 @@ class JudgedRobot(RobotDesigning):
             raise ValueError("robot: it has binary parameters, which have no gradient; choose another method")
         if not robot.relaxable or sharpness == math.inf:
             points, sharpness = self.space.round(points), math.inf
-        elif robot.relaxable:
-            compute = dataclasses.replace(compute, precision="f32")  # mixtures only lead to results
+        else:
+            compute = dataclasses.replace(compute, precision=self.relaxed_precision or self.precision)
         if not gradients and sharpness == math.inf:
             return self.evaluate(points)
         attempt = partial(robot.simulate, sharpness=sharpness)
@@ -323,6 +324,8 @@ class RobotProblem(JudgedRobot):
         objective: name in ``OBJECTIVES``: ``"mean"`` over the worlds, ``"each"`` world, ``"worst"`` world; or several
             texts, such as ``("worst", "speed", "minimise:0.1*energy")``, see ``optim.problems.goals``.
         measure: of the robot, that an objective that names none is about; the first by default.
+        relaxed_precision: of mixtures of designs, where the robot has any, as they only lead to results; None is that
+            of true designs.
         summed: whether goals add up to one objective, for methods that take one; else each is one.
     """
 
@@ -331,6 +334,7 @@ class RobotProblem(JudgedRobot):
     objective: Names = "mean"
     measure: str = ""
     summed: bool = False
+    relaxed_precision: str | None = "f32"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", named(self.objective))
@@ -361,6 +365,7 @@ class RobotProblem(JudgedRobot):
             "worlds": [kind.world_record(world) for world in self.worlds],
             "objective": self.objective if isinstance(self.objective, str) else list(self.objective),
             **({} if isinstance(self.objective, str) else {"summed": self.summed}),
+            **({} if self.relaxed_precision == "f32" else {"relaxed_precision": self.relaxed_precision}),
             **({"measure": self.measure} if self.measure else {}),
             "precision": self.precision,
             "device": self.device,

@@ -12,6 +12,7 @@ import numpy as np
 from robots.control.pattern import PatternWiring
 from robots.freeform.grid import Grid
 from taichi_sim.autodiff.arrays import mapped
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import positive, whole_number
 from taichi_sim.base.variables import Kind, Variable
 
@@ -97,18 +98,24 @@ class Cells(Parametrisation):
     presence_kind: ClassVar[Kind] = "binary"
 
     def variables(self) -> list[Variable]:
-        """``presence_X_Y_Z`` and so on, places counted from 1, by kind; the first tissue's weight is a half."""
-        found = [] if self.solid else self._of_cells("presence", 1, self.presence_kind)
-        for tissue in range(2, self.tissues + 1):
-            found += self._of_cells(f"tissue_{tissue}", 1)
-        return found + self._of_cells("amplitude", self.amplitude) + self._of_cells("phase", 1, "angle")
+        """``presence_X_Y_Z`` and so on, places counted from 1, by kind; the first tissue's weight is a half.
 
-    def _of_cells(self, field: str, high: float, kind: Kind = "continuous") -> list[Variable]:
+        Before any search all cells are there, of the first tissue, and a wave runs along x.
+        """
+        count = len(self.grid.free)
+        ones, along = np.ones(count), self.grid.places[self.grid.free, 0] / self.grid.shape[0]
+        found = [] if self.solid else self._of_cells("presence", 1, ones, self.presence_kind)
+        for tissue in range(2, self.tissues + 1):
+            found += self._of_cells(f"tissue_{tissue}", 1, 0 * ones)
+        found += self._of_cells("amplitude", self.amplitude, ones * self.amplitude / 2)
+        return found + self._of_cells("phase", 1, along, "angle")
+
+    def _of_cells(self, field: str, high: float, start: Floats, kind: Kind = "continuous") -> list[Variable]:
         """A variable of each free cell, from 0, with its place."""
         found, step = [], FLIP if kind == "binary" else MUTATION * high
-        for place in self.grid.places[self.grid.free].tolist():
+        for place, first in zip(self.grid.places[self.grid.free].tolist(), start.tolist(), strict=True):
             name = "_".join([field, *(str(side + 1) for side in place)])
-            found.append(Variable(name, 0, high, kind, step, place=tuple(place)))
+            found.append(Variable(name, 0, high, kind, step, start=first, place=tuple(place)))
         return found
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
@@ -165,17 +172,24 @@ class Blobs(Parametrisation):
         return [*([] if self.solid else ["void"]), *lumps, "muscle"]
 
     def variables(self) -> list[Variable]:
-        """``void_1_x`` and so on [cells from the middle], radii [cells], then amplitudes and phases of the muscles."""
+        """``void_1_x`` and so on [cells from the middle], radii [cells], then amplitudes and phases of the muscles.
+
+        Before any search nothing is empty, and the balls lie along x.
+        """
         found, numbers = [], range(1, self.balls + 1)
         for kind in self._kinds:
             for axis, side in zip("xyz", self.grid.shape, strict=True):
-                found += [Variable(f"{kind}_{n}_{axis}", -side / 2, side / 2, step=MUTATION * side) for n in numbers]
+                ends, step = (-side / 2, side / 2), MUTATION * side
+                along = [(n - 0.5) / self.balls * side - side / 2 if axis == "x" else 0.0 for n in numbers]
+                found += [Variable(f"{kind}_{n}_{axis}", *ends, step=step, start=along[n - 1]) for n in numbers]
             each = (self.grid.count / self.balls) ** (1 / 3)  # edge of a cube, were the grid cut into equal ones
             most = max(1.0, (VOID if kind == "void" else LUMP) * each)
-            found += [Variable(f"{kind}_{n}_radius", 0.0, most, step=MUTATION * most) for n in numbers]
+            first = 0.0 if kind == "void" else most / 2
+            found += [Variable(f"{kind}_{n}_radius", 0.0, most, step=MUTATION * most, start=first) for n in numbers]
         largest = self.amplitude
         found += [Variable(f"muscle_{n}_amplitude", 0, largest, step=MUTATION * largest) for n in numbers]
-        return found + [Variable(f"muscle_{n}_phase", 0, 1, "angle", MUTATION) for n in numbers]
+        places = {n: n / (self.balls + 1) for n in numbers}
+        return found + [Variable(f"muscle_{n}_phase", 0, 1, "angle", MUTATION, start=places[n]) for n in numbers]
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
         rows = [points[:, first : first + self.balls] for first in range(0, points.shape[1], self.balls)]
@@ -226,7 +240,9 @@ class CoordinateNetwork(Parametrisation):
         inputs, nodes = ("x", "y", "z", "bias"), [f"hidden{n + 1}" for n in range(self.hidden)]
         names = [f"weight_{node}_{source}" for node in nodes for source in inputs]
         names += [f"weight_{output}_{source}" for output in self._outputs for source in (*nodes, "bias")]
-        return [Variable(name, -WEIGHT_LIMIT, WEIGHT_LIMIT, step=MUTATION * WEIGHT_LIMIT) for name in names]
+        first = np.random.default_rng(0).uniform(-WEIGHT_LIMIT, WEIGHT_LIMIT, len(names)).tolist()
+        ends, step = (-WEIGHT_LIMIT, WEIGHT_LIMIT), MUTATION * WEIGHT_LIMIT
+        return [Variable(name, *ends, step=step, start=weight) for name, weight in zip(names, first, strict=True)]
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
         count, hidden, outputs = len(points), self.hidden, len(self._outputs)
