@@ -114,7 +114,7 @@ ARMS = {
     "race": Arm("gradient race", "race", {"climbers": 16, "halving": 4, "moves": 100}, True),
     "race-quick": Arm("gradient race, short rounds", "race", QUICK, True),
     "genetic": Arm("genetic", "genetic", {"population": 32, "mutation": 0.1}),
-    "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 16}),
+    "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 1}),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
 }
@@ -133,7 +133,7 @@ TUNING: Mapping[str, Sequence[Mapping[str, Any]]] = {
         {"crossover": 0.5, "mutation": 0.02, "elites": 32},
         {"patches": 0.5},
     ),
-    "hill-climb": ({"climbers": 1}, {"climbers": 4}, {"climbers": 2}, {"climbers": 8}),
+    "hill-climb": ({"climbers": 16}, {"climbers": 8}, {"climbers": 4}, {"climbers": 2}),
     "nes": (
         {"population": 32, "random_mean": False, "sigma": 0.3},
         {"random_mean": False, "sigma": 0.3},

@@ -238,7 +238,7 @@ def check(made, point, names, terrain, sharpness, along):
 @pytest.mark.kernels
 def test_a_robot_of_nothing_fails_with_a_reason():
     made = robot()
-    points = np.stack([named(made, presence=0.0), named(made, presence=1.0, tissue_2=1.0), made.start])
+    points = np.stack([named(made, presence=0.0), named(made, tissue_2=1.0), named(made, presence=0.0)])
     points[2, 0] = 1.0
     found = made.simulate(points, Terrain(), compute=F64)
     assert found.status.tolist() == ["invalid"] * 3
@@ -252,7 +252,7 @@ def test_a_robot_of_nothing_fails_with_a_reason():
 @pytest.mark.kernels
 def test_trials_of_true_designs_count_cells_and_channels():
     made = robot(actuation=FreeformActuation(cycles=1, frequency=12.0, settling=0.02, channels=2))
-    points = np.stack([named(made, presence=1.0), named(made, presence=0.0), sampled(made)[0]])
+    points = np.stack([named(made, phase=0.25), named(made, presence=0.0), sampled(made)[0]])
     found = made.simulate(points, Terrain(), compute=F64).measures
     assert found["cells"][0] == 30 and found["channels"][0] == 1 and np.isnan(found["cells"][1])
     assert 4 <= found["cells"][2] < 30 and found["channels"][2] == 2
