@@ -14,7 +14,7 @@ which the slower half tells the speed, so that a gait that lurches once does not
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -189,12 +189,13 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
             _report(folder, settings, rows, curves)
 
 
-@cache
 def _warm_up(settings: Comparison, gradients: bool) -> None:
-    """Have the kernels of this process ready before the clock of a search starts, so that no run pays for them."""
+    """Have kernels ready before the clock of a search starts; replays in another precision put them away."""
     problem = settings.problem(FLAT, "random", steps=1, warm_up=0, stages=1)
     point = problem.space.relaxed().low[None]
-    judge(problem, Request(point, "gradients" if gradients else "points"))
+    judge(problem, Request(point))
+    if gradients:
+        judge(problem, Request(point, "gradients"))
 
 
 def _task(
