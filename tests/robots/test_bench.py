@@ -1,10 +1,13 @@
 """The benchmark runs and its figures are numbers; how large they are is for people to judge."""
 
+import time
 from argparse import Namespace
 
 import pytest
 
+from robots.bench import braitenberg as vehicle_bench
 from robots.bench import lattice as bench
+from robots.bench import quadruped as rigid_bench
 from taichi_sim.lattice.drivers.roofline import measure_peak
 
 pytestmark = pytest.mark.kernels
@@ -60,3 +63,42 @@ def test_figures_of_rigid_robots(tmp_path, capsys):
     assert figures["ratio_to_prototype"] == figures["steps_per_core_second"]["f32"]["whegged"]["median"] / 1e5
     assert all(rate["best"] > 0 for of in figures["steps_per_core_second"].values() for rate in of.values())
     assert "whegged" in capsys.readouterr().out
+
+
+def test_rates_of_the_lattice_are_measured_and_told(monkeypatch):
+    monkeypatch.setattr(bench, "WARM_UP", 60)
+    single = bench.Batch(1, "f32", 1)
+    figures = {
+        "single_robot_steps_per_second": bench.rates(time.process_time, single, 20, pieces=2),
+        "gradient": bench.gradient_cost("f32", 20),
+        "generation": bench.generation("f32", 1e-4),
+        "million_voxel_steps_per_core_second": 1.0,
+        "part_of_peak": 0.5,
+        "first_step_s": single.first_step,
+        "kilobytes_per_robot": single.engine.bytes_per_robot / 1e3,
+        "ratio_to_prototype": 2.0,
+        "two_threads": 1.9,
+    }
+    assert figures["gradient"]["in_forward_runs"] > 1 and figures["generation"]["core_hours"] > 0
+    lines = bench.lines(figures, "f32")
+    assert len(lines) == 9 and all(line.startswith("f32  ") for line in lines)
+    assert lines[1].endswith("2.00") and lines[-1].endswith("1.90 times one")
+
+
+def test_rates_of_vehicles_and_rigid_robots_are_measured_and_told(monkeypatch):
+    monkeypatch.setattr(rigid_bench, "CONTROLLERS", 2)
+    assert rigid_bench._rate(rigid_bench.LEGGED, "f32", 4) > 0
+    assert vehicle_bench._gradient_rate(8) > 0 and vehicle_bench._warping_rate(51) > 0
+    rate = {"median": 10.0, "best": 20.0}
+    told = vehicle_bench.lines(
+        {
+            "rollouts_per_core_second": {"f64": rate, "prototype": rate},
+            "gradients_per_core_second": 5.0,
+            "warping_distances_per_core_second": 2.0,
+            "ratio_to_prototype": 3.0,
+        }
+    )
+    assert len(told) == 4 and "3.00" in told[1]
+    figures = {"f32": {kind: rate for kind in ("legged", "wheeled", "whegged")}}
+    told = rigid_bench.lines({"steps_per_core_second": figures, "first_call_s": 1.0, "ratio_to_prototype": 3.0})
+    assert len(told) == 5 and "3.00" in told[3]
