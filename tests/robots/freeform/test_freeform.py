@@ -1,11 +1,13 @@
 """Freeform robots: fields, what can be built of them, and how they move."""
 
+import dataclasses
 import itertools
 import json
 import math
 
 import numpy as np
 import pytest
+import trimesh
 from scipy import ndimage
 
 from robots.freeform.fields import PARAMETRISATIONS
@@ -14,7 +16,9 @@ from robots.freeform.palette import Palette, Tissue, palette_of
 from robots.freeform.robot import FreeformActuation, FreeformRobot, freeform_of
 from robots.freeform.solid import clustered, largest_part, thick
 from robots.freeform.trials import chosen, projected
+from robots.hardware import PneumaticRig, read_channels, write_csv
 from robots.lattice_robot import load_robot
+from robots.lattice_robot.on_rig import played_robot
 from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -23,6 +27,7 @@ from taichi_sim.lattice import Material
 BONE = Tissue(Material(2e5, 2e3, static_friction=0.3, kinetic_friction=0.2), muscle=False)
 TWO = Palette((Tissue(), BONE))
 QUICK = FreeformActuation(cycles=1, frequency=12.0, settling=0.02)
+LONG = FreeformActuation(cycles=1, frequency=12.0, settling=0.06, channels=3)  # over 2,000 steps
 F64 = Compute(precision="f64", threads=1)
 
 
@@ -204,7 +209,7 @@ def test_full_mixtures_move_as_the_whole_block():
 @pytest.mark.parametrize("terrain", [Terrain(), Terrain.water()], ids=["ground", "water"])
 @pytest.mark.parametrize(("fields", "sharpness"), [("cells", 3.0), ("filtered", 0.0), ("blobs", 0.0), ("network", 1.0)])
 def test_gradients_of_mixtures_agree_with_differences(fields, sharpness, terrain):
-    made = robot((4, 2, 2), fields=fields, target=(0.1, 0.02), detail=2 if fields == "blobs" else None)
+    made = robot((4, 2, 2), actuation=LONG, fields=fields, target=(0.1, 0.02), detail=2 if fields == "blobs" else None)
     point = sampled(made, seed=1, relaxed=True)
     names = tuple(measure.name for measure in made.measures)
     check(made, point, names, terrain, sharpness, np.ones(len(made.parameters)))
@@ -212,8 +217,7 @@ def test_gradients_of_mixtures_agree_with_differences(fields, sharpness, terrain
 
 @pytest.mark.kernels
 def test_gradients_of_true_designs_agree_with_differences():
-    drive = FreeformActuation(cycles=1, frequency=12.0, settling=0.02, channels=3)
-    made = robot((5, 3, 2), actuation=drive)
+    made = robot((5, 3, 2), actuation=LONG)
     moving = np.array([p.name.startswith(("amplitude", "phase")) for p in made.parameters], float)
     check(made, sampled(made, seed=2), ("speed", "energy"), Terrain(), math.inf, moving)
 
@@ -221,7 +225,7 @@ def test_gradients_of_true_designs_agree_with_differences():
 def check(made, point, names, terrain, sharpness, along):
     """Compare gradients with central differences along a random direction."""
     found = made.run(point, Trial(terrain, F64, gradients=names, sharpness=sharpness))
-    assert found.status[0] == "ok"
+    assert found.status[0] == "ok" and found.steps[0] >= 2000
     span = np.array([p.high - p.low for p in made.parameters])
     direction = np.random.default_rng(5).standard_normal(len(span)) * span * along
     errors = {name: math.inf for name in names}
@@ -293,3 +297,27 @@ def test_bad_input_is_told_in_one_line(make, told):
     with pytest.raises(ValueError, match=told) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_a_designed_body_can_be_printed(tmp_path):
+    drive = FreeformActuation(cycles=1, frequency=3.0, settling=0.02, channels=4)
+    made = robot((8, 6, 5), actuation=drive, fields="filtered", detail=1.5)
+    walker = made.design(sampled(made, seed=4)[0])
+    walker.save_parts(tmp_path / "walker.stl")
+    printed = trimesh.load(tmp_path / "walker.stl")
+    assert printed.is_watertight
+    assert printed.volume == pytest.approx(walker.body.voxel_count * 10.0**3, rel=0.01)  # mm^3
+    assert walker.body.voxel_count < made.grid.count
+
+
+@pytest.mark.kernels
+def test_the_table_of_a_rig_plays_as_designed(tmp_path):
+    drive = FreeformActuation(cycles=1, frequency=3.0, settling=0.05, channels=4)
+    made = robot((6, 3, 3), actuation=drive, symmetry="y")
+    walker = made.design(np.where(sampled(made, seed=6)[0] == 0, 1.0, sampled(made, seed=6)[0]))
+    quick = tuple(dataclasses.replace(channel, slew_kpa_per_s=1e5) for channel in PneumaticRig().channels)
+    table = walker.table(rig=dataclasses.replace(PneumaticRig(), name="quick", channels=quick))
+    write_csv(table, tmp_path / "walker.csv")
+    played = played_robot(walker, read_channels(tmp_path / "walker.csv"))
+    speeds = [each.simulate((), Terrain(), compute=F64).measures["speed"][0] for each in (walker, played)]
+    assert speeds[1] == pytest.approx(speeds[0], rel=1e-5)
