@@ -84,6 +84,11 @@ class Space:
         """Which variables have whole numbers only, shape (D,)."""
         return np.array([variable.is_integer for variable in self.variables])
 
+    @cached_property
+    def mixes(self) -> bool:
+        """Whether relaxed points are mixtures of designs, which are to become sharper."""
+        return any(variable.kind == "binary" or variable.mixes for variable in self.variables)
+
     def relaxed(self) -> "Space":
         """A copy of the space in which binary variables are continuous from 0 to 1; integers stay whole."""
         binary_freed = (replace(v, kind="continuous") if v.kind == "binary" else v for v in self.variables)

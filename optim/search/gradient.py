@@ -77,7 +77,7 @@ class GradientAscent(IndependentSearches):
         checks.integer("candidates", self.candidates, 1, method.MOST_POINTS // self.climbers)
         if self.rule == "l-bfgs" and not self.exact:
             raise ValueError("rule: 'l-bfgs' is not allowed with smoothed gradients, which are noisy; choose adam")
-        self.binary = self.relaxed != self.space
+        self.binary = self.space.mixes
         self.alternates = self.verify or self.binary
         climbers, rate = self.climbers, self.learning_rate
         shape = (climbers, self.space.size)

@@ -19,8 +19,8 @@ class GradientRace(IndependentSearches):
     """Rounds of C climbers that follow gradients; every few moves the worse half of them gives up.
 
     So most gradients are spent on starts that turned out well (successive halving: Jamieson & Talwalkar, AISTATS 2016).
-    A round begins at random points. Where variables are binary, or ``sharpens`` says so, the climbers go through
-    mixtures of designs that become ever sharper, from 1 to ``sharpest``; then they are rounded and go on as true
+    A round begins at random points. Where variables are binary, or say that they mix designs, the climbers go through
+    mixtures that become ever sharper, from 1 to ``sharpest``; then they are rounded and go on as true
     designs, whose binary variables stay (continuation: Wang, Lazarov & Sigmund, Struct. Multidisc. Optim. 43, 2011).
     Only true designs are results: also those next to the climbers, judged at the start and every few moves.
 
@@ -36,7 +36,6 @@ class GradientRace(IndependentSearches):
         learning_rate: typical step at the start of a round [ranges of the variables].
         settling: part of the learning rate that is left at the end of a round.
         clip: length to which longer gradients are shortened [objective per range].
-        sharpens: whether designs become sharper though no variable is binary.
         sharpest: the last sharpness of mixtures.
         mixed: part of a round that climbs through mixtures.
     """
@@ -51,7 +50,6 @@ class GradientRace(IndependentSearches):
     learning_rate: float = positive(0.05, 1.0)
     settling: float = number(0.2, 0.0, 1.0)
     clip: float = positive(1.0, 1e12)
-    sharpens: bool = False
     sharpest: float = number(8.0, 1.0, 1e12)
     mixed: float = number(0.6, 0.0, 1.0)
 
@@ -62,8 +60,7 @@ class GradientRace(IndependentSearches):
             if variable.kind == "integer":
                 raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
         self.relaxed = self.space.relaxed()
-        self.mixes = self.sharpens or self.relaxed != self.space
-        self.between = round(self.mixed * self.moves) if self.mixes else 0  # moves through mixtures
+        self.between = round(self.mixed * self.moves) if self.space.mixes else 0  # moves through mixtures
         shape = (self.climbers, self.space.size)
         self.steps = Adam(*shape, 1.0, self.clip)
         self.here, self.anchor, self.step = np.empty((3, *shape))

@@ -115,7 +115,8 @@ class Cells(Parametrisation):
         found, step = [], FLIP if kind == "binary" else MUTATION * high
         for place, first in zip(self.grid.places[self.grid.free].tolist(), start.tolist(), strict=True):
             name = "_".join([field, *(str(side + 1) for side in place)])
-            found.append(Variable(name, 0, high, kind, step, start=first, place=tuple(place)))
+            mixes = kind == "continuous" and field != "amplitude"
+            found.append(Variable(name, 0, high, kind, step, start=first, place=tuple(place), mixes=mixes))
         return found
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
@@ -181,7 +182,10 @@ class Blobs(Parametrisation):
             for axis, side in zip("xyz", self.grid.shape, strict=True):
                 ends, step = (-side / 2, side / 2), MUTATION * side
                 along = [(n - 0.5) / self.balls * side - side / 2 if axis == "x" else 0.0 for n in numbers]
-                found += [Variable(f"{kind}_{n}_{axis}", *ends, step=step, start=along[n - 1]) for n in numbers]
+                mixes = kind != "muscle"
+                found += [
+                    Variable(f"{kind}_{n}_{axis}", *ends, step=step, start=along[n - 1], mixes=mixes) for n in numbers
+                ]
             each = (self.grid.count / self.balls) ** (1 / 3)  # edge of a cube, were the grid cut into equal ones
             most = max(1.0, (VOID if kind == "void" else LUMP) * each)
             first = 0.0 if kind == "void" else most / 2
@@ -242,7 +246,8 @@ class CoordinateNetwork(Parametrisation):
         names += [f"weight_{output}_{source}" for output in self._outputs for source in (*nodes, "bias")]
         first = np.random.default_rng(0).uniform(-WEIGHT_LIMIT, WEIGHT_LIMIT, len(names)).tolist()
         ends, step = (-WEIGHT_LIMIT, WEIGHT_LIMIT), MUTATION * WEIGHT_LIMIT
-        return [Variable(name, *ends, step=step, start=weight) for name, weight in zip(names, first, strict=True)]
+        mixes = len(self._outputs) > 2
+        return [Variable(n, *ends, step=step, start=w, mixes=mixes) for n, w in zip(names, first, strict=True)]
 
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
         count, hidden, outputs = len(points), self.hidden, len(self._outputs)

@@ -22,6 +22,8 @@ class Variable:
         start: the value before any search; None is the middle.
         place: coordinates of the cell that it belongs to, if any: variables of one place belong to one cell, and cells
             at most 1 apart are neighbours. Methods that know no neighbours ignore it, and no file keeps it.
+        mixes: whether relaxed points are mixtures of designs on account of it, though it is not binary; a search then
+            lets them become sharper.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Variable:
     unit: str = ""
     start: float | None = None
     place: tuple[float, ...] | None = field(default=None, repr=False)
+    mixes: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         if self.kind not in get_args(Kind):

@@ -79,9 +79,11 @@ def test_designs_become_sharper_and_then_true():
     assert method.result().score == bits(point[None])[0] > 4.5
 
 
-def test_sharpness_of_a_continuous_space_is_asked_for():
+def test_continuous_variables_may_mix_designs():
     assert GradientRace(CUBE).sharpness == np.inf
-    method = GradientRace(CUBE, sharpens=True, moves=10)
+    mixing = Space((Variable("x", 0, 1, mixes=True), Variable("y", 0, 1)))
+    assert mixing.mixes and mixing.relaxed().mixes and not CUBE.mixes
+    method = GradientRace(mixing, moves=10)
     assert method.sharpness == 1 and np.isnan(method.result().score)
 
 
