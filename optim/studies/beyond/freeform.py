@@ -3,8 +3,8 @@
 Blocks whose cells each have a muscle of their own amplitude and phase; grids whose cells may also be missing or of
 another tissue. All searches begin at random. A run counts the design that was best when its CPU time was used up: it is
 written as a file, read again, and moves in double precision from several noisy starts; its speed is their median, in
-lengths of the grid per second. Settings of all methods were chosen on one other block with equal CPU time, see
-``TUNING``.
+lengths of the grid per second. Settings of all methods were chosen on another block, ``"tuning"``, with equal CPU time
+(``benchmarks/freeform_tuning.py``).
 """
 
 from collections.abc import Mapping, Sequence
@@ -118,30 +118,6 @@ ARMS = {
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
 }
-# Settings that were tried on the block for tuning, each for its CPU time with one seed, beside those above.
-TUNING: Mapping[str, Sequence[Mapping[str, Any]]] = {
-    "race": (
-        {"climbers": 8, "halving": 6},
-        {"climbers": 8, "halving": 6, "learning_rate": 0.1},
-        {"climbers": 4, "halving": 6},
-        {"climbers": 8, "halving": 4, "learning_rate": 0.07, "moves": 80},
-    ),
-    "genetic": (
-        {"mutation": None},
-        {"mutation": 0.02},
-        {"population": 16, "mutation": 0.02},
-        {"crossover": 0.5, "mutation": 0.02, "elites": 32},
-        {"patches": 0.5},
-    ),
-    "hill-climb": ({"climbers": 16}, {"climbers": 8}, {"climbers": 4}, {"climbers": 2}),
-    "nes": (
-        {"population": 32, "random_mean": False, "sigma": 0.3},
-        {"random_mean": False, "sigma": 0.3},
-        {"population": 32},
-        {"random_mean": False},
-    ),
-    "cma": ({"population": 32}, {"population": 8}, {"random_mean": True}, {"random_mean": True, "population": 8}),
-}
 
 
 @dataclass(frozen=True)
@@ -216,7 +192,7 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
 
 
 @cache
-def _warm_up(name: str, gradients: bool) -> None:
+def warm_up(name: str, gradients: bool) -> None:
     """Have the kernels of this process ready before the clock of a search starts, so that no run pays for them."""
     problem = designed(name)
     point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
@@ -237,7 +213,7 @@ def _task(
     kept, contest = _kept(folder, *run), settings.contest(problem, folder)
     if kept.exists() and settings.told(run, read_records(kept)):
         return
-    _warm_up(problem, ARMS[name].gradients)
+    warm_up(problem, ARMS[name].gradients)
     contest.run_one(name, seed)
     kept.parent.mkdir(parents=True, exist_ok=True)
     rows, trials = list[Record](), list[Record]()
@@ -351,21 +327,6 @@ def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
             f"{found['ratio']:.2f} times, 95 % interval {low:.2f} to {high:.2f}."
         )
     return parts
-
-
-def tune(folder: Path, arms: Sequence[str]) -> list[Record]:
-    """Try the settings in ``TUNING`` on the block for tuning; the score of each after its CPU time."""
-    rows = list[Record]()
-    for name in arms:
-        for number, given in enumerate(({}, *TUNING[name])):
-            arm, label = ARMS[name], f"{name}-{number}"
-            entry = Entry(partial(designed, "tuning"), arm.method, {**arm.settings, **given})
-            contest = Contest({label: entry}, "cpu", PROBLEMS["tuning"].seconds, folder / "tuning", lambda line: None)
-            _warm_up("tuning", arm.gradients)
-            contest.run_one(label, 100)
-            best = contest.at(contest.curve(label, 100), contest.budget, "best")
-            rows.append({"search": name, "settings": str({**arm.settings, **given}), "best": best})
-    return rows
 
 
 STUDY = Study(
