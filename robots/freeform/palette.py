@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import flag, number, numbers
 from taichi_sim.lattice import LatticeBody, Material
 
 # Of a cell that is all but gone: parts of its modulus and density. Heavier than it is soft, so that it is not too quick
@@ -117,9 +118,17 @@ def palette_of(records: Sequence[dict[str, Any]]) -> Palette:
     for record in records:
         if unknown := record.keys() - known:
             raise ValueError(f"palette: {', '.join(sorted(unknown))} unknown; a tissue has {', '.join(sorted(known))}")
-        numbers = {name: value for name, value in record.items() if name != "muscle"}
-        tissues.append(Tissue(Material(**{**_usual(), **numbers}), bool(record.get("muscle", True))))
+        muscle = flag("muscle", record.get("muscle", True))
+        given = {name: _value(name, value) for name, value in record.items() if name != "muscle"}
+        tissues.append(Tissue(Material(**{**_usual(), **given}), muscle))
     return Palette(tuple(tissues))
+
+
+def _value(name: str, given: Any) -> Any:
+    """A number of a material, its name, or the three numbers of its scale."""
+    if name == "name":
+        return str(given)
+    return tuple(numbers(name, given, 3).tolist()) if name == "scale" else number(name, given)
 
 
 def _usual() -> dict[str, Any]:

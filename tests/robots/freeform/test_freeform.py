@@ -280,6 +280,8 @@ def test_descriptions_make_the_same_robot_again():
         (lambda: Palette(()), "palette: there are no tissues; give at least one"),
         (lambda: Palette((BONE,)), "palette: no tissue is a muscle; give at least one"),
         (lambda: palette_of([{"colour": 1}]), "palette: colour unknown; a tissue has "),
+        (lambda: palette_of([{"density": "soft"}]), "density: 'soft' is not allowed; give a finite number"),
+        (lambda: palette_of([{"muscle": 3}]), "muscle: 3 is not allowed"),
         (lambda: Tissue(Material(1e5, 1e3, temperature=3.0)), "temperature: 3.0 of a tissue is not allowed"),
         (lambda: FreeformActuation(channels=0), "channels: 0 is not allowed"),
         (lambda: robot((5, 3, 2), feature=3), "feature: 3 cells are not allowed; the grid is 2 cells thin"),
