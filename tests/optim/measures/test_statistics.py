@@ -20,6 +20,7 @@ from optim.measures.statistics import (
     mean_band,
     mean_interval,
     pearson,
+    ratio_of_means,
     spearman,
     superiority,
     welch,
@@ -203,3 +204,25 @@ def test_score_intervals_of_shares():
         expected = stats.binomtest(successes, trials).proportion_ci(method="wilson")
         assert wilson(successes, trials) == pytest.approx((expected.low, expected.high), abs=1e-12)
     assert wilson(0, 10)[1] == pytest.approx(0.2775, abs=1e-4)
+
+
+def test_a_ratio_of_means_and_its_interval():
+    rng = np.random.default_rng(4)
+    a, b = rng.normal(6.0, 1.0, 30), rng.normal(2.0, 0.5, 30)
+    ratio, low, high = ratio_of_means(a, b)
+    assert ratio == pytest.approx(a.mean() / b.mean()) and low < ratio < high and 2.4 < low < high < 3.8
+    # By the delta method, the relative variances of both means add up.
+    deviation = ratio * np.hypot(a.std(ddof=1) / a.mean(), b.std(ddof=1) / b.mean()) / np.sqrt(30)
+    assert high - low == pytest.approx(2 * 1.96 * deviation, rel=0.15)
+    assert ratio_of_means(10 * a, b) == pytest.approx((10 * ratio, 10 * low, 10 * high))
+    assert ratio_of_means([2.0, 2.0], [1.0, 1.0]) == (2.0, 2.0, 2.0)
+    with pytest.raises(ValueError, match="b: a mean of 0 is not allowed; it must be positive"):
+        ratio_of_means([1.0, 2.0], [-1.0, 1.0])
+
+
+def test_the_interval_of_a_ratio_holds_it_about_as_often_as_it_says():
+    rng, held = np.random.default_rng(1), 0
+    for _ in range(60):
+        _, low, high = ratio_of_means(rng.normal(3.0, 0.5, 12), rng.normal(1.0, 0.2, 12))
+        held += low <= 3.0 <= high
+    assert held >= 48  # of 60; percentiles of small samples are somewhat narrow
