@@ -8,12 +8,8 @@ morpholab export walker.json --parts walker.3mf
 
 from pathlib import Path
 
-from optim import maximise
-from optim.problems.robot import RobotProblem
-from robots.freeform import FreeformActuation, FreeformRobot, Grid, Palette, Tissue
+from morpholab import FreeformActuation, FreeformRobot, Grid, Material, Palette, RobotProblem, Terrain, Tissue, maximise
 from robots.view.picture import save_robot_picture
-from robots.world import Terrain
-from taichi_sim.lattice import Material
 
 muscle = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, name="muscle")
 rubber = Material(2e5, 1e3, static_friction=0.3, kinetic_friction=0.2, name="slippery rubber")

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from optim.problem import Evaluation as Evaluation
     from optim.problem import Problem as Problem
     from optim.problems.function import problem_of as problem_of
+    from optim.problems.robot import RobotProblem as RobotProblem
     from optim.runs import open_run as open_run
     from optim.runs import run_search as run_search
     from optim.search import METHODS as METHODS
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
     from optim.space import Space as Space
     from optim.space import Variable as Variable
     from robots.braitenberg import VehicleBody as VehicleBody
+    from robots.freeform import FreeformActuation as FreeformActuation
+    from robots.freeform import FreeformRobot as FreeformRobot
+    from robots.freeform import Grid as Grid
+    from robots.freeform import Palette as Palette
+    from robots.freeform import Tissue as Tissue
     from robots.hardware import PneumaticRig as PneumaticRig
     from robots.hardware import export_csv as export_csv
     from robots.hardware import read_csv as read_csv

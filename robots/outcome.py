@@ -31,7 +31,7 @@ Facts = Sequence[tuple[str, "str | Quantity"]]  # rows of a report: what, and it
 
 @dataclass(frozen=True)
 class Measure:
-    """A number by which a robot is judged; more is better.
+    """A number by which a robot is judged; an objective says whether more or less of it is wanted.
 
     Attributes:
         name: such as ``speed``.
