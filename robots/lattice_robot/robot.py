@@ -17,14 +17,14 @@ from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.measures import measures_of
+from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
-from robots.robot import HERE, Facts, Judgement, Measure, Outcome, Parameter, Progress, Robot, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, positive, whole_number
-from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
@@ -56,7 +56,7 @@ def checked_target(given: Any) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class LatticeRobot(Robot):
+class LatticeRobot(OutOfTheLab):
     """A soft robot of the user's own, which repeats a cycle.
 
     Attributes:
@@ -353,6 +353,11 @@ class LatticeRobot(Robot):
         """Write the robot of one point, for ``load_robot``."""
         write_record(path, ROBOT_FORMAT, self.design(point).describe())
 
+    @property
+    def fixed(self) -> "LatticeRobot":
+        """The robot itself, or where it starts, if something is free."""
+        return self.filled(self.start) if self.free else self
+
     def describe(self) -> dict[str, Any]:
         """All of the robot, with what is free of it, fit for JSON; ``robot_of_record`` gives it back to the bit."""
         return {
@@ -371,73 +376,6 @@ class LatticeRobot(Robot):
         """Settings that are not as usual."""
         later = {each.name: each.default for each in fields(self) if each.name in LATER}
         return {name: getattr(self, name) for name, usual in later.items() if getattr(self, name) != usual}
-
-    @property
-    def exportable(self) -> bool:  # type: ignore[override]
-        """Whether a rig has lines for its channels, once nothing is free."""
-        from robots.lattice_robot.on_rig import unplayed
-
-        return not unplayed(self._fixed)
-
-    @property
-    def _fixed(self) -> "LatticeRobot":
-        """The robot itself, or where it starts, if something is free."""
-        return self.filled(self.start) if self.free else self
-
-    def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
-        """Pressures of a rig's lines that play the channels.
-
-        Args:
-            rig: the dissertation's if None.
-            full_scale: what pressures of lines stand for, see ``robots.lattice_robot.on_rig.full_scale_of``.
-            settings: others of ``robots.hardware.channel_table.channel_table``.
-        """
-        from robots.hardware.channel_table import channel_table
-        from robots.hardware.rig import PneumaticRig
-        from robots.lattice_robot.on_rig import full_scale_of, rhythm_of, waves_of
-
-        rig, robot = rig or PneumaticRig(), self._fixed
-        scale = None if full_scale is None else full_scale_of(full_scale)
-        return channel_table(self.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
-
-    def rig_report(self, rig: Any) -> tuple[Any, float]:
-        """What its channels ask of the lines of a rig, and the time of the cycles in the simulation [s]."""
-        from robots.hardware.channel_table import channel_report
-        from robots.hardware.rig import PneumaticRig
-        from robots.lattice_robot.on_rig import rhythm_of, waves_of
-
-        rig, robot = rig or PneumaticRig(), self._fixed
-        return channel_report(waves_of(robot, rig), rhythm_of(robot), rig), (self.cycles + 1) / self.frequency
-
-    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
-        """Write surfaces for printers, or a mould, see ``robots.lattice_robot.printing``; tells what it wrote."""
-        from robots.lattice_robot.printing import MouldSettings, save_parts
-
-        settings = None if mould is None else MouldSettings.from_text(mould)
-        written = save_parts(self._fixed, path, settings)
-        return [f"{name}: {1e6 * part.surface.volume:.4g} cm^3" for name, part in written.items()]
-
-    def save_voxels(self, path: Path) -> None:
-        """Write the robot for VoxCAD (``.vxa``), or its body for Voxelyze (``.vxl.json``)."""
-        from robots.lattice_robot.voxel_files import save_voxels
-
-        save_voxels(self._fixed, path)
-
-    def changed(self, options: Mapping[str, Any]) -> Robot:
-        """This robot, with nothing free, driven by the rows of the table ``channels``, if that is among the options."""
-        from robots.hardware.channel_table import read_channels
-        from robots.lattice_robot.on_rig import played_robot
-
-        super().changed({name: value for name, value in options.items() if name != "channels"})
-        return played_robot(self._fixed, read_channels(options["channels"])) if "channels" in options else self
-
-    def judge(
-        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Judgement:
-        """What remains of its speed from noisy starts, with other friction, and with half the time step."""
-        from robots.lattice_robot.robustness import trust_in
-
-        return trust_in(self._fixed, terrain_of(world), seed=seed, compute=compute, progress=progress).judgement
 
     def facts(self) -> Facts:
         """Body, drives and cycle."""

@@ -145,7 +145,7 @@ def test_videos_need_their_extra(morpholab, monkeypatch):
     assert code == 2 and "mp4: imageio-ffmpeg is missing; install the extra video (pip install -e " in error
 
 
-NO_ROBOT = "is no robot (inching, rolling, inflatable, lattice, articulated, legged, wheeled, whegged, quadruped, "
+NO_ROBOT = "is no robot (inching, rolling, inflatable, freeform, lattice, articulated, legged, wheeled, whegged, quadruped, "
 BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
     "rolling --out there.html": "out: there.html exists; name a new file",
@@ -182,7 +182,7 @@ def test_bad_input_is_told_in_one_line(morpholab, tmp_path, line):
     assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "a.html").exists()
 
 
-SOFT = "it is an option of other kinds (inflatable robot, lattice robot, soft walker); leave it out"
+SOFT = "it is an option of other kinds (inflatable robot, freeform robot, lattice robot, soft walker); leave it out"
 INFLATABLE = "it is an option of other kinds (inflatable robot); leave it out"
 NOT_OF_THEM = {
     "legged rover --slope 10": f"slope: {SOFT}",
@@ -194,7 +194,7 @@ NOT_OF_THEM = {
     "leave it out",
     "rolling --environment 2": "environment: it is an option of other kinds (quadruped, two-wheel vehicle, Braitenberg "
     "vehicle); leave it out",
-    "vehicle --seed 3": "seed: it is an option of other kinds (quadruped); leave it out",
+    "vehicle --seed 3": "seed: it is an option of other kinds (freeform robot, quadruped); leave it out",
     "legged --seed 3 --controller w.npy": "seed: it is of random weights; leave it out beside --controller",
     "walker.json --geometry small": f"geometry: {INFLATABLE}",
     "run --geometry small": f"geometry: {INFLATABLE}",

@@ -1,0 +1,84 @@
+"""What leaves the lab: tables for rigs, parts to print, moulds, files of other simulators, and a word on trust."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robots.robot import HERE, Judgement, Progress, Robot, World
+from robots.world import terrain_of
+from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from robots.lattice_robot.robot import LatticeRobot
+
+
+class OutOfTheLab(Robot):
+    """A lattice robot as hardware, printers and other simulators see it."""
+
+    @property
+    @abstractmethod
+    def fixed(self) -> "LatticeRobot":
+        """The robot with nothing free."""
+
+    @property
+    def exportable(self) -> bool:  # type: ignore[override]
+        """Whether a rig has lines for its channels, once nothing is free."""
+        from robots.lattice_robot.on_rig import unplayed
+
+        return not unplayed(self.fixed)
+
+    def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
+        """Pressures of a rig's lines that play the channels.
+
+        Args:
+            rig: the dissertation's if None.
+            full_scale: what pressures of lines stand for, see ``robots.lattice_robot.on_rig.full_scale_of``.
+            settings: others of ``robots.hardware.channel_table.channel_table``.
+        """
+        from robots.hardware.channel_table import channel_table
+        from robots.hardware.rig import PneumaticRig
+        from robots.lattice_robot.on_rig import full_scale_of, rhythm_of, waves_of
+
+        rig, robot = rig or PneumaticRig(), self.fixed
+        scale = None if full_scale is None else full_scale_of(full_scale)
+        return channel_table(self.fixed.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
+
+    def rig_report(self, rig: Any) -> tuple[Any, float]:
+        """What its channels ask of the lines of a rig, and the time of the cycles in the simulation [s]."""
+        from robots.hardware.channel_table import channel_report
+        from robots.hardware.rig import PneumaticRig
+        from robots.lattice_robot.on_rig import rhythm_of, waves_of
+
+        rig, robot = rig or PneumaticRig(), self.fixed
+        return channel_report(waves_of(robot, rig), rhythm_of(robot), rig), (robot.cycles + 1) / robot.frequency
+
+    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
+        """Write surfaces for printers, or a mould, see ``robots.lattice_robot.printing``; tells what it wrote."""
+        from robots.lattice_robot.printing import MouldSettings, save_parts
+
+        settings = None if mould is None else MouldSettings.from_text(mould)
+        written = save_parts(self.fixed, path, settings)
+        return [f"{name}: {1e6 * part.surface.volume:.4g} cm^3" for name, part in written.items()]
+
+    def save_voxels(self, path: Path) -> None:
+        """Write the robot for VoxCAD (``.vxa``), or its body for Voxelyze (``.vxl.json``)."""
+        from robots.lattice_robot.voxel_files import save_voxels
+
+        save_voxels(self.fixed, path)
+
+    def changed(self, options: Mapping[str, Any]) -> Robot:
+        """This robot, with nothing free, driven by the rows of the table ``channels``, if that is among the options."""
+        from robots.hardware.channel_table import read_channels
+        from robots.lattice_robot.on_rig import played_robot
+
+        super().changed({name: value for name, value in options.items() if name != "channels"})
+        return played_robot(self.fixed, read_channels(options["channels"])) if "channels" in options else self
+
+    def judge(
+        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Judgement:
+        """What remains of its speed from noisy starts, with other friction, and with half the time step."""
+        from robots.lattice_robot.robustness import trust_in
+
+        return trust_in(self.fixed, terrain_of(world), seed=seed, compute=compute, progress=progress).judgement
