@@ -145,7 +145,9 @@ def test_videos_need_their_extra(morpholab, monkeypatch):
     assert code == 2 and "mp4: imageio-ffmpeg is missing; install the extra video (pip install -e " in error
 
 
-NO_ROBOT = "is no robot (inching, rolling, inflatable, freeform, lattice, articulated, legged, wheeled, whegged, quadruped, "
+NO_ROBOT = (
+    "is no robot (inching, rolling, inflatable, freeform, lattice, articulated, legged, wheeled, whegged, quadruped, "
+)
 BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
     "rolling --out there.html": "out: there.html exists; name a new file",
