@@ -16,7 +16,7 @@ import numpy as np
 
 from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
-from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, seed_of, seed_text
+from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.hardware.timeline import (
     FASTEST_RATE,
     POLICIES,
@@ -29,7 +29,6 @@ from robots.hardware.timeline import (
 from robots.inflatable.schedule import BLADDERS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
-from taichi_sim.base.files import read_text
 
 SCHEMA = "morpholab-channels-1"
 LINES = CHANNELS[1 : 1 + BLADDERS]  # those that channels can be on
@@ -243,11 +242,7 @@ def read_channels(path: str | os.PathLike[str]) -> ChannelTable:
     Raises:
         ValueError: if the file is damaged; tells what is wrong, and where.
     """
-    lines = read_text(path).splitlines()
-    try:
-        return _read(lines)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    return read_table(path, _read)
 
 
 def _read(lines: Sequence[str]) -> ChannelTable:

@@ -9,16 +9,18 @@ import hashlib
 import itertools
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
 from robots.hardware.rig import CHANNELS, KPA_PER_UNIT
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import write_text
+from taichi_sim.base.files import read_text, write_text
 
+Table = TypeVar("Table", bound="RigTable")
 SECTIONS = ("prefix", "main", "suffix")
 _UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
 _FIRST = ("time_s", "section", "state")
@@ -195,6 +197,19 @@ def read_content(lines: Sequence[str], schema: str) -> Content:
         raise ValueError(f"units {units!r} are unknown; give one of {', '.join(KPA_PER_UNIT)}")
     _check_columns(lines, len(head), units)
     return Content(pairs, tuple(lines), units)
+
+
+def read_table(path: str | os.PathLike[str], build: Callable[[Sequence[str]], Table]) -> Table:
+    """What a function makes of the lines of a table's file.
+
+    Raises:
+        ValueError: if the file is damaged; tells which it is, what is wrong, and where.
+    """
+    lines = read_text(path).splitlines()
+    try:
+        return build(lines)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _check_columns(lines: Sequence[str], at: int, units: str) -> None:

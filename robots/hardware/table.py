@@ -6,6 +6,7 @@ The prefix shapes the body; the header of a file carries the design exactly.
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,12 @@ import numpy as np
 
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import KPA_PER_UNIT
-from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, seed_of, seed_text
+from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.files import read_text
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
@@ -171,11 +171,7 @@ def read_csv(path: str | os.PathLike[str]) -> GaitTable:
     Raises:
         ValueError: if the file is damaged; tells what is wrong, and where.
     """
-    lines = read_text(path).splitlines()
-    try:
-        return _read(lines)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+    return read_table(path, _read)
 
 
 def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
@@ -192,7 +188,7 @@ def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
     return load_design(path)
 
 
-def _read(lines: list[str]) -> GaitTable:
+def _read(lines: Sequence[str]) -> GaitTable:
     content = read_content(lines, SCHEMA)
     header = content.header
     try:
