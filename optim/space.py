@@ -91,6 +91,10 @@ class Space:
 
     def relaxed(self) -> "Space":
         """A copy of the space in which binary variables are continuous from 0 to 1; integers stay whole."""
+        return self._relaxed
+
+    @cached_property
+    def _relaxed(self) -> "Space":
         binary_freed = (replace(v, kind="continuous") if v.kind == "binary" else v for v in self.variables)
         return Space(tuple(binary_freed))
 

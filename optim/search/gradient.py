@@ -68,9 +68,7 @@ class GradientAscent(IndependentSearches):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.relaxed = self.space.relaxed()
-        for variable in self.space.variables:
-            if variable.kind == "integer":
-                raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
+        method.refuse_integers(self.space)
         self.exact = self.gradient == "exact"
         if not self.exact:
             checks.integer("samples", self.samples, 1, method.MOST_POINTS // (2 * self.climbers))

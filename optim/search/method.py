@@ -107,6 +107,13 @@ def check_slopes(space: Space) -> None:
         raise ValueError(f"{space.names[0]}: an integer has no gradient, nor has any other; choose another method")
 
 
+def refuse_integers(space: Space) -> None:
+    """Raise a one-line ValueError if a variable is an integer that is not binary."""
+    for variable in space.variables:
+        if variable.kind == "integer":
+            raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
+
+
 def single_objective(evaluation: Evaluation, count: int) -> Floats:
     """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
     if evaluation.objectives.shape != (count, 1):

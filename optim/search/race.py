@@ -55,10 +55,7 @@ class GradientRace(IndependentSearches):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        method.check_slopes(self.space)
-        for variable in self.space.variables:
-            if variable.kind == "integer":
-                raise ValueError(f"{variable.name}: an integer has no gradient; leave it to another method")
+        method.refuse_integers(self.space)
         self.relaxed = self.space.relaxed()
         self.between = round(self.mixed * self.moves) if self.space.mixes else 0  # moves through mixtures
         shape = (self.climbers, self.space.size)
