@@ -5,9 +5,11 @@ Fields are functions of points that may be traced (``taichi_sim.autodiff.arrays`
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+from scipy import sparse
 
 from robots.control.pattern import PatternWiring
 from robots.freeform.grid import Grid
@@ -142,12 +144,15 @@ class FilteredCells(Cells):
     def __post_init__(self) -> None:
         positive("radius", self.radius, float(max(self.grid.shape)))
 
+    @cached_property
+    def _weights(self) -> sparse.csr_array:
+        return self.grid.smoothing(self.radius)
+
     def _free_fields(self, points: Any) -> tuple[Any, Any, Any]:
         presence, tissue, swing = super()._free_fields(points)
-        weights = self.grid.smoothing(self.radius)
 
         def smoothed(field: Any) -> Any:
-            return None if field is None else np.moveaxis(mapped(weights, np.moveaxis(field, 1, -1)), -1, 1)
+            return None if field is None else np.moveaxis(mapped(self._weights, np.moveaxis(field, 1, -1)), -1, 1)
 
         return smoothed(presence), smoothed(tissue), smoothed(swing)
 

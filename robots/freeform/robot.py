@@ -29,7 +29,6 @@ from taichi_sim.base.checks import choice, number, whole_number
 if TYPE_CHECKING:
     pass
 
-AHEAD = np.array([1.0, 0.0, 0.0])
 LARGEST_AMPLITUDE = 0.5
 DETAILS = {"filtered": "radius", "blobs": "balls", "network": "hidden", "pattern": "hidden"}
 
@@ -174,7 +173,7 @@ class FreeformRobot(Robot):
     @property
     def aim(self) -> Aim:
         """What its motion is measured by."""
-        return Aim(AHEAD, self.length, 0.0, self.target)
+        return Aim(0.0, self.length, self.target)
 
     def solid_at(self, fields: Fields, row: int) -> Solid:
         """The robot that can be built of one row of plain fields."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
-from robots.lattice_robot.rollout import Channels, Moved, Rollout
-from robots.lattice_robot.simulation import LatticeRobotResult, assembled
+from robots.lattice_robot.rollout import Channels, Rollout
+from robots.lattice_robot.simulation import LatticeRobotResult, assembled, result_of
 from robots.robot import Progress, Trial, part_of
 from robots.world import terrain_of
 from taichi_sim.autodiff.arrays import trace, value_of
@@ -81,15 +81,12 @@ def _built(
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
     bodies = [shell.body] * len(points)
-    starts = None
-    if robot.perturbation:  # one noise for all points, so that none depends on the others
-        starts = shell.body.scattered(robot.perturbation, robot.seed, np.zeros(len(points), int))
-    every = trial.record_every
+    every, starts = trial.record_every, shell.starts(len(points))
     rollout = Rollout(bodies, _sizes(regions), swung, robot.cycle, terrain, robot.aim, trial.compute, every, starts)
     if pull_back is None:
-        return _result(robot, bodies, rollout.run(progress), {})
+        return result_of(rollout, rollout.run(progress), {})
     moved = rollout.differentiate(trial.gradients, MEMORY, progress)
-    return _result(robot, bodies, moved, {name: pull_back(each.swing)[0] for name, each in moved.slopes.items()})
+    return result_of(rollout, moved, {name: pull_back(each.swing)[0] for name, each in moved.slopes.items()})
 
 
 def _between(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobotResult:
@@ -128,23 +125,14 @@ def _mixed(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobot
         bodies, _sizes(each), swung, robot.cycle, terrain, robot.aim, trial.compute, trial.record_every, None, driven
     )
     if not trial.gradients:
-        return _result(robot, bodies, rollout.run(trial.progress), {})
+        return result_of(rollout, rollout.run(trial.progress), {})
     moved, gradients = rollout.differentiate(trial.gradients, MEMORY, trial.progress), {}
     for name, slopes in moved.slopes.items():
         by = {field: slopes.materials[field] for field in MIXED}
         if terrain.high_friction is not None:
             by |= {field: np.zeros_like(driven) for field in FRICTIONS}
         gradients[name] = pull_back(slopes.swing, slopes.driven, *by.values())[0]
-    return _result(robot, bodies, moved, gradients)
-
-
-def _result(
-    robot: "FreeformRobot", bodies: list[LatticeBody], moved: Moved, gradients: dict[str, Floats]
-) -> LatticeRobotResult:
-    reason, dt = np.full(len(bodies), ""), robot.cycle.time_step
-    return LatticeRobotResult(
-        moved.measures, moved.status, reason, moved.steps, dt, tuple(bodies), moved.frames, gradients
-    )
+    return result_of(rollout, moved, gradients)
 
 
 def _sizes(regions: NDArray[Any]) -> Channels:

@@ -18,7 +18,7 @@ from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
-from robots.lattice_robot.rollout import Aim
+from robots.lattice_robot.rollout import Aim, ahead
 from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
@@ -229,8 +229,7 @@ class LatticeRobot(OutOfTheLab):
     @property
     def direction(self) -> Floats:
         """Direction of travel, shape (3,)."""
-        heading = np.deg2rad(self.heading)
-        return np.array([np.cos(heading), np.sin(heading), 0.0])
+        return ahead(self.heading)
 
     @property
     def length(self) -> float:
@@ -242,7 +241,16 @@ class LatticeRobot(OutOfTheLab):
     @property
     def aim(self) -> Aim:
         """What its motion is measured by."""
-        return Aim(self.direction, self.length, self.heading, self.target)
+        return Aim(self.heading, self.length, self.target)
+
+    def starts(self, count: int) -> Floats | None:
+        """Voxel centres of so many robots at the start [m], with its noise, shape (count, V, 3); None without noise.
+
+        All have the same noise, so that none depends on the others.
+        """
+        if not self.perturbation:
+            return None
+        return self.body.scattered(self.perturbation, self.seed, np.zeros(count, int))
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
         """With the friction of a terrain, where it has one.

@@ -24,21 +24,30 @@ _ALIKE = {"speed": "distance"}  # measures that take the way back of another one
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
 
+def ahead(heading: float) -> Floats:
+    """Direction of a heading [degrees] from x towards y, shape (3,)."""
+    angle = np.deg2rad(heading)
+    return np.array([np.cos(angle), np.sin(angle), 0.0])
+
+
 @dataclass(frozen=True, eq=False)
 class Aim:
     """What a robot's motion is measured by.
 
     Attributes:
-        direction: of travel, shape (3,).
+        heading: direction of travel [degrees] from x towards y.
         length: in which speeds are told [m].
-        heading: the direction [degrees] from x towards y.
         target: point (x, y) [m] that it should come near, from where its centre of mass starts; None for none.
     """
 
-    direction: Floats
-    length: float
     heading: float
+    length: float
     target: tuple[float, float] | None = None
+
+    @property
+    def direction(self) -> Floats:
+        """Direction of travel, shape (3,)."""
+        return ahead(self.heading)
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,27 +174,23 @@ def _moved(
         return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    starts = None
-    if robot.perturbation:  # one noise for all points, so that none depends on the others
-        starts = robot.body.scattered(robot.perturbation, robot.seed, np.zeros(len(points), int))
-    terrain, every = terrain_of(trial.world), trial.record_every
+    terrain, every, starts = terrain_of(trial.world), trial.record_every, robot.starts(len(points))
     rollout = Rollout(bodies, channels, swung, robot.cycle, terrain, robot.aim, trial.compute, every, starts)
     if pull_back is None:
-        return _result(robot, bodies, rollout.run(trial.progress), {})
+        return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, memory, trial.progress)
     gradients = {}
     for name, slopes in moved.slopes.items():
         gradients[name] = np.array(pull_back(slopes.swing)[0])
         if numbers := list(robot.free_moduli):
             gradients[name][:, -len(numbers) :] = slopes.materials["youngs_modulus"][:, numbers]
-    return _result(robot, bodies, moved, gradients)
+    return result_of(rollout, moved, gradients)
 
 
-def _result(
-    robot: "LatticeRobot", bodies: list[LatticeBody], moved: Moved, gradients: Mapping[str, Floats]
-) -> LatticeRobotResult:
-    reason = np.full(len(bodies), "")
-    found = moved.measures, moved.status, reason, moved.steps, robot.cycle.time_step, tuple(bodies), moved.frames
+def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -> LatticeRobotResult:
+    """The result of robots that moved, with the derivatives of measures by what is free of them."""
+    reason, dt = np.full(len(rollout.bodies), ""), rollout.cycle.time_step
+    found = moved.measures, moved.status, reason, moved.steps, dt, rollout.bodies, moved.frames
     return LatticeRobotResult(*found, gradients)
 
 
