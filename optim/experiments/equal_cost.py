@@ -6,7 +6,7 @@ budget continues them.
 
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -43,6 +43,28 @@ class Entry:
     problem: Callable[[], Problem]
     method: str
     settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A search of a comparison of those that follow gradients with those that do not.
+
+    Attributes:
+        label: what it is called.
+        method: name in ``optim.search.METHODS``.
+        settings: of the method, but the seed.
+        gradients: whether it asks for gradients.
+    """
+
+    label: str
+    method: str
+    settings: Mapping[str, Any]
+    gradients: bool = False
+
+
+def of_kind(arms: Mapping[str, Arm], names: Iterable[str], gradients: bool) -> list[str]:
+    """Those of some arms that follow gradients, or do not."""
+    return [name for name in names if arms[name].gradients == gradients]
 
 
 @dataclass(frozen=True)
@@ -107,6 +129,11 @@ class Contest:
     def curve(self, name: str, seed: int) -> list[Point]:
         """Generations of a run: CPU time [s] and evaluations so far, best and mean score of what it keeps."""
         return [json.loads(line) for line in files.complete_lines(self.folder(name, seed) / CLOCK)]
+
+    def last_within(self, name: str, seed: int, cost: float) -> int | None:
+        """The last generation of a run that ended within a cost; None if none did."""
+        within = [number for number, each in enumerate(self.curve(name, seed)) if each[self.cost] <= cost]
+        return within[-1] if within else None
 
     @property
     def complete(self) -> bool:

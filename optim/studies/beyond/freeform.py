@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.equal_cost import Contest, Entry, Point
+from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_folder, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
@@ -89,23 +89,6 @@ PROBLEMS = {
     "water-48": Problem((6, 2, 2), 15.0, _BLOCK, water=True),
     "water-960": Problem((12, 8, 5), 150.0, _BLOCK, water=True),
 }
-
-
-@dataclass(frozen=True)
-class Arm:
-    """A search of the comparison.
-
-    Attributes:
-        label: what it is called.
-        method: name in ``optim.search.METHODS``.
-        settings: of the method, but the seed.
-        gradients: whether it asks for gradients.
-    """
-
-    label: str
-    method: str
-    settings: Mapping[str, Any]
-    gradients: bool = False
 
 
 # Where cells may be missing, and few gradients fit into the time; chosen on 12 x 8 x 4 cells of one tissue.
@@ -229,18 +212,14 @@ def _task(
 def _found(folder: Path, contest: Contest, run: tuple[str, str, int], seconds: float) -> tuple[Record, list[Record]]:
     """What a run had found when its CPU time was used up, judged, and the single trials of the judgement."""
     problem, name, seed = run
-    points = contest.curve(name, seed)
-    within = [number for number, each in enumerate(points) if each["cpu"] <= seconds]
+    points, last = contest.curve(name, seed), contest.last_within(name, seed, seconds)
     about: Record = {"problem": problem, "search": name, "seed": seed, "seconds": seconds}
-    best = None
-    if within:
-        history = read_history(contest.folder(name, seed)).generations
-        best = history[within[-1]].best_point
     row = {
         **about,
-        "evaluations": points[within[-1]]["evaluations"] if within else 0,
-        "score": points[within[-1]]["best"] if within else None,
+        "evaluations": 0 if last is None else points[last]["evaluations"],
+        "score": None if last is None else points[last]["best"],
     }
+    best = None if last is None else read_history(contest.folder(name, seed)).generations[last].best_point
     if best is None:
         return {**row, "speed": 0.0, "kept": None}, [{**about, "trial": "none", "speed": 0.0}]
     path = folder / "designs" / f"{problem}-{name}-{seed}-{seconds:g}.json"
@@ -278,8 +257,7 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     speeds = {name: column(where(rows, search=name), "speed") for name in distinct(rows, "search")}
     searches = {name: _search(values, where(rows, search=name)) for name, values in speeds.items()}
     best = {
-        kind: max((n for n in speeds if ARMS[n].gradients == kind), key=lambda n: searches[n]["mean"], default="")
-        for kind in (True, False)
+        kind: max(of_kind(ARMS, speeds, kind), key=lambda n: searches[n]["mean"], default="") for kind in (True, False)
     }
     found: dict[str, Any] = {"problem": problem, "seconds": seconds, "searches": searches}
     if best[True] and best[False] and len(speeds[best[False]]) > 1 and searches[best[False]]["mean"] > 0:

@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.equal_cost import Contest, Entry, Point
+from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, part_of, read_alone, write_json
 from optim.experiments.study import Count, Settings, Study
@@ -54,56 +54,48 @@ FEW = 2  # that follow gradients, which cost more
 
 
 @dataclass(frozen=True)
-class Arm:
+class GaitArm(Arm):
     """A search of the comparison.
 
     Attributes:
-        label: what it is called.
-        method: name in ``optim.search.METHODS``.
-        settings: of the method, but the seed.
         relaxed: how the problem judges relaxed gaits for it.
-        gradients: whether it asks for gradients.
         worlds: where it runs.
     """
 
-    label: str
-    method: str
-    settings: Mapping[str, Any]
     relaxed: Mapping[str, Any] = field(default_factory=dict)
-    gradients: bool = False
     worlds: tuple[str, ...] = (FLAT, HILL, BOTH)
 
 
 _ASCENT = {"climbers": 1, "candidates": SIZE, "learning_rate": 0.1, "verify": True}
 _LAST: Mapping[str, Any] = {"window": 1}
 ARMS = {
-    "random": Arm("random", "random", {"climbers": SIZE}),
-    "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": SIZE}),
-    "genetic": Arm("genetic", "genetic", {"population": SIZE}),
-    "de": Arm("differential evolution", "de", {"population": SIZE}),
-    "cma": Arm("CMA-ES", "cma", {"population": SIZE}),
-    "nes": Arm("NES", "nes", {"population": SIZE}),
-    "gradient": Arm("gradient", "gradient", _ASCENT, _LAST, True),
-    "gradient-hill-climb": Arm(
-        "gradient hill climbing", "gradient-hill-climb", {"climbers": FEW, "blind": "mutate"}, _LAST, True
+    "random": GaitArm("random", "random", {"climbers": SIZE}),
+    "hill-climb": GaitArm("hill climbing", "hill-climb", {"climbers": SIZE}),
+    "genetic": GaitArm("genetic", "genetic", {"population": SIZE}),
+    "de": GaitArm("differential evolution", "de", {"population": SIZE}),
+    "cma": GaitArm("CMA-ES", "cma", {"population": SIZE}),
+    "nes": GaitArm("NES", "nes", {"population": SIZE}),
+    "gradient": GaitArm("gradient", "gradient", _ASCENT, True, _LAST),
+    "gradient-hill-climb": GaitArm(
+        "gradient hill climbing", "gradient-hill-climb", {"climbers": FEW, "blind": "mutate"}, True, _LAST
     ),
-    "memetic": Arm("memetic", "memetic", {"population": SIZE, "refine": FEW, "every": 3}, _LAST, True),
-    "cma-gradient": Arm("CMA-ES led by gradients", "cma-gradient", {"population": SIZE}, _LAST, True),
-    "gradient-whole": Arm("gradient of the whole way", "gradient", _ASCENT, {}, True, (FLAT,)),
-    "gradient-draws": Arm(
+    "memetic": GaitArm("memetic", "memetic", {"population": SIZE, "refine": FEW, "every": 3}, True, _LAST),
+    "cma-gradient": GaitArm("CMA-ES led by gradients", "cma-gradient", {"population": SIZE}, True, _LAST),
+    "gradient-whole": GaitArm("gradient of the whole way", "gradient", _ASCENT, True, {}, (FLAT,)),
+    "gradient-draws": GaitArm(
         "gradient, mean of 2 draws",
         "gradient",
         {**_ASCENT, "candidates": SIZE // 2},
-        {**_LAST, "draws": 2, "noise": 1e-5, "friction_spread": 0.3},
         True,
+        {**_LAST, "draws": 2, "noise": 1e-5, "friction_spread": 0.3},
         (FLAT,),
     ),
-    "gradient-gentle": Arm(
+    "gradient-gentle": GaitArm(
         "gradient from flat ground to the hill",
         "gradient",
         {**_ASCENT, "stage": 2},
-        {**_LAST, "gentle": 8.0},
         True,
+        {**_LAST, "gentle": 8.0},
         (HILL,),
     ),
 }
@@ -210,7 +202,7 @@ def _task(
     _warm_up(settings, ARMS[name].gradients)
     contest = settings.contest(world, folder)
     contest.run_one(name, seed)
-    end, problem = _end(contest, name, seed), settings.problem(world, name)
+    end, problem = contest.last_within(name, seed, contest.budget) or 0, settings.problem(world, name)
     best = read_history(contest.folder(name, seed)).generations[end].best_point
     path.parent.mkdir(parents=True, exist_ok=True)
     if best is None:
@@ -224,12 +216,6 @@ def _task(
 
 def _gait(folder: Path, world: str, name: str, seed: int) -> Path:
     return folder / "gaits" / f"{world}-{name}-{seed}.json"
-
-
-def _end(contest: Contest, name: str, seed: int) -> int:
-    """The last generation that ended within the budget; the first, if none did."""
-    within = [number for number, each in enumerate(contest.curve(name, seed)) if each["cpu"] <= contest.budget]
-    return within[-1] if within else 0
 
 
 def replayed(problem: GaitProblem, path: Path, starts: int) -> Floats:
@@ -259,7 +245,7 @@ def replayed(problem: GaitProblem, path: Path, starts: int) -> Floats:
 def _found(folder: Path, settings: Comparison, world: str, name: str, seed: int) -> tuple[Record, list[Record]]:
     """What a run has found, and its course."""
     contest = settings.contest(world, folder)
-    curve, end = contest.curve(name, seed), _end(contest, name, seed)
+    curve, end = contest.curve(name, seed), contest.last_within(name, seed, contest.budget) or 0
     records = read_records(_gait(folder, world, name, seed).with_suffix(".csv"))
     speeds = np.mean([column(records, terrain.name) for terrain in WORLDS[world]], axis=0)
     about = {"world": world, "search": name, "seed": seed}
@@ -307,11 +293,13 @@ def _summary(rows: Sequence[Record], curves: Sequence[Record], settings: Compari
     for name, each in courses.items():
         searches[name]["course"] = [_finite(value) for value in np.median(np.array(each), axis=0)]
     best = {
-        kind: max(_of_kind(speeds, kind), key=lambda n: searches[n]["median"], default="") for kind in (True, False)
+        kind: max(of_kind(ARMS, speeds, kind), key=lambda n: searches[n]["median"], default="")
+        for kind in (True, False)
+        for kind in (True, False)
     }
     found: dict[str, Any] = {"searches": searches}
     if best[True] and best[False]:
-        free = _of_kind(speeds, False)
+        free = of_kind(ARMS, speeds, False)
         tests = {name: mann_whitney(speeds[best[True]], speeds[name], "two-sided", "exact") for name in free}
         apart = effect(speeds[best[False]], speeds[best[True]])
         adjusted = dict(zip(tests, holm(list(tests.values())), strict=True))
@@ -323,11 +311,6 @@ def _summary(rows: Sequence[Record], curves: Sequence[Record], settings: Compari
             "p_adjusted": adjusted,
         }
     return found
-
-
-def _of_kind(names: Any, gradients: bool) -> list[str]:
-    """Searches with or without gradients."""
-    return [name for name in names if ARMS[name].gradients == gradients]
 
 
 def _finite(value: float) -> float | None:
