@@ -1,6 +1,6 @@
 """A robot of free form: from random cells to a walker, by its gradients.
 
-python examples/freeform.py                                 two minutes on one core; writes walker.json and walker.png
+python examples/freeform.py                                 three minutes on one core; writes walker.json and walker.png
 morpholab codesign --robot examples/freeform.py --method race --generations 100 --out runs/walker
 morpholab view walker.json --out walker.html
 morpholab export walker.json --parts walker.3mf

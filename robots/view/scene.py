@@ -24,6 +24,7 @@ FEET = (_rgb("7b3f8c"), _rgb("b0639f"))
 # A bladder and the one on the other side of the pouch have one hue (Okabe & Ito's, told apart by all eyes).
 PAIRS = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))
 BLADDERS = tuple(PAIRS[min(i, BLADDER_COUNT - 1 - i)] for i in range(BLADDER_COUNT))
+DRIVES = (*PAIRS, *FEET, _rgb("56b4e9"), _rgb("e6d43a"))  # of lattice robots, all different
 STEEL, SLATE, SUN = (0.72, 0.73, 0.75), (0.36, 0.41, 0.47), (0.95, 0.69, 0.12)
 # Of charts: Okabe & Ito, Color Universal Design, 2008.
 CHART_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#F0E442", "#000000")

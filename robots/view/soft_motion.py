@@ -20,7 +20,7 @@ from robots.view import motion
 from robots.view.lattice_states import LatticeStates
 from robots.view.mesh import knots
 from robots.view.motion import Channel, Ground, Motion, Node, Skin
-from robots.view.scene import BLADDERS, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
+from robots.view.scene import BLADDERS, DRIVES, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
@@ -163,7 +163,7 @@ def lattice_robot_motion(
     driven, shown = list[Channel](), np.full(body.voxel_count, -1)
     for number, (drive, nodes) in enumerate(zip(robot.drives, robot.nodes(robot.start[None]), strict=True)):
         wave: Floats = np.tile(nodes[0, 0, 0], cycle.cycles + 2)[: len(times)]
-        colour, label = BLADDERS[number % len(BLADDERS)], f"{drive.name} {drive.quantity}"
+        colour, label = DRIVES[number % len(DRIVES)], f"{drive.name} {drive.quantity}"
         driven.append(Channel(label, UNITS[drive.quantity], times, wave, colour))
         shown[np.isin(region, drive.regions)] = number
     colours = {number: channel.colour for number, channel in enumerate(driven)}
