@@ -16,6 +16,7 @@ from robots.hardware.stream import Format, Sample, Stream
 
 HEARTBEAT = 0.5  # of silence at most [s]
 STUCK = 5.0  # for which a line may take nothing [s]
+_LOOKED_AT = 1000  # samples, to know how long lines are
 _BITS = 10  # of a character on a serial line, with start and stop
 BAUDS = tuple(sorted(int(name[1:]) for name in dir(termios) if name[:1] == "B" and name[1:].isdigit() and name != "B0"))
 
@@ -145,19 +146,14 @@ def check_baud(stream: Stream, form: Format, baud: int) -> None:
     """Refuse a speed that serial devices do not have, or a rate whose lines it cannot carry."""
     if baud not in BAUDS:
         raise ValueError(f"baud: {baud} is not allowed; give one of {', '.join(map(str, BAUDS))}")
-    longest = max(len(form.sample(sample)) + 1 for sample in _some(stream))
+    some = range(0, stream.samples, max(1, stream.samples // _LOOKED_AT))
+    longest = max(len(form.sample(stream.sample(number))) + 1 for number in some)
     needed = longest * _BITS * stream.rate
     if needed > baud:
         raise ValueError(
             f"rate: {stream.rate:g} Hz is not allowed, as lines of {longest} characters need {needed:.0f} baud of "
             f"{baud}; give a lower --rate, --format csv or a higher --baud"
         )
-
-
-def _some(stream: Stream, most: int = 2000) -> Iterator[Sample]:
-    """At most so many of its samples, from all of it."""
-    step = max(1, stream.samples // most)
-    return (sample for sample in stream if sample.number % step == 0)
 
 
 @dataclass(frozen=True)

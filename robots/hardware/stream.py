@@ -8,6 +8,7 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -143,21 +144,22 @@ class Stream:
         }
 
     def __iter__(self) -> Iterator[Sample]:
-        """The samples in order; one loop at a time, however many there are."""
-        lengths = self.table.durations
-        begin = self.table.times[0]
+        """The samples in order; one at a time, however many there are."""
+        return (self.sample(number) for number in range(self.samples))
+
+    def sample(self, number: int) -> Sample:
+        """The sample of a number."""
+        lengths, begin = self.table.durations, self.table.times[0]
         main, suffix = begin + lengths["prefix"], begin + lengths["prefix"] + lengths["main"]
-        ahead = (self.loops - 1) * lengths["main"]  # by which the suffix comes later than in the table
-        for number in range(self.samples):
-            time = min(number / self.rate, self.seconds)
-            place, section = begin + time, "prefix"
-            if time >= lengths["prefix"] + self.loops * lengths["main"]:
-                place, section = place - ahead, "suffix"
-            elif place >= main and lengths["main"] > 0:
-                place, section = main + (place - main) % lengths["main"], "main"
-            if section == "suffix":
-                place = max(place, suffix)
-            yield Sample(number, time, section, self._at(place, section))
+        time = min(number / self.rate, self.seconds)
+        place, section = begin + time, "prefix"
+        if time >= lengths["prefix"] + self.loops * lengths["main"]:
+            # The table plays the main once.
+            place, section = max(place - (self.loops - 1) * lengths["main"], suffix), "suffix"
+        elif place >= main and lengths["main"] > 0:
+            place, section = main + (place - main) % lengths["main"], "main"
+        times, lines = self._rows[section]
+        return Sample(number, time, section, tuple(float(np.interp(place, times, line)) for line in lines))
 
     def venting(self, last: Sample) -> Iterator[Sample]:
         """Samples from a last one to lines without pressure, each line as fast as it and its limit of rate allow."""
@@ -182,11 +184,12 @@ class Stream:
             for i, (name, channel) in enumerate(zip(self.table.channels, self.rig.channels, strict=False))
         ]
 
-    def _at(self, place: float, section: str) -> tuple[float, ...]:
-        """Pressures at a time of the table."""
-        rows = np.array(self.table.sections) == section
-        times = self.table.times[rows]
-        return tuple(float(np.interp(place, times, line)) for line in self.table.pressures[rows].T)
+    @cached_property
+    def _rows(self) -> Mapping[str, tuple[Floats, Floats]]:
+        """Times of the rows of each section, and pressures of each line in them."""
+        sections = np.array(self.table.sections)
+        found = {name: sections == name for name in dict.fromkeys(self.table.sections)}
+        return {name: (self.table.times[rows], self.table.pressures[rows].T) for name, rows in found.items()}
 
 
 def stream_of(
