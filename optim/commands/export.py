@@ -29,6 +29,8 @@ COMMAND = Command(
             "source", "RUN", "inching or rolling, folder of a run, file of a design, or a gait table as CSV", words="1"
         ),
         path_to("csv", "FILE", "to write; replaced if it exists"),
+        path_to("plain", "FILE", "the same as numbers alone, without a header: time, then pressures of all lines"),
+        path_to("c_header", "FILE", "the same as arrays of a C header, such as gait.h"),
         Option("units", "(default: kpa)", choices=("kpa", "psi"), default="kpa"),
         Option(
             "rig",
@@ -76,27 +78,39 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Write the CSV file, its picture, surfaces and voxels, or tell what would be written."""
-    from taichi_sim.base.files import check_parent
-
     if args.mould is not None and args.parts is None:
         raise ValueError("mould: it needs a place; give --parts as well, a .3mf file or a folder")
-    wanted = args.csv or args.dry_run or args.plot
+    wanted = args.csv or args.dry_run or args.plot or args.plain or args.c_header
     if not (wanted or args.parts or args.voxels):
         raise ValueError("csv: is missing; name the file to write, or ask for --dry-run or --plot")
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
-    for field, path in (("csv", args.csv), ("plot", args.plot), ("voxels", args.voxels)):
-        if path and (path.is_dir() or not path.name):
-            raise ValueError(f"{field}: {path} is a folder; name a file")
-        if path:
-            check_parent(field, path)
-    if args.csv and args.plot and args.csv.absolute() == args.plot.absolute():
-        raise ValueError(f"plot: {args.plot} is the table, too; name another file")
+    _check_files(args)
     robot, seed = _robot(args.source, args.member)
     table = _write_table(args, robot, seed) if wanted else Report({}, "")
     document, lines = _write_bodies(args, robot)
     text = "\n".join(filter(None, [table.text, *lines]))
     return Report({"source": str(args.source), **cast(dict[str, Any], table.document), **document}, text, table.code)
+
+
+def _check_files(args: argparse.Namespace) -> None:
+    """Refuse files that cannot be written, and two of one name."""
+    from taichi_sim.base.files import check_parent
+
+    files = {name.replace("_", "-"): getattr(args, name) for name in ("csv", "plot", "plain", "c_header", "voxels")}
+    for field, path in files.items():
+        if path and (path.is_dir() or not path.name):
+            raise ValueError(f"{field}: {path} is a folder; name a file")
+        if path:
+            check_parent(field, path)
+    tables = {"csv": args.csv, "plain": args.plain, "c-header": args.c_header}
+    taken = [args.csv.absolute()] if args.csv else []
+    for field, path in {"plot": args.plot, **tables}.items():
+        if field == "csv" or not path:
+            continue
+        if path.absolute() in taken:
+            raise ValueError(f"{field}: {path} is the table, too; name another file")
+        taken.append(path.absolute())
 
 
 def _write_bodies(args: argparse.Namespace, robot: Robot) -> tuple[dict[str, Any], list[str]]:
@@ -118,6 +132,7 @@ def _write_bodies(args: argparse.Namespace, robot: Robot) -> tuple[dict[str, Any
 def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Report:
     """Write the table and its picture, or tell what would be written."""
     from robots.hardware import PneumaticRig, RigViolation, write_csv
+    from robots.hardware.plain_files import write_c_header, write_plain
 
     rig = PneumaticRig.load(args.rig)
     settings: dict[str, Any] = {"rig": rig, "units": args.units, "on_violation": args.on_violation}
@@ -136,6 +151,10 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
         unsampled = robot.table(**settings).seconds
     if args.csv and not args.dry_run:
         write_csv(table, args.csv)
+    if args.plain and not args.dry_run:
+        write_plain(table, args.plain)
+    if args.c_header and not args.dry_run:
+        write_c_header(table, args.c_header)
     if args.plot:
         from robots.view.gait_chart import save_gait_chart
 
@@ -151,19 +170,26 @@ def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None
         "source": str(args.source),
         "csv": written,
         "plot": str(args.plot) if args.plot else None,
+        **{name: str(path) for name, path in _other_files(args).items()},
         "units": args.units,
         "seconds": table.seconds,
         "clipped": list(table.clipped),
     }
     if args.dry_run:
         return Report({**document, **timing_document(table)}, timing_text(table))
-    name = written or document["plot"]
+    name = ", ".join(filter(None, [written, *map(str, _other_files(args).values())])) or document["plot"]
     text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {args.units}"
     if unsampled is not None and table.seconds > LONGER * unsampled:
         text += f"\nnote: in whole samples at {args.rate:g} Hz it takes that long; without --rate {unsampled:.1f} s"
     if table.clipped:
         text += f"\nclipped {counted(len(table.clipped), 'time')}, as the file's header tells; first {table.clipped[0]}"
     return Report(document, text)
+
+
+def _other_files(args: argparse.Namespace) -> dict[str, Path]:
+    """Other forms of the table that are written, by name."""
+    files = {"plain": args.plain, "c_header": args.c_header}
+    return {} if args.dry_run else {name: path for name, path in files.items() if path}
 
 
 def _robot(source: Path, member: int | None) -> tuple[Robot, int | None]:

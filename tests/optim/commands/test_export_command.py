@@ -1,5 +1,8 @@
 import json
+import shutil
+import subprocess
 
+import numpy as np
 import pytest
 
 from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
@@ -103,3 +106,36 @@ def test_the_chart_marks_what_every_state_waits_for():
     assert [label.get_text() for label in axes.get_yticklabels()][:2] == ["core", "bladder 1"]
     assert {"prefix", "main, played 1×", "suffix", "−80 to 50"} <= {text.get_text() for text in axes.texts}
     assert axes.get_xlim() == (0.0, table.times[-1])
+
+
+def test_plain_numbers_and_a_c_header(morpholab, folder):
+    assert morpholab("export rolling --csv g.csv --plain p.csv --c-header gait.h --units psi")[0] == 0
+    table = read_csv(folder / "g.csv")
+    numbers = np.loadtxt(folder / "p.csv", delimiter=",")
+    assert numbers.shape[1] == 12 and (np.diff(numbers[:, 0]) > 0).all()
+    for line in range(11):
+        np.testing.assert_allclose(
+            np.interp(table.times, numbers[:, 0], numbers[:, 1 + line]), table.pressures[:, line]
+        )
+    for options, told in (
+        ("--csv a.csv --plain a.csv", "plain: a.csv is the table, too"),
+        ("--c-header 2-gaits.h", "c-header: 2-gaits is not allowed"),
+    ):
+        code, _, error = morpholab(f"export rolling {options}")
+        assert code == 2 and told in error
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+def test_the_c_header_compiles_and_holds_the_table(morpholab, folder):
+    assert morpholab("export rolling --csv g.csv --c-header gait.h")[0] == 0
+    (folder / "a.c").write_text(
+        '#include <stdio.h>\n#include "gait.h"\nint main(void) {\n'
+        "  for (int row = GAIT_MAIN_BEGIN; row < GAIT_MAIN_END; row++)\n"
+        '    printf("%.6g %.6g\\n", gait_time_s[row], gait_pressure[row][GAIT_CHANNELS - 1]);\n}\n'
+    )
+    subprocess.run(["gcc", "-std=c99", "-Wall", "-Werror", "-o", folder / "a", folder / "a.c"], check=True)
+    said = subprocess.run([folder / "a"], capture_output=True, text=True, check=True).stdout
+    table = read_csv(folder / "g.csv")
+    rows = np.array(table.sections) == "main"
+    expected = np.column_stack([table.times[rows], table.pressures[rows, -1]])
+    np.testing.assert_allclose(np.array([line.split() for line in said.splitlines()], float), expected, rtol=1e-5)

@@ -1,0 +1,57 @@
+"""The rig's side of ``morpholab play``, in Python: read lines, set pressures, vent when told, or when nobody speaks.
+
+Usage: python reader.py < stream.jsonl, or python reader.py /dev/ttyUSB1 on the computer beside the valves (set the
+speed of the device before: stty -F /dev/ttyUSB1 115200 raw).
+"""
+
+import json
+import os
+import select
+import sys
+
+SILENCE = 2.0  # after which lines are vented [s]; heartbeats come every half second
+
+
+def set_pressures(pressures, units):
+    """Replace this by what sets your regulators."""
+    print(units, *pressures)
+
+
+def vent(why):
+    """Replace this by what opens all lines to the air."""
+    print("vent:", why)
+
+
+def read(descriptor, answer):
+    """Follow a stream until it stops; vent, whatever ends it."""
+    rest, units, expected = b"", None, 0
+    while True:
+        if not select.select([descriptor], [], [], SILENCE)[0]:
+            return vent("silence")
+        got = os.read(descriptor, 4096)
+        if not got:
+            return vent("closed")
+        *lines, rest = (rest + got).split(b"\n")
+        for line in lines:
+            try:
+                told = json.loads(line)
+            except ValueError:
+                continue  # a line that was cut, or noise
+            if "stop" in told:
+                return vent(told["stop"])
+            if "stream" in told:
+                units, expected = told["units"], 0
+            if "n" in told:
+                if units is None or told["n"] != expected:
+                    return vent(f"sample {expected} is missing")
+                set_pressures(told["p"], units)
+                answer(f"ok {told['n']}\n".encode())
+                expected += 1
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+        read(port, lambda line: os.write(port, line))
+    else:
+        read(0, lambda line: None)

@@ -1,0 +1,259 @@
+"""A rig's table as lines for its controller: a header, samples in order of time, and a last line that stops.
+
+Samples have equal distances in time, and lie on the straight lines that join the rows of the table. The protocol is
+told in ``docs/rig-side.md``.
+"""
+
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+
+from robots.hardware.channel_table import SCHEMA as CHANNELS_SCHEMA
+from robots.hardware.channel_table import read_channels
+from robots.hardware.rig import KPA_PER_UNIT, PRESETS, PneumaticRig
+from robots.hardware.rig_table import RigTable
+from robots.hardware.table import read_csv
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import read_text
+
+VERSION = "morpholab-stream-1"
+USUAL_RATE = 20.0  # of tables whose rows are corners [Hz]
+_EXCESS = 1e-3  # of limits, as part of them: rounding of the file
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What all lines are told at one moment.
+
+    Attributes:
+        number: counted from 0, without gaps.
+        time_s: since the start [s].
+        section: of the table: prefix, main or suffix; or vent, after an interruption.
+        pressures: of all channels, in the stream's units.
+    """
+
+    number: int
+    time_s: float
+    section: str
+    pressures: tuple[float, ...]
+
+
+class Format(Protocol):
+    """How a stream is written as lines, without their ends."""
+
+    def header(self, stream: "Stream") -> str:
+        """The first line."""
+
+    def sample(self, sample: Sample) -> str:
+        """The line of a sample."""
+
+    def heartbeat(self, number: int) -> str:
+        """The line that says that the next sample, of this number, is still to come."""
+
+    def stop(self, why: str) -> str:
+        """The last line: open all lines to the air."""
+
+
+class JsonLines:
+    """Lines that are JSON objects."""
+
+    def header(self, stream: "Stream") -> str:
+        """The first line."""
+        return _json({"stream": VERSION, **stream.about()})
+
+    def sample(self, sample: Sample) -> str:
+        """The line of a sample."""
+        pressures = [_rounded(value) for value in sample.pressures]
+        return _json({"n": sample.number, "t": round(sample.time_s, 6), "section": sample.section, "p": pressures})
+
+    def heartbeat(self, number: int) -> str:
+        """The line that says that the next sample, of this number, is still to come."""
+        return _json({"heartbeat": number})
+
+    def stop(self, why: str) -> str:
+        """The last line: open all lines to the air."""
+        return _json({"stop": why})
+
+
+class CommaLines:
+    """Lines of values that commas separate, of which the first tells what the line is."""
+
+    def header(self, stream: "Stream") -> str:
+        """The first line."""
+        about = stream.about()
+        values = [about[name] for name in ("units", "rate_hz", "samples", "seconds")]
+        return ",".join(["H", VERSION, *map(str, values), *about["channels"]])
+
+    def sample(self, sample: Sample) -> str:
+        """The line of a sample."""
+        values = [f"{_rounded(value):g}" for value in sample.pressures]
+        return ",".join(["S", str(sample.number), f"{sample.time_s:.6f}", sample.section, *values])
+
+    def heartbeat(self, number: int) -> str:
+        """The line that says that the next sample, of this number, is still to come."""
+        return f"B,{number}"
+
+    def stop(self, why: str) -> str:
+        """The last line: open all lines to the air."""
+        return f"STOP,{why}"
+
+
+FORMATS: Mapping[str, type[Format]] = {"jsonl": JsonLines, "csv": CommaLines}
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """A table as it is sent to a controller.
+
+    Attributes:
+        table: with its prefix, main and suffix.
+        rig: whose limits hold.
+        loops: how often the main is played.
+        rate: samples per second [Hz].
+    """
+
+    table: RigTable
+    rig: PneumaticRig
+    loops: int
+    rate: float
+
+    @property
+    def seconds(self) -> float:
+        """How long it takes [s]."""
+        lengths = self.table.durations
+        return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
+
+    @property
+    def samples(self) -> int:
+        """How many samples are sent; the last one is at the end, at most a period after the one before."""
+        return int(np.ceil(self.seconds * self.rate - 1e-9)) + 1
+
+    def about(self) -> dict[str, Any]:
+        """What the header tells, as values that fit JSON."""
+        return {
+            "units": self.table.units,
+            "rate_hz": self.rate,
+            "samples": self.samples,
+            "seconds": round(self.seconds, 6),
+            "channels": list(self.table.channels),
+        }
+
+    def __iter__(self) -> Iterator[Sample]:
+        """The samples in order; one at a time, however many there are."""
+        return (self.sample(number) for number in range(self.samples))
+
+    def sample(self, number: int) -> Sample:
+        """The sample of a number."""
+        lengths, begin = self.table.durations, self.table.times[0]
+        main, suffix = begin + lengths["prefix"], begin + lengths["prefix"] + lengths["main"]
+        time = min(number / self.rate, self.seconds)
+        place, section = begin + time, "prefix"
+        if time >= lengths["prefix"] + self.loops * lengths["main"]:
+            # The table plays the main once.
+            place, section = max(place - (self.loops - 1) * lengths["main"], suffix), "suffix"
+        elif place >= main and lengths["main"] > 0:
+            place, section = main + (place - main) % lengths["main"], "main"
+        times, lines = self._rows[section]
+        return Sample(number, time, section, tuple(float(np.interp(place, times, line)) for line in lines))
+
+    def venting(self, last: Sample) -> Iterator[Sample]:
+        """Samples from a last one to lines without pressure, each line as fast as it and its limit of rate allow."""
+        kpa = np.array(last.pressures) * KPA_PER_UNIT[self.table.units]
+        strokes = [
+            max(channel.fall_s if value > 0 else channel.rise_s, abs(value) / channel.slew_kpa_per_s) if value else 0.0
+            for value, channel in zip(kpa, self.rig.channels, strict=False)
+        ]
+        lasting = np.array(strokes)
+        steps = int(np.ceil(max(lasting.max(), 0.0) * self.rate - 1e-9))
+        for step in range(1, steps + 1):
+            left = np.clip(1 - step / self.rate / np.maximum(lasting, 1e-9), 0.0, 1.0)
+            pressures = tuple((np.array(last.pressures) * left).tolist())
+            yield Sample(last.number + step, last.time_s + step / self.rate, "vent", pressures)
+
+    def extremes(self) -> list[tuple[str, float, float, float, float]]:
+        """Of every channel its name, lowest and highest pressure, and the rig's lowest and highest, in its units."""
+        factor = KPA_PER_UNIT[self.table.units]
+        low, high = self.table.pressures.min(axis=0), self.table.pressures.max(axis=0)
+        return [
+            (name, float(low[i]), float(high[i]), channel.minimum_kpa / factor, channel.maximum_kpa / factor)
+            for i, (name, channel) in enumerate(zip(self.table.channels, self.rig.channels, strict=False))
+        ]
+
+    @cached_property
+    def _rows(self) -> Mapping[str, tuple[Floats, Floats]]:
+        """Times of the rows of each section, and pressures of each line in them."""
+        sections = np.array(self.table.sections)
+        found = {name: sections == name for name in dict.fromkeys(self.table.sections)}
+        return {name: (self.table.times[rows], self.table.pressures[rows].T) for name, rows in found.items()}
+
+
+def stream_of(
+    table: RigTable, rig: PneumaticRig | None = None, *, loops: int | None = None, rate: float | None = None
+) -> Stream:
+    """A table as a stream for a rig.
+
+    Args:
+        table: to play.
+        rig: whose limits hold; None: the preset that the table names.
+        loops: how often the main is played; None: as the table tells.
+        rate: samples per second [Hz]; None: those of the table, or ``USUAL_RATE`` if its rows are corners.
+
+    Raises:
+        ValueError: if the table exceeds limits of the rig, in the table's units, or names a rig that is not known.
+    """
+    if rig is None:
+        if table.rig not in PRESETS:
+            raise ValueError(f"rig: the table is for {table.rig!r}, whose limits are not known; give its .toml file")
+        rig = PRESETS[table.rig]
+    if (lines := table.pressures.shape[1]) != len(rig.channels):
+        raise ValueError(f"rig: {rig.name} has {len(rig.channels)} lines, the table has {lines}")
+    stream = Stream(table, rig, table.loops if loops is None else loops, rate or table.rate or USUAL_RATE)
+    _check_limits(stream)
+    return stream
+
+
+def read_any_table(path: str | os.PathLike[str]) -> RigTable:
+    """Read a table of a gait, or of the channels of another robot, as its first line tells.
+
+    Raises:
+        ValueError: if the file is damaged, or none of both.
+    """
+    first = read_text(path).partition("\n")[0]
+    return read_channels(path) if first == f"# schema={CHANNELS_SCHEMA}" else read_csv(path)
+
+
+def _check_limits(stream: Stream) -> None:
+    """Refuse pressures and rates of change beyond the rig's limits."""
+    table, unit = stream.table, {"kpa": "kPa", "psi": "psi"}[stream.table.units]
+    for column, (name, _, _, least, most) in enumerate(stream.extremes()):
+        line = table.pressures[:, column]
+        slack = _EXCESS * max(abs(least), abs(most))
+        _refuse_beyond(line > most + slack, line, table.times, f"{name}: {{}} {unit}", f"{most:.6g} {unit}")
+        _refuse_beyond(line < least - slack, line, table.times, f"{name}: {{}} {unit}", f"{least:.6g} {unit}")
+        limit = stream.rig.channels[column].slew_kpa_per_s / KPA_PER_UNIT[table.units]
+        lasting = np.diff(table.times)
+        slopes = np.abs(np.diff(line)) / np.maximum(lasting, 1e-9)
+        jumps = np.abs(np.diff(line)) > slack
+        told = f"{name}: {{}} {unit}/s"
+        _refuse_beyond(jumps & (slopes > limit * (1 + _EXCESS)), slopes, table.times, told, f"{limit:.6g} {unit}/s")
+
+
+def _refuse_beyond(beyond: np.ndarray, values: Floats, times: Floats, told: str, limit: str) -> None:
+    if beyond.any():
+        at = int(np.argmax(beyond))
+        raise ValueError(
+            f"{told.format(f'{values[at]:.6g}')} at {times[at]:g} s is not allowed; the rig's limit is {limit}"
+        )
+
+
+def _rounded(value: float) -> float:
+    return round(value, 4) + 0.0  # without a negative zero
+
+
+def _json(values: Mapping[str, Any] | Sequence[Any]) -> str:
+    return json.dumps(values, separators=(",", ":"), allow_nan=False)

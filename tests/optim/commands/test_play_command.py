@@ -1,0 +1,247 @@
+"""Tables are sent to a controller in order and in time, and lines are vented whatever happens."""
+
+import json
+import os
+import pty
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robots.hardware import PneumaticRig, export_csv, read_csv
+from robots.hardware.controller import check_baud
+from robots.hardware.stream import JsonLines, stream_of
+from robots.inflatable import ROLLING
+
+ROOT = Path(__file__).parents[3]
+QUICK = """name = "quick"
+shortest_state_s = 0.02
+[channels.core]
+rise_s = 0.2
+fall_s = 0.2
+slew_kpa_per_s = 1e4
+[channels.bladder]
+rise_s = 0.05
+fall_s = 0.05
+slew_kpa_per_s = 1e4
+[channels.foot]
+rise_s = 0.05
+fall_s = 0.05
+slew_kpa_per_s = 1e4
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "quick.toml").write_text(QUICK)
+    export_csv(ROLLING, tmp_path / "quick.csv", PneumaticRig.load(tmp_path / "quick.toml"))
+    export_csv(ROLLING, tmp_path / "gait.csv")
+    export_csv(ROLLING, tmp_path / "psi.csv", units="psi")
+    return tmp_path
+
+
+class Controller(threading.Thread):
+    """The other end of a serial line: keeps lines with the time they came, and answers what it is told to."""
+
+    def __init__(self, answer=None):
+        super().__init__(daemon=True)
+        self.end, own = pty.openpty()
+        self.path, self.lines, self.answer = os.ttyname(own), [], answer
+        self._own = own
+        self.start()
+
+    def run(self):
+        rest = b""
+        while True:
+            try:
+                rest += os.read(self.end, 65536)
+            except OSError:
+                return
+            *whole, rest = rest.split(b"\n")
+            for line in whole:
+                self.lines.append((time.monotonic(), line.decode()))
+                if self.answer and (reply := self.answer(line.decode())):
+                    os.write(self.end, reply.encode() + b"\n")
+
+    def wait_for(self, what, seconds=30.0):
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            if any(what in line for _, line in list(self.lines)):
+                return
+            time.sleep(0.01)
+        raise AssertionError(f"no {what!r} in {self.lines[-3:]}")
+
+    def documents(self):
+        return [json.loads(line) for _, line in self.lines]
+
+
+def ok(line):
+    document = json.loads(line)
+    return f"ok {document['n']}" if "n" in document else None
+
+
+def test_lines_arrive_in_order_and_in_time(morpholab, folder):
+    controller = Controller(ok)
+    options = f"--port {controller.path} --ready 0 --rig quick.toml --ack 10 --late 60"
+    code, out, error = morpholab(f"play quick.csv {options} --loops 2 --json")
+    assert (code, error) == (0, "")
+    controller.wait_for("stop")
+    head, *samples, last = [line for line in controller.documents() if "heartbeat" not in line]
+    told = json.loads(out)
+    assert head["stream"] == "morpholab-stream-1" and head["units"] == "kpa" and last == {"stop": "end"}
+    assert [sample["n"] for sample in samples] == list(range(head["samples"])) and told["samples"] == len(samples)
+    arrived = [at for at, line in controller.lines if line.startswith('{"n"')]
+    # No sample is early; how late they are depends on the machine.
+    assert min(at - arrived[0] - sample["t"] for at, sample in zip(arrived, samples, strict=True)) > -0.1
+    assert samples[-1]["section"] == "suffix" and not any(samples[-1]["p"])
+
+
+def test_samples_lie_on_the_rows(folder):
+    table = read_csv(folder / "gait.csv")
+    stream = stream_of(table, loops=3, rate=10.0)
+    samples = list(stream)
+    lengths = table.durations
+    assert [sample.section for sample in samples] == sorted(
+        (sample.section for sample in samples), key=("prefix", "main", "suffix").index
+    )
+    assert samples[-1].time_s == pytest.approx(lengths["prefix"] + 3 * lengths["main"] + lengths["suffix"])
+    pressures = np.array([sample.pressures for sample in samples])
+    rise = PneumaticRig().channels
+    for line, channel in enumerate(rise):
+        assert np.abs(np.diff(pressures[:, line])).max() <= channel.slew_kpa_per_s / 10 * 1.001
+    period = round(lengths["main"] * 10)
+    first = round(lengths["prefix"] * 10)
+    np.testing.assert_allclose(pressures[first + period], pressures[first + 2 * period], atol=1e-9)
+    assert len(list(stream_of(table, loops=0))) < len(samples)
+
+
+def test_an_interruption_vents(folder):
+    controller = Controller()
+    command = [sys.executable, "-m", "optim.cli", "play", "quick.csv", "--port", controller.path, "--ready", "0"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [*command, "--rig", "quick.toml", "--loops", "100000", "--late", "60"],
+        cwd=folder,
+        env=environment,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    controller.wait_for('"main"')
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130 and error.count("\n") == 1
+    controller.wait_for("stop")
+    whole = [json.loads(line) for _, line in controller.lines if line.endswith("}")]
+    samples = [line for line in whole if "n" in line]
+    assert whole[-1] == {"stop": "interrupted"}
+    assert samples[-1]["section"] == "vent" and not any(samples[-1]["p"])
+    assert [sample["n"] for sample in samples] == list(range(len(samples)))
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [(None, "no answer 'ok 0' within 0.1 s"), (lambda line: "stop", "the controller asked to stop at sample 0")],
+)
+def test_a_controller_that_fails_is_vented(morpholab, folder, answer, told):
+    controller = Controller(answer)
+    code, _, error = morpholab(f"play quick.csv --port {controller.path} --ready 0 --rig quick.toml --ack 0.1")
+    assert code == 1 and told in error and error.count("\n") == 1
+    controller.wait_for('{"stop":"failed"}')
+
+
+def test_a_dry_run_tells_and_sends_nothing(morpholab, folder):
+    code, out, _ = morpholab("play psi.csv --dry-run --loops 5")
+    assert code == 0 and "nothing is sent" in out and "main played 5 times" in out
+    assert "core: 0 to 7.252 psi; dissertation allows -11.6 to 7.252" in out
+    document = json.loads(morpholab("play psi.csv --dry-run --json")[1])
+    assert document["units"] == "psi" and len(document["pressures"]) == 11
+
+
+def test_files_need_no_waiting(morpholab, folder):
+    assert morpholab("play gait.csv --to out.csv --format csv --no-wait --rate 5")[0] == 0
+    lines = (folder / "out.csv").read_text().splitlines()
+    assert lines[0].startswith("H,morpholab-stream-1,kpa,5.0,") and lines[-1] == "STOP,end"
+    assert {len(line.split(",")) for line in lines[1:-1]} == {4 + 11}
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ("gait.csv", "port: is missing"),
+        ("gait.csv --to a --port b", "to: it is not allowed beside --port"),
+        ("gait.csv --port /dev/none", "port: /dev/none cannot be opened"),
+        ("gait.csv --port gait.csv", "port: gait.csv is no serial device"),
+        ("gait.csv --port /dev/none --baud 1234", "baud: 1234 is not allowed"),
+        ("gait.csv --port /dev/none --no-wait", "no-wait"),
+        ("gait.csv --to a --ack 1", "ack: nothing answers"),
+        ("quick.csv --dry-run", "rig: the table is for 'quick'"),
+        ("gait.csv --dry-run --rig weak.toml", "bladder"),
+        ("psi.csv --dry-run --rig weak.toml", "psi"),
+        ("quick.csv --dry-run --rig dissertation", "kPa/s"),
+        ("gait.csv --port /dev/none --baud 9600", "need"),
+    ],
+)
+def test_what_is_refused(morpholab, folder, options, told):
+    (folder / "weak.toml").write_text("[channels.bladder]\nmaximum_kpa = 15.0\n")
+    code, _, error = morpholab(f"play {options}")
+    assert code == 2 and told in error and error.count("\n") == 1
+
+
+def test_a_slow_line_is_refused(folder):
+    with pytest.raises(ValueError, match=r"rate: 100 Hz is not allowed, as lines of \d+ characters need"):
+        check_baud(stream_of(read_csv(folder / "gait.csv"), rate=100.0), JsonLines(), 9600)
+
+
+def test_the_python_reader_follows_and_vents(morpholab, folder):
+    reader = ROOT / "examples/rig/reader.py"
+    assert morpholab("play quick.csv --rig quick.toml --to s.jsonl --no-wait")[0] == 0
+    lines = (folder / "s.jsonl").read_text().splitlines()
+
+    def read(text):
+        return subprocess.run([sys.executable, reader], input=text, capture_output=True, text=True, check=True).stdout
+
+    said = read("\n".join(lines) + "\n").splitlines()
+    assert said[-1] == "vent: end" and len(said) == len(lines) - 1 and said[5].startswith("kpa ")
+    assert read("\n".join([*lines[:3], *lines[4:]]) + "\n").splitlines()[-1] == "vent: sample 2 is missing"
+    assert read("\n".join(lines[:3]) + "\n" + lines[3][:9] + "?\n").splitlines()[-1] == "vent: closed"
+
+
+ARDUINO = """
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+static long now = 0;
+static unsigned long millis() { return now; }
+struct Line {
+  void begin(long) {}
+  int next = EOF;
+  int available() { if (next == EOF) next = getchar(); return next != EOF; }
+  char read() { char c = (char)next; next = EOF; return c; }
+  void print(const char *text) { printf("%s", text); }
+  void println(const char *text) { printf("%s\\n", text); }
+  void println(long number) { printf("%ld\\n", number); }
+} Serial;
+"""
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
+def test_the_arduino_reader_answers_every_sample(morpholab, folder):
+    sketch = (ROOT / "examples/rig/reader/reader.ino").read_text()
+    (folder / "a.cpp").write_text(f"{ARDUINO}{sketch}\nint main() {{ setup(); loop(); }}\n")
+    subprocess.run(["g++", "-Wall", "-Werror", "-o", folder / "a", folder / "a.cpp"], check=True)
+    assert morpholab("play quick.csv --rig quick.toml --to s.csv --format csv --no-wait")[0] == 0
+    lines = (folder / "s.csv").read_text().splitlines(keepends=True)
+
+    def read(text):
+        return subprocess.run(
+            [folder / "a"], input=text, capture_output=True, text=True, check=True
+        ).stdout.splitlines()
+
+    assert read("".join(lines)) == [f"ok {n}" for n in range(len(lines) - 2)]
+    assert read("".join([*lines[:3], *lines[4:]])) == ["ok 0", "ok 1", "stop"]
