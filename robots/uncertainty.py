@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +15,18 @@ from taichi_sim.base.arrays import Floats
 SHARES = ("friction", "sliding", "gripping")  # given in percent
 QUANTITIES = (*SHARES, "slope")
 SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
+
+
+class Friction(Protocol):
+    """What has friction of feet that grip and feet that slide."""
+
+    @property
+    def high_friction(self) -> float:
+        """Of gripping feet."""
+
+    @property
+    def low_friction(self) -> float:
+        """Of sliding feet."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +113,13 @@ class Uncertainty:
         pair, sliding, gripping, slope = (each * [getattr(self, name) for name in QUANTITIES]).T
         factors = zip((1 + pair) * (1 + sliding), (1 + pair) * (1 + gripping), slope, strict=True)
         return [Perturbation(*map(float, one)) for one in factors]
+
+
+def drawn_terrains(drawn: Sequence[Perturbation], terrain: Terrain, nominal: Friction) -> list[Terrain]:
+    """The terrain in each of some draws, for feet with some nominal friction where the terrain gives none."""
+    high = nominal.high_friction if terrain.high_friction is None else terrain.high_friction
+    low = nominal.low_friction if terrain.low_friction is None else terrain.low_friction
+    return [one.on(terrain, high, low) for one in drawn]
 
 
 @dataclass(frozen=True)
