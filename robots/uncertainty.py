@@ -4,29 +4,21 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.robot import HERE, OK, Judgement, Progress, Robot, World
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
 
 SHARES = ("friction", "sliding", "gripping")  # given in percent
 QUANTITIES = (*SHARES, "slope")
+TAIL = 0.2  # share of the worst draws that a judgement tells of, unless the risk names one
+JUDGED_DRAWS = 64  # held-out draws by which designs are judged
 SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
-
-
-class Friction(Protocol):
-    """What has friction of feet that grip and feet that slide."""
-
-    @property
-    def high_friction(self) -> float:
-        """Of gripping feet."""
-
-    @property
-    def low_friction(self) -> float:
-        """Of sliding feet."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +35,17 @@ class Perturbation:
     gripping: float = 1.0
     slope: float = 0.0
 
+    def tilted(self, terrain: Terrain) -> float:
+        """The slope of a terrain in this draw [degrees]."""
+        return min(max(terrain.slope + self.slope, -STEEPEST), STEEPEST)
+
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
-        """The terrain of this draw, for a robot whose feet nominally grip with ``high`` and slide with ``low``."""
-        high = high * self.gripping
+        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
+        high = (high if terrain.high_friction is None else terrain.high_friction) * self.gripping
+        low = low if terrain.low_friction is None else terrain.low_friction
         return dataclasses.replace(
             terrain,
-            slope=min(max(terrain.slope + self.slope, -STEEPEST), STEEPEST),
+            slope=self.tilted(terrain),
             high_friction=high,
             low_friction=min(low * self.sliding, high),  # sliding feet never hold better than gripping ones
         )
@@ -115,13 +112,6 @@ class Uncertainty:
         return [Perturbation(*map(float, one)) for one in factors]
 
 
-def drawn_terrains(drawn: Sequence[Perturbation], terrain: Terrain, nominal: Friction) -> list[Terrain]:
-    """The terrain in each of some draws, for feet with some nominal friction where the terrain gives none."""
-    high = nominal.high_friction if terrain.high_friction is None else terrain.high_friction
-    low = nominal.low_friction if terrain.low_friction is None else terrain.low_friction
-    return [one.on(terrain, high, low) for one in drawn]
-
-
 @dataclass(frozen=True)
 class Risk:
     """How scores over draws become one number: the mean of the worst share of them.
@@ -166,6 +156,47 @@ class Risk:
         scores = np.asarray(scores, float)
         failed = ~np.isfinite(scores).all(axis=-1)
         return np.where(failed, np.nan, (self.weights(scores) * np.where(failed[..., None], 0, scores)).sum(axis=-1))
+
+
+def judge_uncertain(
+    robot: Robot,
+    world: World,
+    uncertainty: Uncertainty,
+    risk: Risk,
+    draws: int,
+    *,
+    compute: Compute = HERE,
+    progress: Progress | None = None,
+) -> Judgement:
+    """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
+
+    Raises:
+        ValueError: if its world has no ground, or it no friction that can be drawn.
+    """
+    if not isinstance(world, Terrain) or world.is_fluid:
+        raise ValueError(f"uncertain: {uncertainty.text} is not allowed {world.where}, which has no ground")
+    share = risk.share if 0 < risk.share < 1 else TAIL
+    drawn = uncertainty.draw(draws, HELD_OUT)
+    feet = robot.foot_friction
+    if feet is None and any(getattr(uncertainty, name) for name in SHARES):
+        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no friction to draw")
+    terrains: list[World] = [
+        one.on(world, *feet) if feet is not None else dataclasses.replace(world, slope=one.tilted(world))
+        for one in drawn
+    ]
+    outcomes = robot.simulate_in(terrains, compute=compute, progress=progress)
+    measure = robot.measures[0]
+    failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
+    about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}
+    if failed:
+        return Judgement(f"{failed} of {draws} held-out draws failed", about, True)
+    found = summary([float(outcome.measures[measure.name][0]) for outcome in outcomes], share)
+    mean, low, high, deviation, tail, worst = found.values()
+    text = (
+        f"{measure.name} over {draws} held-out draws: mean {mean:.4f} (95 % interval {low:.4f} to {high:.4f}), "
+        f"standard deviation {deviation:.4f}, CVaR {share:g} {tail:.4f}, worst {worst:.4f} {measure.unit}"
+    )
+    return Judgement(text, {**about, "measure": measure.name, "share": share, **found})
 
 
 def summary(scores: Sequence[float], share: float) -> dict[str, float]:

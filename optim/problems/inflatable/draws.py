@@ -12,7 +12,7 @@ from optim.problem import OK
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import MOST_FRICTION
-from robots.uncertainty import Risk, Uncertainty, drawn_terrains
+from robots.uncertainty import Risk, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 
@@ -80,7 +80,8 @@ class UncertainDraws:
 
     def terrains(self, robots: int, terrain: Terrain, actuation: InflatableActuation) -> list[Terrain]:
         """The ground of K copies of so many robots, those of a robot in a row."""
-        return drawn_terrains(self.uncertainty.draw(self.count), terrain, actuation) * robots
+        own = actuation.high_friction, actuation.low_friction
+        return [one.on(terrain, *own) for one in self.uncertainty.draw(self.count)] * robots
 
     def judged(self, speeds: Floats, slopes: Floats) -> tuple[Floats, Floats]:
         """Speeds of N K copies and their derivatives, shape (N K, D), as those of N robots under risk."""

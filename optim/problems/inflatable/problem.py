@@ -5,10 +5,11 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -34,9 +35,10 @@ from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
 from robots.robot import Robot, part_of
-from robots.uncertainty import Risk, Uncertainty
+from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Indices, Ints
+from taichi_sim.base.files import write_text
 
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
@@ -379,6 +381,20 @@ class GaitProblem(GaitSettings):
             speeds=self.speeds,
             counted_steps=None if self.steps is None else self.counted_steps(gait),
         )
+
+    def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
+        """How the best gait does over draws that the search has not seen, where something is uncertain."""
+
+        def write(path: Path) -> None:
+            unknown, risk = Uncertainty.parse(self.uncertain), Risk.parse(self.risk)
+            judged = partial(judge_uncertain, self.robot_of(point), compute=self.compute)
+            found = {
+                terrain.name: judged(terrain, uncertainty=unknown, risk=risk, draws=JUDGED_DRAWS).document
+                for terrain in self.terrains
+            }
+            write_text(path, json.dumps({"risk": self.risk, "terrains": found}, indent=1) + "\n")
+
+        return {"robust.json": write} if self.uncertain else {}
 
     @property
     def subject(self) -> str:

@@ -1,5 +1,7 @@
 """Design under uncertainty on the command line."""
 
+import json
+
 import pytest
 from run_products import log, products
 
@@ -36,3 +38,39 @@ def test_a_search_under_risk_resumes_to_the_bit(morpholab, tmp_path):
 def test_bad_options_of_a_search_get_one_line(morpholab, options, message):
     code, _, error = morpholab(f"codesign --terrain flat --geometry small --generations 1 --out new --quiet {options}")
     assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_the_best_gait_is_judged_on_draws_that_the_search_never_saw(morpholab, simulator, tmp_path):
+    code, out, _ = morpholab(f"codesign {SEARCH} --generations 1 --out runs/a --json")
+    assert code == 0 and "robust.json" in json.loads(out)["files"]
+    seen = {terrain for call in simulator.calls[:-1] for terrain in call.terrain}
+    assert len(seen) == 4 and len(simulator.calls[-1].terrain) == 64 and not seen & set(simulator.calls[-1].terrain)
+    found = json.loads((tmp_path / "runs/a/robust.json").read_text())
+    told = found["terrains"]["hill:9"]
+    assert found["risk"] == "cvar:0.25" and (told["draws"], told["share"], told["failed"]) == (64, 0.25, 0)
+    assert told["worst"] <= told["cvar"] <= told["mean"] and told["mean_low"] < told["mean"] < told["mean_high"]
+
+
+def test_simulate_tells_mean_deviation_tail_and_worst(morpholab, simulator):
+    line = "simulate --gait rolling --slope 9 --uncertain friction=20%,slope=1 --draws 8"
+    code, out, _ = morpholab(line)
+    assert code == 0 and "speed over 8 held-out draws: mean " in out and "CVaR 0.2 " in out and "worst " in out
+    (call,) = simulator.calls
+    assert len(call.terrain) == 8 and all(8 <= terrain.slope <= 10 for terrain in call.terrain)
+    simulator.diverges = lambda design, terrain: terrain.slope > 9
+    code, out, _ = morpholab(f"{line} --json")
+    assert code == 1 and json.loads(out)["failed"] > 0 and "mean" not in json.loads(out)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--risk worst", "risk: worst is not allowed without --uncertain"),
+        ("--draws 8", "draws: 8 is not allowed without --uncertain"),
+        ("--uncertain slope=1 --judge", "judge: it is not allowed with --uncertain"),
+        ("--uncertain mud=1", "uncertain: 'mud' is unknown"),
+    ],
+)
+def test_bad_options_of_a_simulation_get_one_line(morpholab, simulator, options, message):
+    code, _, error = morpholab(f"simulate --gait rolling {options}")
+    assert code == 2 and message in error and error.count("\n") == 1 and not simulator.calls
