@@ -74,3 +74,8 @@ def test_simulate_tells_mean_deviation_tail_and_worst(morpholab, simulator):
 def test_bad_options_of_a_simulation_get_one_line(morpholab, simulator, options, message):
     code, _, error = morpholab(f"simulate --gait rolling {options}")
     assert code == 2 and message in error and error.count("\n") == 1 and not simulator.calls
+
+
+def test_a_robot_without_the_quantity_is_refused_in_one_line(morpholab):
+    code, _, error = morpholab("simulate --robot walker --uncertain friction=10% --draws 3")
+    assert code == 2 and "walker has no friction to draw" in error and error.count("\n") == 1
