@@ -91,6 +91,7 @@ class Robot:
     relaxable = False  # whether :meth:`run` judges what lies between true designs, if a trial's sharpness is finite
     differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
     exportable = False  # whether :meth:`table` makes a table for hardware
+    foot_friction: tuple[float, float] | None = None  # of feet that grip and that slide, where a terrain gives none
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
     curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
     descriptors: Mapping[
@@ -136,6 +137,16 @@ class Robot:
             ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
         """
         return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
+
+    def simulate_in(
+        self, worlds: Sequence[World], *, compute: Compute = HERE, progress: Progress | None = None
+    ) -> list[Outcome]:
+        """Try a robot of which nothing is free in several worlds; kinds that can make one batch of them."""
+        count = len(worlds)
+        return [
+            self.simulate((), world, compute=compute, progress=part_of(progress, number, count))
+            for number, world in enumerate(worlds)
+        ]
 
     def differentiate(
         self,

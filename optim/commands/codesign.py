@@ -128,6 +128,9 @@ def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> 
     if robot.exportable:
         make_product(folder, "gait.csv", functools.partial(_write_table, robot, folder.config["method"]["seed"]))
         written.append("gait.csv")
+    for name, write in problem.products(problem.space.from_dict(last.best_point)).items():
+        make_product(folder, name, write)
+        written.append(name)
     for world in problem.tried_in if robot.pictured else ():
         name = f"robot_{world.name.replace(':', '_')}.png"
         make_product(folder, name, functools.partial(robot.save_picture, world))

@@ -27,6 +27,15 @@ COMMAND = Command(
             "tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
             "nm, what remains of it under harder conditions, and how far feet slip while they grip",
         ),
+        Option(
+            "uncertain",
+            "what is not known exactly, such as friction=20%%,slope=1 (degrees): tell mean, standard deviation, CVaR "
+            "and worst over --draws of it that no search sees; repeat it for more",
+            metavar="QUANTITY=WIDTH,...",
+            several=True,
+        ),
+        count("draws", 2, "with --uncertain: how many (default: 64)"),
+        Option("risk", "with --uncertain: cvar:SHARE of the worst draws (default: cvar:0.2)", metavar="RISK"),
         path_to("out", "DIR", "new folder for design.json, result.json and robot.png, of gaits also gait.csv"),
     ),
     options.simulation("f64"),
@@ -49,6 +58,11 @@ def run(args: argparse.Namespace) -> Report:
     measured = {measure.name for measure in robot.measures}
     place = kind.world_option if kind.world_option not in measured else "world"
     about = {"gait" if args.gait else "robot": what, place: world.name}
+    if args.uncertain:
+        return _uncertain(args, robot, world, title, about)
+    for name in ("draws", "risk"):
+        if (value := getattr(args, name)) is not None:
+            raise ValueError(f"{name}: {value} is not allowed without --uncertain; say what is uncertain")
     if args.judge:
         if args.out:
             raise ValueError(f"out: {args.out} is not allowed with --judge, which plays both weights with noise")
@@ -60,6 +74,20 @@ def run(args: argparse.Namespace) -> Report:
     with shown_progress(title, 1.0) as update:
         outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
     return _report(args, robot, world, outcome, title, about)
+
+
+def _uncertain(args: argparse.Namespace, robot: Robot, world: World, title: str, about: dict[str, Any]) -> Report:
+    """How the robot does where something is not known exactly."""
+    from robots.uncertainty import JUDGED_DRAWS, TAIL, Risk, Uncertainty, judge_uncertain
+
+    for name in ("judge", "out", "record_every"):
+        if getattr(args, name):
+            raise ValueError(f"{name}: it is not allowed with --uncertain; leave it out")
+    unknown, risk = Uncertainty.parse(",".join(args.uncertain)), Risk.parse(args.risk or f"cvar:{TAIL}")
+    draws, compute = args.draws or JUDGED_DRAWS, options.compute(args, "f64")
+    with shown_progress(f"{title}, {draws} draws", 1.0) as update:
+        found = judge_uncertain(robot, world, unknown, risk, draws, compute=compute, progress=update)
+    return Report({**about, **found.document}, f"{title}: {found.text}", FAILED if found.failed else 0)
 
 
 def _report(

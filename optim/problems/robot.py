@@ -133,6 +133,10 @@ class RobotDesigning(Problem):
         """Options, by name, with which a command makes the robot of a design that the run in a folder saved."""
         return {}
 
+    def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
+        """What writes further files about the best point, shape (D,), of a run, by their names."""
+        return {}
+
     def prepare(self, folder: Path) -> None:
         """Write what a new run folder needs beside the run itself."""
 

@@ -205,15 +205,34 @@ class InflatableRobot(Robot):
         changed = dataclasses.replace(self.gait, schedule=schedule, **gait)
         return dataclasses.replace(self, gait=changed, **{**own, **more})
 
+    @property
+    def foot_friction(self) -> tuple[float, float]:  # type: ignore[override]
+        """Of feet that grip and that slide."""
+        return self.parts[1].high_friction, self.parts[1].low_friction
+
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Play the gait, as often as there are points."""
+        return self._play(terrain_of(trial.world), len(points), trial)
+
+    def simulate_in(
+        self, worlds: Sequence[World], *, compute: Compute = HERE, progress: Progress | None = None
+    ) -> list[Outcome]:
+        """Play the gait on several terrains, as one batch."""
+        terrains = [terrain_of(world) for world in worlds]
+        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress))
+        return [
+            Outcome({name: values[n : n + 1] for name, values in found.measures.items()}, found.status[n : n + 1])
+            for n in range(len(worlds))
+        ]
+
+    def _play(self, terrain: Terrain | Sequence[Terrain], count: int, trial: Trial) -> Outcome:
         from robots.inflatable import simulation
 
         geometry, actuation = self.parts
-        designs = [self.gait] * len(points)
+        designs = [self.gait] * count
         result = simulation.simulate(
             designs,
-            terrain_of(trial.world),
+            terrain,
             geometry=geometry,
             actuation=actuation,
             **trial.compute.options,

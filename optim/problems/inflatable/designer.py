@@ -26,9 +26,10 @@ HORIZONS = (1, 2)  # columns that ``gradient-check`` plays
 SETTINGS = (
     *("columns", "repeats", "geometry", "weight"),
     *("steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort"),
-    *("window", "draws", "noise", "friction_spread", "gentle"),
+    *("window", "draws", "noise", "friction_spread", "gentle", "risk"),
 )
 WORDS = ("mean", "terrains")  # how the speeds on several terrains are judged
+DRAWS = 16  # of what is uncertain
 INSIDE = 0.15  # how far levels keep from off and on there
 OPTIONS = (
     Option(
@@ -79,7 +80,20 @@ OPTIONS = (
         "cycles at the end of a relaxed gait by which it is differentiated, as if those before went as far "
         "(default: all)",
     ),
-    count("draws", 1, "of noise and friction, over which relaxed gaits are judged on average (default: 1)"),
+    count(
+        "draws",
+        1,
+        "of noise and friction, over which relaxed gaits are judged on average (default: 1), or of what is "
+        "uncertain (default: 16)",
+    ),
+    Option(
+        "uncertain",
+        "what is not known exactly, such as friction=20%%,slope=1 (degrees): every gait is judged over --draws of it; "
+        "friction scales the pair, sliding and gripping one of them; repeat it for more",
+        metavar="QUANTITY=WIDTH,...",
+        several=True,
+    ),
+    Option("risk", "over these draws: mean, cvar:SHARE of the worst, or worst (default: mean)", metavar="RISK"),
     Option("noise", "of these draws, on the start positions (default: 0)", number(0.0, 1e-3, "m"), "M"),
     Option(
         "friction_spread",
@@ -216,6 +230,9 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
         settings["properties"], own = load_calibration(args.calibration)
         settings.setdefault("geometry", own)
     settings |= asked.chosen((*SETTINGS, *COMPUTE))
+    if args.uncertain:
+        settings["uncertain"] = ",".join(args.uncertain)
+        settings.setdefault("draws", DRAWS)
     settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
     if not settings["terrains"]:
         new = f", and {asked.out} holds no run to continue" if asked.resume else ""

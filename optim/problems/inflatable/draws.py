@@ -12,6 +12,7 @@ from optim.problem import OK
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import MOST_FRICTION
+from robots.uncertainty import Risk, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 
@@ -61,6 +62,32 @@ class Draws:
         """The first status of a copy that is not ok, or ok, shape (N,)."""
         each = np.asarray(status).reshape(-1, self.count)
         return each[np.arange(len(each)), np.argmax(each != OK, axis=1)]
+
+
+@dataclass(frozen=True)
+class UncertainDraws:
+    """Copies of robots on ground that is not known exactly, the same ones for every robot.
+
+    Attributes:
+        uncertainty: what is drawn.
+        risk: how scores over the draws become one.
+        count: K, draws.
+    """
+
+    uncertainty: Uncertainty
+    risk: Risk
+    count: int
+
+    def terrains(self, robots: int, terrain: Terrain, actuation: InflatableActuation) -> list[Terrain]:
+        """The ground of K copies of so many robots, those of a robot in a row."""
+        own = actuation.high_friction, actuation.low_friction
+        return [one.on(terrain, *own) for one in self.uncertainty.draw(self.count)] * robots
+
+    def judged(self, speeds: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+        """Speeds of N K copies and their derivatives, shape (N K, D), as those of N robots under risk."""
+        each = speeds.reshape(-1, self.count)
+        weights = self.risk.weights(each)[:, :, None]
+        return self.risk.of(each), np.asarray((weights * slopes.reshape(*each.shape, -1)).sum(axis=1))
 
 
 def _with_friction(design: InflatableDesign, factor: float) -> InflatableDesign:

@@ -5,10 +5,11 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
+import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation
-from optim.problems.inflatable.draws import Draws, eased
+from optim.problems.inflatable.draws import Draws, UncertainDraws, eased
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
@@ -34,7 +35,10 @@ from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
 from robots.robot import Robot, part_of
+from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
+from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Indices, Ints
+from taichi_sim.base.files import write_text
 
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
@@ -304,6 +308,8 @@ class GaitProblem(GaitSettings):
             **self.compute.options,
             "progress": part_of(self.progress, number, len(self.conditions)),
         }
+        if self.uncertain:
+            return self._risked(designs, eased(condition.terrain, sharpness, self.gentle), settings, points, sharpness)
         if not relaxed:
             result = simulation.simulate(designs, condition.terrain, **settings)
             return self.speeds(result), result.status, np.zeros((len(designs), 0))
@@ -322,6 +328,30 @@ class GaitProblem(GaitSettings):
             slopes = self._slopes(run, each, sharpness, friction)
         return drawn.mean(speeds), drawn.first_failure(result.status), drawn.mean(slopes)
 
+    def _risked(
+        self,
+        designs: Sequence[InflatableDesign],
+        terrain: Terrain,
+        settings: dict[str, Any],
+        points: Floats | None,
+        sharpness: float,
+    ) -> tuple[Floats, NDArray[Any], Floats]:
+        """Speeds, status and slopes by the measure of risk, over draws that all designs share, as one batch."""
+        drawn = UncertainDraws(Uncertainty.parse(self.uncertain), Risk.parse(self.risk), self.draws)
+        copies = [design for design in designs for _ in range(self.draws)]
+        terrains = drawn.terrains(len(designs), terrain, settings["actuation"])
+        if points is None:
+            result = simulation.simulate(copies, terrains, **settings)
+            slopes = np.zeros((len(copies), 0))
+        else:
+            settings["counting"] = dataclasses.replace(settings["counting"], window=self.window)
+            run = gradient.differentiate(copies, terrains, **settings)
+            result = run.result
+            each = np.repeat(points, self.draws, axis=0)
+            slopes = self._slopes(run, each, sharpness, np.ones(len(copies)))
+        speeds, slopes = drawn.judged(self.speeds(result), slopes)
+        return speeds, Draws(self.draws).first_failure(result.status), slopes
+
     def robot_steps(
         self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
     ) -> Ints:
@@ -335,7 +365,8 @@ class GaitProblem(GaitSettings):
         """
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
-        drive, draws = (self._relaxed_actuation, self.draws) if relaxed else (self.actuation, 1)
+        drive = self._relaxed_actuation if relaxed else self.actuation
+        draws = self.draws if relaxed or self.uncertain else 1
         each = np.array([predicted_steps(design, drive) for design in designs])
         return draws * each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
 
@@ -350,6 +381,20 @@ class GaitProblem(GaitSettings):
             speeds=self.speeds,
             counted_steps=None if self.steps is None else self.counted_steps(gait),
         )
+
+    def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
+        """How the best gait does over draws that the search has not seen, where something is uncertain."""
+
+        def write(path: Path) -> None:
+            unknown, risk = Uncertainty.parse(self.uncertain), Risk.parse(self.risk)
+            judged = partial(judge_uncertain, self.robot_of(point), compute=self.compute)
+            found = {
+                terrain.name: judged(terrain, uncertainty=unknown, risk=risk, draws=JUDGED_DRAWS).document
+                for terrain in self.terrains
+            }
+            write_text(path, json.dumps({"risk": self.risk, "terrains": found}, indent=1) + "\n")
+
+        return {"robust.json": write} if self.uncertain else {}
 
     @property
     def subject(self) -> str:

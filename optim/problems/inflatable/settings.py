@@ -21,6 +21,7 @@ from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
 from robots.robot import Facts, World
+from robots.uncertainty import Risk, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.checks import NotNegative, check_fields, choice, number, whole_number
 
@@ -30,6 +31,7 @@ GAIT_PARTS = ("core", "pace")  # of graded gaits, which may be free beside these
 MORE_PARTS = (*GAIT_PARTS, *MATERIAL_PARTS)
 # How relaxed gaits are judged, beside the true ones.
 RELAXED_OPTIONS = ("window", "draws", "noise", "friction_spread", "gentle")
+RISK_OPTIONS = ("uncertain", "risk")  # of all gaits, over the draws
 GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 DESCRIBED = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from their defaults: version 1.0 grew by them.
@@ -37,6 +39,7 @@ DESCRIBED_IF_SET = (
     *("encoding", "objectives", "ramp_steps", "steps", "warm_up", "stages"),
     *("ladder", "ahead", "hard", "effort"),
     *RELAXED_OPTIONS,
+    *RISK_OPTIONS,
 )
 RIG_FILE = "calibration.json"  # in folders of runs
 LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
@@ -76,6 +79,10 @@ class GaitSettings(RobotDesigning):
         window: cycles at the end of a relaxed gait by which its distance is differentiated, as if those before went as
             far, see ``robots.inflatable.differentiate``; 0 is all.
         draws: of start noise and friction, over which relaxed gaits are judged on average. All points have the same.
+            With ``uncertain``, all gaits are.
+        uncertain: friction and slope that are not known exactly, such as ``"friction=20%,slope=1"``, see
+            ``robots.uncertainty``: every gait is judged over the draws, always the same ones. Empty is none.
+        risk: how the speeds over these draws become one: ``"mean"``, ``"cvar:SHARE"`` or ``"worst"``.
         noise: of these, standard deviation of the start positions [m].
         friction_spread: of these, s: friction is multiplied by 1 / (1 + s) to 1 + s, evenly on a logarithmic scale.
         gentle: sharpness from which relaxed gaits are judged on the slopes as they are; below it, on as large a part of
@@ -109,6 +116,8 @@ class GaitSettings(RobotDesigning):
     noise: Annotated[float, partial(number, low=0.0, high=1e-3, unit="m")] = 0.0
     friction_spread: NotNegative = 0.0
     gentle: NotNegative = 0.0
+    uncertain: str = ""
+    risk: str = "mean"
     geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "published"
     weight: str = "published"
     properties: Properties | None = None
@@ -125,6 +134,7 @@ class GaitSettings(RobotDesigning):
         if not self.free:
             raise ValueError(f"free: nothing is free to change; free at least one of {', '.join(PARTS)}")
         self._check_more()
+        self._check_risk()
         if self.schedule is not None:
             object.__setattr__(self, "columns", self.schedule.columns)
             object.__setattr__(self, "repeats", self.schedule.repeats)
@@ -165,6 +175,24 @@ class GaitSettings(RobotDesigning):
                 raise ValueError(f"{name}: {getattr(self, name):g} is not allowed with a single draw; give draws")
         if "modulus" in self.more:
             RegionMaterials(modulus=(MOST_MODULUS,) * self.body.region_count).check(self.body)
+
+    def _check_risk(self) -> None:
+        """Refuse draws and risk that contradict the rest."""
+        object.__setattr__(self, "uncertain", Uncertainty.parse(self.uncertain).text if self.uncertain else "")
+        Risk.parse(self.risk)
+        if not self.uncertain:
+            if "risk" in self._set:
+                raise ValueError(f"risk: {self.risk} is not allowed without uncertain; give what is uncertain")
+            return
+        if self.draws == 1:
+            raise ValueError(f"uncertain: {self.uncertain} is not allowed with a single draw; give draws")
+        if fluid := [terrain.name for terrain in self.terrains if terrain.is_fluid]:
+            raise ValueError(f"uncertain: {self.uncertain} is not allowed in {fluid[0]}, which has no ground")
+        for name, given in (("friction_spread", self.friction_spread), ("noise", self.noise), ("ladder", self.ladder)):
+            if given:
+                raise ValueError(f"{name}: {given} is not allowed beside uncertain; leave out one of them")
+        if "friction" in self.more:
+            raise ValueError("free: friction is not allowed with uncertain, which draws that of the terrain")
 
     @property
     def _set(self) -> set[str]:
@@ -241,6 +269,7 @@ class GaitSettings(RobotDesigning):
                 "Objective",
                 f"{aim if len(self.terrains) > 1 else 'speed'}, in body lengths a second {convention} (BL/s)",
             ),
+            *([("Uncertain", f"{self.uncertain}: {self.risk} of {self.draws} draws")] if self.uncertain else []),
             ("Free", ", ".join(self.free)),
             ("Fixed", ", ".join(held) or "nothing"),
             ("Gait", f"{self.columns} columns, played {often}, encoded as {self.encoding}"),

@@ -1,0 +1,216 @@
+"""What is not known exactly of a robot and its ground, and how scores over draws of it become one number."""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.robot import HERE, OK, Judgement, Progress, Robot, World
+from robots.world import STEEPEST, Terrain
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+
+SHARES = ("friction", "sliding", "gripping")  # given in percent
+QUANTITIES = (*SHARES, "slope")
+TAIL = 0.2  # share of the worst draws that a judgement tells of, unless the risk names one
+JUDGED_DRAWS = 64  # held-out draws by which designs are judged
+SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """One draw: by how much friction and slope differ from what is nominal.
+
+    Attributes:
+        sliding: factor of the friction of sliding feet.
+        gripping: factor of that of gripping feet and skin.
+        slope: added to the slope [degrees].
+    """
+
+    sliding: float = 1.0
+    gripping: float = 1.0
+    slope: float = 0.0
+
+    def tilted(self, terrain: Terrain) -> float:
+        """The slope of a terrain in this draw [degrees]."""
+        return min(max(terrain.slope + self.slope, -STEEPEST), STEEPEST)
+
+    def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
+        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
+        high = (high if terrain.high_friction is None else terrain.high_friction) * self.gripping
+        low = low if terrain.low_friction is None else terrain.low_friction
+        return dataclasses.replace(
+            terrain,
+            slope=self.tilted(terrain),
+            high_friction=high,
+            low_friction=min(low * self.sliding, high),  # sliding feet never hold better than gripping ones
+        )
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Half-widths of the intervals from which unknown quantities are drawn, evenly and independently.
+
+    Attributes:
+        friction: of the factor that sliding and gripping friction share, 0 to 1.
+        sliding: of a factor of sliding friction alone, 0 to 1.
+        gripping: of a factor of gripping friction alone, 0 to 1.
+        slope: of what is added to the slope, 0 to 45 degrees.
+    """
+
+    friction: float = 0.0
+    sliding: float = 0.0
+    gripping: float = 0.0
+    slope: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in SHARES:
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise ValueError(f"uncertain: {name}={100 * value:g}% is not allowed; give 0% to 100%")
+        if not 0 <= self.slope <= STEEPEST:
+            raise ValueError(f"uncertain: slope={self.slope:g} is not allowed; give 0 to {STEEPEST:g} degrees")
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The uncertainty of a text such as ``friction=20%,slope=1``; shares may also be written as ``0.2``.
+
+        Raises:
+            ValueError: for an unknown quantity, one given twice, and a value that is not allowed.
+        """
+        found: dict[str, float] = {}
+        for part in text.split(","):
+            name, _, value = (piece.strip() for piece in part.partition("="))
+            if name not in QUANTITIES:
+                raise ValueError(f"uncertain: {name!r} is unknown; choose from {', '.join(QUANTITIES)}")
+            if name in found:
+                raise ValueError(f"uncertain: {name} is given twice; give it once")
+            percent = name in SHARES and value.endswith("%")
+            try:
+                number = float(value.removesuffix("%") if percent else value)
+            except ValueError:
+                example = f"{name}=20%" if name in SHARES else f"{name}=1 (degrees)"
+                raise ValueError(f"uncertain: {part.strip()!r} is not allowed; give such as {example}") from None
+            found[name] = number / 100 if percent else number
+        return cls(**found)
+
+    @property
+    def text(self) -> str:
+        """The text that says it, always the same for the same uncertainty."""
+        given = [name for name in QUANTITIES if getattr(self, name)]
+        return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
+
+    def draw(self, count: int, stream: int = SEARCHED, seed: int = 0) -> list[Perturbation]:
+        """So many perturbations; those of one stream and seed are always the same, other streams are independent."""
+        each = np.random.default_rng((stream, seed)).uniform(-1.0, 1.0, (count, len(QUANTITIES)))
+        pair, sliding, gripping, slope = (each * [getattr(self, name) for name in QUANTITIES]).T
+        factors = zip((1 + pair) * (1 + sliding), (1 + pair) * (1 + gripping), slope, strict=True)
+        return [Perturbation(*map(float, one)) for one in factors]
+
+
+@dataclass(frozen=True)
+class Risk:
+    """How scores over draws become one number: the mean of the worst share of them.
+
+    Attributes:
+        share: 1 is the mean of all draws, 0 the worst draw alone; between, the conditional value at risk (CVaR).
+    """
+
+    share: float = 1.0
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """The risk measure of a text: ``mean``, ``worst`` or ``cvar:SHARE`` such as ``cvar:0.2``.
+
+        Raises:
+            ValueError: for anything else.
+        """
+        if text in ("mean", "worst"):
+            return cls(1.0 if text == "mean" else 0.0)
+        kind, _, share = text.partition(":")
+        try:
+            number = float(share) if kind == "cvar" else math.nan
+        except ValueError:
+            number = math.nan
+        if not 0 < number <= 1:
+            raise ValueError(f"risk: {text!r} is not allowed; give mean, worst or cvar:SHARE with a share in (0, 1]")
+        return cls(number)
+
+    def weights(self, scores: ArrayLike) -> Floats:
+        """Derivatives of the number by the scores, shape (..., K): of the worst K times share, equal weights.
+
+        A share that is no whole number of draws counts the last of them in part.
+        """
+        scores = np.asarray(scores, float)
+        count = scores.shape[-1]
+        worst = max(self.share * count, 1.0)
+        ranks = np.argsort(np.argsort(scores, axis=-1, kind="stable"), axis=-1, kind="stable")
+        return np.asarray(np.clip(worst - ranks, 0.0, 1.0) / worst)
+
+    def of(self, scores: ArrayLike) -> Floats:
+        """The number, shape (...), of scores, shape (..., K); NaN where a draw failed."""
+        scores = np.asarray(scores, float)
+        failed = ~np.isfinite(scores).all(axis=-1)
+        return np.where(failed, np.nan, (self.weights(scores) * np.where(failed[..., None], 0, scores)).sum(axis=-1))
+
+
+def judge_uncertain(
+    robot: Robot,
+    world: World,
+    uncertainty: Uncertainty,
+    risk: Risk,
+    draws: int,
+    *,
+    compute: Compute = HERE,
+    progress: Progress | None = None,
+) -> Judgement:
+    """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
+
+    Raises:
+        ValueError: if its world has no ground, or it no friction that can be drawn.
+    """
+    if not isinstance(world, Terrain) or world.is_fluid:
+        raise ValueError(f"uncertain: {uncertainty.text} is not allowed {world.where}, which has no ground")
+    share = risk.share if 0 < risk.share < 1 else TAIL
+    drawn = uncertainty.draw(draws, HELD_OUT)
+    feet = robot.foot_friction
+    if feet is None and any(getattr(uncertainty, name) for name in SHARES):
+        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no friction to draw")
+    terrains: list[World] = [
+        one.on(world, *feet) if feet is not None else dataclasses.replace(world, slope=one.tilted(world))
+        for one in drawn
+    ]
+    outcomes = robot.simulate_in(terrains, compute=compute, progress=progress)
+    measure = robot.measures[0]
+    failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
+    about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}
+    if failed:
+        return Judgement(f"{failed} of {draws} held-out draws failed", about, True)
+    found = summary([float(outcome.measures[measure.name][0]) for outcome in outcomes], share)
+    mean, low, high, deviation, tail, worst = found.values()
+    text = (
+        f"{measure.name} over {draws} held-out draws: mean {mean:.4f} (95 % interval {low:.4f} to {high:.4f}), "
+        f"standard deviation {deviation:.4f}, CVaR {share:g} {tail:.4f}, worst {worst:.4f} {measure.unit}"
+    )
+    return Judgement(text, {**about, "measure": measure.name, "share": share, **found})
+
+
+def summary(scores: Sequence[float], share: float) -> dict[str, float]:
+    """Mean, standard deviation, CVaR and worst of scores, with the 95 % interval of the mean."""
+    from scipy import stats
+
+    each = np.asarray(scores, float)
+    mean, deviation = float(each.mean()), float(each.std(ddof=1))
+    half = float(stats.t.ppf(0.975, len(each) - 1)) * deviation / math.sqrt(len(each))
+    return {
+        "mean": mean,
+        "mean_low": mean - half,
+        "mean_high": mean + half,
+        "sd": deviation,
+        "cvar": float(Risk(share).of(each)),
+        "worst": float(each.min()),
+    }

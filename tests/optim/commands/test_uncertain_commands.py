@@ -1,0 +1,81 @@
+"""Design under uncertainty on the command line."""
+
+import json
+
+import pytest
+from run_products import log, products
+
+SEARCH = (
+    "--terrain hill:9 --encoding graded --columns 2 --climbers 3 --geometry small --steps 60000 --seed 2 --quiet "
+    "--uncertain friction=20% --uncertain slope=2 --risk cvar:0.25 --draws 4"
+)
+
+
+@pytest.mark.usefixtures("simulator")
+def test_a_search_under_risk_resumes_to_the_bit(morpholab, tmp_path):
+    assert morpholab(f"codesign {SEARCH} --generations 3 --out runs/a")[0] == 0
+    assert morpholab(f"codesign {SEARCH} --generations 1 --out runs/b")[0] == 0
+    assert morpholab("codesign --resume --generations 3 --out runs/b --quiet")[0] == 0
+    ours, theirs = (products(tmp_path / "runs" / name) for name in "ab")
+    assert ours["best.json"] == theirs["best.json"]
+    assert [line["best"] for line in log(tmp_path / "runs/a")] == [line["best"] for line in log(tmp_path / "runs/b")]
+    config = (tmp_path / "runs/a/config.toml").read_text()
+    assert 'uncertain = "friction=0.2,slope=2.0"' in config and 'risk = "cvar:0.25"' in config
+    code, _, error = morpholab("codesign --resume --risk worst --out runs/b --quiet")
+    assert code == 2 and "problem.risk" in error
+
+
+@pytest.mark.usefixtures("simulator")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--risk worst", "risk: worst is not allowed without uncertain"),
+        ("--uncertain mud=1", "uncertain: 'mud' is unknown"),
+        ("--uncertain friction=150%", "uncertain: friction=150% is not allowed; give 0% to 100%"),
+        ("--uncertain slope=1 --risk cvar:0", "risk: 'cvar:0' is not allowed"),
+    ],
+)
+def test_bad_options_of_a_search_get_one_line(morpholab, options, message):
+    code, _, error = morpholab(f"codesign --terrain flat --geometry small --generations 1 --out new --quiet {options}")
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_the_best_gait_is_judged_on_draws_that_the_search_never_saw(morpholab, simulator, tmp_path):
+    code, out, _ = morpholab(f"codesign {SEARCH} --generations 1 --out runs/a --json")
+    assert code == 0 and "robust.json" in json.loads(out)["files"]
+    seen = {terrain for call in simulator.calls[:-1] for terrain in call.terrain}
+    assert len(seen) == 4 and len(simulator.calls[-1].terrain) == 64 and not seen & set(simulator.calls[-1].terrain)
+    found = json.loads((tmp_path / "runs/a/robust.json").read_text())
+    told = found["terrains"]["hill:9"]
+    assert found["risk"] == "cvar:0.25" and (told["draws"], told["share"], told["failed"]) == (64, 0.25, 0)
+    assert told["worst"] <= told["cvar"] <= told["mean"] and told["mean_low"] < told["mean"] < told["mean_high"]
+
+
+def test_simulate_tells_mean_deviation_tail_and_worst(morpholab, simulator):
+    line = "simulate --gait rolling --slope 9 --uncertain friction=20%,slope=1 --draws 8"
+    code, out, _ = morpholab(line)
+    assert code == 0 and "speed over 8 held-out draws: mean " in out and "CVaR 0.2 " in out and "worst " in out
+    (call,) = simulator.calls
+    assert len(call.terrain) == 8 and all(8 <= terrain.slope <= 10 for terrain in call.terrain)
+    simulator.diverges = lambda design, terrain: terrain.slope > 9
+    code, out, _ = morpholab(f"{line} --json")
+    assert code == 1 and json.loads(out)["failed"] > 0 and "mean" not in json.loads(out)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--risk worst", "risk: worst is not allowed without --uncertain"),
+        ("--draws 8", "draws: 8 is not allowed without --uncertain"),
+        ("--uncertain slope=1 --judge", "judge: it is not allowed with --uncertain"),
+        ("--uncertain mud=1", "uncertain: 'mud' is unknown"),
+    ],
+)
+def test_bad_options_of_a_simulation_get_one_line(morpholab, simulator, options, message):
+    code, _, error = morpholab(f"simulate --gait rolling {options}")
+    assert code == 2 and message in error and error.count("\n") == 1 and not simulator.calls
+
+
+def test_a_robot_without_the_quantity_is_refused_in_one_line(morpholab):
+    code, _, error = morpholab("simulate --robot walker --uncertain friction=10% --draws 3")
+    assert code == 2 and "walker has no friction to draw" in error and error.count("\n") == 1

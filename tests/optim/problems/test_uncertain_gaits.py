@@ -1,0 +1,83 @@
+"""Inflatable gaits judged under uncertainty: common draws, risk, its gradient, descriptions and bad input."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from linear_robot import Linear
+
+from optim.problems.inflatable.problem import GaitProblem
+from robots.uncertainty import Uncertainty
+from robots.world import Terrain
+
+HILL = Terrain(9.0, high_friction=0.7, low_friction=0.5)
+UNKNOWN = "friction=20%,slope=1"
+
+
+def problem(**settings):
+    given = {"columns": 3, "encoding": "graded", "geometry": "small", "steps": 60_000, "draws": 5}
+    return GaitProblem((HILL,), **{**given, "uncertain": UNKNOWN, **settings})
+
+
+@pytest.fixture
+def linear(monkeypatch):
+    stand_in = Linear()
+    monkeypatch.setattr("robots.inflatable.simulation.simulate", stand_in.simulate)
+    monkeypatch.setattr("robots.inflatable.gradient.differentiate", stand_in.differentiate)
+    return stand_in
+
+
+def test_all_gaits_share_the_draws_in_one_batch(linear):
+    made = problem()
+    points = made.space.sample(np.random.default_rng(0), 3)
+    together = made.evaluate(points)
+    (call,) = linear.calls
+    assert len(call.designs) == 15 and call.terrain[:5] == call.terrain[5:10] == call.terrain[10:]
+    drawn = Uncertainty.parse(UNKNOWN).draw(5)
+    assert call.terrain[:5] == [one.on(HILL, 0.7, 0.5) for one in drawn]
+    assert np.array_equal(made.evaluate(points[1:]).objectives, together.objectives[1:])
+
+
+@pytest.mark.parametrize("risk", ["mean", "cvar:0.5", "worst"])
+def test_risk_has_exact_gradients(linear, risk):
+    made = problem(risk=risk, warm_up=1000)  # counts the same steps on both sides of a difference
+    points = made.space.relaxed().sample(np.random.default_rng(3), 2)
+    exact = made.evaluate_relaxed(points, 2.0, gradients=True)
+    assert exact.objectives == pytest.approx(made.evaluate_relaxed(points, 2.0, gradients=False).objectives)
+    for number, reach in enumerate(1e-5 * made.space.span):
+        if made.space.names[number].startswith("settle"):
+            continue
+        step = np.where(np.arange(made.space.size) == number, reach, 0.0)
+        up, down = (made.evaluate_relaxed(points + s, 2.0, gradients=False) for s in (step, -step))
+        slope = (up.objectives - down.objectives)[:, 0] / (2 * reach)
+        assert exact.gradients[:, number] == pytest.approx(slope, rel=1e-5, abs=1e-9), made.space.names[number]
+
+
+def test_the_worst_counts_no_more_than_cvar_and_the_mean(linear):
+    points = problem().space.sample(np.random.default_rng(1), 4)
+    worst, tail, mean = (problem(risk=r).evaluate(points).objectives for r in ("worst", "cvar:0.5", "mean"))
+    assert (worst <= tail).all() and (tail <= mean).all() and (worst < mean).any()
+
+
+def test_descriptions_come_back_and_are_as_ever_without():
+    made = problem(risk="cvar:0.2")
+    assert GaitProblem.from_description(made.describe()).describe() == made.describe()
+    assert ("Uncertain", "friction=0.2,slope=1.0: cvar:0.2 of 5 draws") in made.facts()
+    plain = dataclasses.replace(made, uncertain="", risk="mean", draws=1)
+    assert not {"uncertain", "risk", "draws"} & set(plain.describe())
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"uncertain": "", "risk": "worst"}, "risk: worst is not allowed without uncertain"),
+        ({"uncertain": "mud=1"}, "uncertain: 'mud' is unknown"),
+        ({"risk": "cvar:2"}, "risk: 'cvar:2' is not allowed"),
+        ({"draws": 1}, "uncertain: friction=0.2,slope=1.0 is not allowed with a single draw; give draws"),
+        ({"friction_spread": 0.2}, "friction_spread: 0.2 is not allowed beside uncertain"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(settings, message):
+    with pytest.raises(ValueError) as error:
+        problem(**settings)
+    assert str(error.value).startswith(message) and "\n" not in str(error.value)

@@ -1,0 +1,72 @@
+"""Uncertain quantities, their draws, and measures of risk."""
+
+import numpy as np
+import pytest
+
+from robots.uncertainty import HELD_OUT, Risk, Uncertainty, summary
+from robots.world import Terrain
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("mud=1", "uncertain: 'mud' is unknown; choose from friction, sliding, gripping, slope"),
+        ("friction=-5%", "uncertain: friction=-5% is not allowed; give 0% to 100%"),
+        ("sliding=120%", "uncertain: sliding=120% is not allowed; give 0% to 100%"),
+        ("slope=-1", "uncertain: slope=-1 is not allowed; give 0 to 45 degrees"),
+        ("slope=nan", "uncertain: slope=nan is not allowed; give 0 to 45 degrees"),
+        ("slope=1,slope=2", "uncertain: slope is given twice; give it once"),
+        ("friction=much", "uncertain: 'friction=much' is not allowed; give such as friction=20%"),
+    ],
+)
+def test_bad_uncertainty_is_refused_in_one_line(text, message):
+    with pytest.raises(ValueError) as error:
+        Uncertainty.parse(text)
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize("text", ["cvar:0", "cvar:1.5", "cvar:x", "median", "cvar"])
+def test_bad_risk_is_refused(text):
+    with pytest.raises(ValueError, match=r"risk: .* give mean, worst or cvar:SHARE with a share in \(0, 1\]"):
+        Risk.parse(text)
+
+
+def test_texts_come_back():
+    found = Uncertainty.parse("friction=20%, slope=1")
+    assert found == Uncertainty(friction=0.2, slope=1.0) == Uncertainty.parse(found.text)
+
+
+def test_draws_are_common_within_bounds_and_disjoint_from_held_out_ones():
+    unknown = Uncertainty(friction=0.2, slope=1.0)
+    drawn, held_out = unknown.draw(64), unknown.draw(64, HELD_OUT)
+    assert drawn == unknown.draw(64) and not set(drawn) & set(held_out)
+    assert all(0.8 <= one.sliding == one.gripping <= 1.2 and abs(one.slope) <= 1 for one in drawn)
+    apart = Uncertainty(sliding=0.2).draw(8)
+    assert all(one.gripping == 1 and one.slope == 0 for one in apart) and len({one.sliding for one in apart}) == 8
+
+
+def test_a_terrain_takes_what_is_drawn():
+    (one,) = Uncertainty(friction=0.2, slope=1.0).draw(1)
+    found = one.on(Terrain(9.0), 0.7, 0.5)
+    assert found == Terrain(9.0 + one.slope, 0.7 * one.gripping, 0.5 * one.sliding)
+
+
+def test_risk_is_that_of_numpy():
+    scores = np.random.default_rng(1).normal(size=(3, 20))
+    assert Risk.parse("mean").of(scores) == pytest.approx(scores.mean(axis=1))
+    assert Risk.parse("worst").of(scores) == pytest.approx(scores.min(axis=1))
+    assert Risk.parse("cvar:0.2").of(scores) == pytest.approx(np.sort(scores)[:, :4].mean(axis=1))
+    assert np.isnan(Risk.parse("cvar:0.2").of([1.0, np.nan, 3.0, 4.0]))
+
+
+@pytest.mark.parametrize("text", ["mean", "cvar:0.3", "worst"])
+def test_weights_are_the_derivatives(text):
+    scores, risk = np.random.default_rng(2).normal(size=7), Risk.parse(text)
+    moved = [(risk.of(scores + step) - risk.of(scores - step)) / 2e-6 for step in 1e-6 * np.eye(7)]
+    assert risk.weights(scores) == pytest.approx(moved, abs=1e-6)
+
+
+def test_summary():
+    found = summary([1.0, 2.0, 3.0, 4.0, 5.0], 0.4)
+    assert (found["mean"], found["cvar"], found["worst"]) == (3.0, 1.5, 1.0)
+    assert found["mean_low"] < 3.0 < found["mean_high"]
