@@ -101,7 +101,7 @@ def play_table(
     marks = [begin, end, *(range(begin, end + 1, record_every) if record_every else ())]
     steps = np.arange(0, end + SAMPLE_STEPS, SAMPLE_STEPS)
     for robot, response in enumerate(responses):
-        lines = line_pressures(times, commands, rig, steps * dt, response)
+        lines = line_pressures(times, commands, rig, np.asarray(steps * dt, np.float64), response)
         events = _events(builder, robot, table, ground, actuation, geometry)
         events.initialise(begin, inflate=False)
         _follow(events, table, lines, steps, begin, dt)

@@ -46,9 +46,9 @@ def line_pressures(
     """
     found = np.empty((len(at), commands.shape[1]))
     for place, channel in enumerate(rig.channels):
-        told = np.clip(commands[:, place], channel.minimum_kpa, channel.maximum_kpa)
         delay = channel.valve_delay_s if response.valves else 0.0
-        line = np.interp(at - delay, times, told)
+        told = np.interp(at - delay, times, commands[:, place])
+        line = np.clip(told, channel.minimum_kpa, channel.maximum_kpa)
         if response.valves:
             line = slew_limited(line, at, channel.slew_kpa_per_s)
         found[:, place] = lagged(line, at, channel.lag_s) if response.lag else line
