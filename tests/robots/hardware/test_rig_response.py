@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
+from robots.hardware import LineMap, PneumaticRig, export_csv, gait_table, read_csv
 from robots.hardware.rig_play import check_strokes, commanded, play_table
 from robots.hardware.rig_response import Response, lagged, line_pressures, slew_limited
 from robots.inflatable import INCHING, NAMED_GEOMETRIES
@@ -126,3 +126,11 @@ def test_bad_input_gets_one_line(morpholab, tmp_path, options, message):
     export_csv(SHORT, tmp_path / "gait.csv")
     code, _, error = morpholab(f"simulate {options}")
     assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_a_ramp_of_the_core_has_no_jump_and_comes_back():
+    ramp, pressures = LineMap(ramp_pa=1000.0), np.linspace(0.0, 12e3, 1201)
+    lines = ramp.lines(pressures, np.zeros((10, len(pressures))))
+    assert lines[0, 0] == -80.0 and lines[-1, 0] == 50.0 and np.diff(lines[:, 0]).max() < 1.0
+    assert np.allclose(ramp.simulated(lines)[0], pressures, atol=1e-2)
+    assert LineMap.from_text(ramp.to_text()) == ramp and "ramp_pa" not in LineMap().to_text()
