@@ -21,6 +21,7 @@ COMMAND = Command(
     (
         options.robot("one of a kind does what --gait says, or what searches of it start with"),
         Option("gait", "inching, rolling, the file of a design of any kind, or a gait table as CSV", metavar="GAIT"),
+        Option("table", "a gait table as CSV that the rig of --rig plays, sample by sample", metavar="FILE"),
         count("record_every", 1, "with --out: write the pose at every so many steps to frames.npz", metavar="STEPS"),
         flag(
             "judge",
@@ -46,6 +47,18 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
+    if args.table is not None:
+        if args.gait is not None:
+            raise ValueError(f"table: {args.table} is not allowed with --gait; give one of them")
+        if args.rig is None:
+            raise ValueError("rig: none is given; name the rig that plays the table, such as ideal or dissertation")
+        if args.judge:
+            raise ValueError("judge: is not allowed with --table, which is played once")
+        if args.out is not None:
+            raise ValueError(f"out: {args.out} is not allowed with --table; its files are those of a gait")
+        args.gait = args.table
+    elif args.rig is not None:
+        raise ValueError(f"rig: {args.rig} is not allowed without --table, which it plays")
     if args.robot is None and args.gait is None:
         raise ValueError("gait: none is given; name a gait or a design, or another kind of robot by --robot")
     if args.record_every is not None and args.out is None:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import Positive, check_fields, number
+from taichi_sim.base.checks import NotNegative, Positive, check_fields, number
 
 _RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 _LEVEL_RESOLUTION = 6  # and of a level
@@ -46,6 +46,8 @@ class LineMap:
         flat_kpa: of the core of a flat body, simulated at 0 Pa: vacuum, or vented at 0 [kPa].
         on_kpa: of bladders 1 to 8 inflated and of feet 1 and 2 gripping [kPa], 10 values.
         off_kpa: of bladders deflated and of feet sliding [kPa], 10 values.
+        ramp_pa: simulated core pressure [Pa] up to which the line goes linearly from ``flat_kpa`` to what is in
+            proportion; 0 jumps there, as tables did that do not say it.
     """
 
     simulated_pa: Positive = 12e3
@@ -53,6 +55,7 @@ class LineMap:
     flat_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
     on_kpa: Actuators = (20.0,) * BLADDERS + (50.0,) * FEET
     off_kpa: Actuators = (0.0,) * BLADDERS + (-80.0,) * FEET
+    ramp_pa: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -72,6 +75,8 @@ class LineMap:
         """
         simulated, told = np.asarray(pressures, float), np.asarray(levels, float).T
         core = np.where(simulated == 0, self.flat_kpa, self.core_kpa * simulated / self.simulated_pa)
+        if self.ramp_pa > 0:
+            core = np.where(simulated < self.ramp_pa, np.interp(simulated, (0.0, self.ramp_pa), self._ramp), core)
         actuators = (1.0 - told) * self.off_kpa + told * self.on_kpa
         return np.column_stack([np.broadcast_to(core, len(told)), actuators])
 
@@ -83,8 +88,16 @@ class LineMap:
         """
         given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
         core = np.round(np.maximum(given[:, 0], 0.0) * self.simulated_pa / self.core_kpa, _RESOLUTION)
+        if self.ramp_pa > 0:
+            low = np.interp(given[:, 0], self._ramp, (0.0, self.ramp_pa))
+            core = np.where(given[:, 0] < self._ramp[1], np.round(low, _RESOLUTION), core)
         levels = (given[:, 1:] - off) / (np.array(self.on_kpa) - off)
         return core, np.round(np.clip(levels, 0.0, 1.0), _LEVEL_RESOLUTION).T
+
+    @property
+    def _ramp(self) -> tuple[float, float]:
+        """Line pressures of the core at the two ends of the ramp [kPa]."""
+        return self.flat_kpa, self.core_kpa * self.ramp_pa / self.simulated_pa
 
     def within(self, low: ArrayLike, high: ArrayLike) -> Self:
         """The map whose actuators keep to limits [kPa], each of shape (10,).
@@ -100,7 +113,10 @@ class LineMap:
 
     def to_text(self) -> str:
         """One line, for the header of a table."""
-        return json.dumps(asdict(self))
+        data = asdict(self)
+        if self.ramp_pa == 0:  # tables without a ramp stay as they were
+            del data["ramp_pa"]
+        return json.dumps(data)
 
     @classmethod
     def from_text(cls, text: str) -> Self:
@@ -110,6 +126,6 @@ class LineMap:
             ValueError: if it is damaged.
         """
         data: Mapping[str, Any] = json.loads(text)
-        if not isinstance(data, dict) or set(data) != {field.name for field in fields(cls)}:
+        if not isinstance(data, dict) or set(data) | {"ramp_pa"} != {field.name for field in fields(cls)}:
             raise ValueError("map: give a JSON object with all of its fields")
         return cls(**data)

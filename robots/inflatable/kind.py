@@ -47,6 +47,7 @@ from taichi_sim.base.options import checked, number, value_of, whole
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
+    from robots.hardware import GaitTable, PneumaticRig
     from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import InflatableGeometry
     from robots.inflatable.simulation import InflatableResult
@@ -114,6 +115,13 @@ class InflatableKind(TerrainKind):
             commands=("simulate",),
         ),
         Option(
+            "rig",
+            "with --table: the rig that plays it, a preset or a .toml file; ideal follows the simulator's strokes",
+            str,
+            "RIG",
+            commands=("simulate",),
+        ),
+        Option(
             "perturbation",
             "standard deviation of noise on the start positions (default: 0)",
             number(0.0, unit="m"),
@@ -129,9 +137,13 @@ class InflatableKind(TerrainKind):
 
         named = source or GAITS[0]
         name = named if named in GAITS else Path(named).stem
-        gait = load_gait(named, bool(options.get("from_rows")))
+        rig, table = None, None
+        if "rig" in options:
+            gait, rig, table = _on_rig(named, options)
+        else:
+            gait = load_gait(named, bool(options.get("from_rows")))
         geometry = load_calibration(options["calibration"])[1] if "calibration" in options else GEOMETRIES[0]
-        return InflatableRobot(gait, geometry, name=name).changed(options)
+        return InflatableRobot(gait, geometry, name=name, rig=rig, rig_table=table).changed(options)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Designs and gait tables."""
@@ -153,6 +165,8 @@ class InflatableRobot(Robot):
         speeds: counts the speeds of a result; None is the published convention.
         counted_steps: time steps by which pictures count the speed; None is the published convention.
         name: what people call it.
+        rig: that plays a gait table; None plays the gait itself.
+        rig_table: that it plays.
     """
 
     gait: InflatableDesign
@@ -165,6 +179,8 @@ class InflatableRobot(Robot):
     speeds: "Callable[[InflatableResult], Floats] | None" = None
     counted_steps: int | None = None
     name: str = "inflatable robot"
+    rig: "PneumaticRig | None" = None
+    rig_table: "GaitTable | None" = None
 
     kind = "inflatable"
     measures = MEASURES
@@ -228,6 +244,8 @@ class InflatableRobot(Robot):
     def _play(self, terrain: Terrain | Sequence[Terrain], count: int, trial: Trial) -> Outcome:
         from robots.inflatable import simulation
 
+        if self.rig is not None:
+            return self._played_by_rig(trial)
         geometry, actuation = self.parts
         designs = [self.gait] * count
         result = simulation.simulate(
@@ -245,6 +263,35 @@ class InflatableRobot(Robot):
         measures["sideways"] = simulation.sideways(result.displacement, [design.orientation for design in designs])
         if self.speeds is not None:
             measures["speed"] = self.speeds(result)
+        return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
+
+    def _played_by_rig(self, trial: Trial) -> Outcome:
+        """Play the table through the rig; and without lag, and without delays and limits of rate too."""
+        from robots.hardware.rig_play import play_table
+        from robots.hardware.rig_response import Response
+        from robots.inflatable.simulation import reordered, sideways
+
+        assert self.rig is not None and self.rig_table is not None
+        geometry, actuation = self.parts
+        table = dataclasses.replace(self.rig_table, design=self.gait)
+        played = play_table(
+            table,
+            self.rig,
+            terrain_of(trial.world),
+            (Response(), Response(lag=False), Response(valves=False, lag=False)),
+            geometry=geometry,
+            actuation=actuation,
+            **trial.compute.options,
+            record_every=trial.record_every,
+            perturbation=self.perturbation,
+            seed=self.seed,
+            progress=trial.progress,
+        )
+        result = reordered(played, np.array([0]))
+        measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
+        measures["sideways"] = sideways(result.displacement, [self.gait.orientation])
+        measures["speed_without_lag"] = played.speed_simulated[1:2]
+        measures["speed_without_valves"] = played.speed_simulated[2:]
         return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
 
     @property
@@ -287,6 +334,7 @@ class InflatableRobot(Robot):
             "geometry": self.geometry,
             "weight": self.weight,
             **({} if gait.materials is None else {"materials": gait.materials.given}),
+            **({} if self.rig is None else {"rig": self.rig.name}),
             **({} if self.calibration is None else {"calibration": str(self.calibration)}),
         }
 
@@ -294,11 +342,20 @@ class InflatableRobot(Robot):
         """Distance, drift and speeds."""
         numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
         side = "left" if numbers["sideways"] >= 0 else "right"
+        rig = (
+            ""
+            if self.rig is None
+            else (
+                f"\non the rig {self.rig.name}, in its time: {numbers['speed_simulated']:.4f} BL/s; "
+                f"without lag {numbers['speed_without_lag']:.4f}, "
+                f"nor delays and limits of rate {numbers['speed_without_valves']:.4f}"
+            )
+        )
         return (
             f"distance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the {side}, "
             f"speed {numbers['speed']:.4f} BL/s (published convention; {numbers['speed_simulated']:.4f} in the time "
             "simulated)"
-        )
+        ) + rig
 
     def facts_of(self, point: ArrayLike) -> Facts:
         """Shape, heading and gait."""
@@ -380,6 +437,23 @@ class InflatableRobot(Robot):
         picture.save_motion_picture(
             self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
         )
+
+
+def _on_rig(text: str, options: Mapping[str, Any]) -> "tuple[InflatableDesign, PneumaticRig | None, GaitTable | None]":
+    """The design of a gait table, the rig that plays it and the table; the ideal rig plays what the rows say."""
+    from robots.hardware import PneumaticRig, read_csv
+    from robots.hardware.rig_play import check_strokes
+
+    for name in ("from_rows", "columns", "repeats", "pressure"):
+        if name in options and options[name] is not False:
+            raise ValueError(f"{name.replace('_', '-')}: is not allowed with --table, whose rows say what is played")
+    if Path(text).suffix.lower() != ".csv":
+        raise ValueError(f"table: {text!r} is not allowed; name a gait table (.csv)")
+    table = read_csv(text)
+    if options["rig"] == "ideal":
+        check_strokes(table)
+        return table.played(), None, None
+    return table.design, PneumaticRig.load(options["rig"]), table
 
 
 def load_gait(text: str, from_rows: bool = False) -> InflatableDesign:

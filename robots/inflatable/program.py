@@ -210,14 +210,18 @@ class RobotEvents:
         """Regions of these kinds in all cores, core by core."""
         return np.concatenate([skin_regions(np.atleast_1d(kinds), core) for core in range(len(self.cores))])
 
-    def initialise(self, end: int) -> None:
-        """Skin under level gravity until step ``end``, bladders under that of the terrain at once; cores inflate."""
+    def initialise(self, end: int, inflate: bool = True) -> None:
+        """Skin under level gravity until step ``end``, bladders under that of the terrain at once; cores inflate.
+
+        Without ``inflate`` the pressure of the cores is left to the caller.
+        """
         a, skin, (level, tilted) = self.actuation, self.skin(SKIN_REGIONS), self.gravity
         self._set_weight(level, skin, 0)
         self._set_weight(tilted, skin, end)
         self._set_weight(tilted, BLADDER_REGIONS, 0)
         self._set(Quantity.SCALE + 2, a.deflated, BLADDER_REGIONS)
-        self._inflate_cores(end - a.hold_steps)
+        if inflate:
+            self._inflate_cores(end - a.hold_steps)
         self._set_friction(a.high_friction, skin, 0)
         self._set_friction(a.low_friction, self.skin(FOOT_SEAM), 0)
         self._set_friction(a.high_friction / 3, BLADDER_REGIONS, 0)

@@ -1,0 +1,179 @@
+"""Playing a gait table through a rig model: what the simulated robot does when its lines take their time.
+
+Commands of the rows become pressures behind the lines (``rig_response``), and these, sample by sample, the core's
+pressure, the bladders' thickness and the friction of the feet, by the inverse of the table's map. A second of the table
+is a second of the simulation.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, Unpack
+
+import numpy as np
+
+from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
+from robots.hardware.rig_response import WHOLE_RESPONSE, Response, line_pressures
+from robots.hardware.table import GaitTable
+from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, FOOT_SEAM, PUBLISHED, InflatableGeometry, skin_regions
+from robots.inflatable.body import SKIN_REGIONS as SKIN
+from robots.inflatable.numbers import Numbers
+from robots.inflatable.program import WHOLE, RobotEvents
+from robots.inflatable.schedule import BLADDERS
+from robots.inflatable.simulation import InflatableResult, engine_of, summarise
+from robots.world import Terrain
+from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.lattice import ProgramBuilder, Quantity
+
+SAMPLE_STEPS = 100  # time steps between samples, about 0.01 s of the published robot
+_AT_REST = 0.01  # of a bladder: change of its level per second below which it does not move
+_ON_STROKE = 1e-4  # how far a row may lie beside the stroke of its state [kPa]
+
+
+def commanded(table: GaitTable) -> tuple[Floats, Floats, float, float]:
+    """Commands of prefix and all loops of the main, over time.
+
+    Returns:
+        Times [s], shape (N,); pressures [kPa], shape (N, 11); when the body is shaped, and when its first column ends.
+    """
+    pressures, sections = table.pressures * KPA_PER_UNIT[table.units], np.array(table.sections)
+    shaped = float(table.times[table.states == 0].max())
+    first = float(table.times[table.states == 1].max())
+    prefix, main = np.flatnonzero(sections == "prefix"), np.flatnonzero(sections == "main")[1:]
+    start, length = float(table.times[prefix[-1]]), table.durations.get("main", 0.0)
+    loops = [table.times[main] + loop * length for loop in range(table.loops)]
+    assert not loops or loops[0][0] > start
+    times = np.concatenate([table.times[prefix], *loops])
+    return times, np.concatenate([pressures[prefix], *([pressures[main]] * table.loops)]), shaped, first
+
+
+def check_strokes(table: GaitTable) -> None:
+    """Refuse rows that are no strokes: in every state each line goes to its target at one rate, then stays there.
+
+    Raises:
+        ValueError: that names the first row that lies elsewhere.
+    """
+    pressures = table.pressures * KPA_PER_UNIT[table.units]
+    for state in range(int(table.states.max()) + 1):
+        mine = np.flatnonzero(table.states == state)
+        if state and table.times[mine[0]] > table.times[mine[0] - 1]:
+            mine = np.concatenate([[mine[0] - 1], mine])
+        times, rows = table.times[mine], pressures[mine]
+        passed = (times - times[0])[:, None]
+        way, gone = rows[-1] - rows[0], rows - rows[0]
+        moved = np.abs(gone[1:]) / np.maximum(passed[1:], 1e-300)
+        rate = np.sign(way) * (moved.max(axis=0) if len(moved) else 0.0)
+        stroke = rows[0] + np.sign(way) * np.minimum(np.abs(rate * passed), np.abs(way))
+        wrong = np.argwhere(np.abs(rows - stroke) > _ON_STROKE)
+        if len(wrong):
+            row, line = (int(one) for one in wrong[0])
+            name = table.channels[line]
+            found = f"{rows[row, line]:g} kPa at {times[row]:g} s is beside the stroke of state {state}"
+            raise ValueError(f"rig: 'ideal' plays strokes at one rate, but {name}: {found}; name a rig")
+
+
+def play_table(
+    table: GaitTable,
+    rig: PneumaticRig,
+    terrain: Terrain | None = None,
+    responses: Sequence[Response] = (WHOLE_RESPONSE,),
+    *,
+    geometry: InflatableGeometry = PUBLISHED,
+    actuation: InflatableActuation = ACTUATION,
+    record_every: int | None = None,
+    perturbation: float = 0.0,
+    seed: int = 0,
+    progress: Callable[[float], None] | None = None,
+    **compute: Unpack[ComputeOptions],
+) -> InflatableResult:
+    """Simulate the robot while a rig plays a table, once for each of several responses.
+
+    Distance counts from the end of the table's state 0, which shapes the body, to the end of its last loop;
+    ``speed_simulated`` divides by that time of the rig.
+
+    Raises:
+        ValueError: if an argument is not allowed.
+    """
+    ground = Terrain() if terrain is None else terrain
+    dt, builder = geometry.time_step, ProgramBuilder(len(responses))
+    times, commands, shaped, first = commanded(table)
+    begin, end = round(shaped / dt), round(float(times[-1]) / dt)
+    marks = [begin, end, *(range(begin, end + 1, record_every) if record_every else ())]
+    steps = np.arange(0, end + SAMPLE_STEPS, SAMPLE_STEPS)
+    for robot, response in enumerate(responses):
+        lines = line_pressures(times, commands, rig, np.asarray(steps * dt, np.float64), response)
+        events = _events(builder, robot, table, ground, actuation, geometry)
+        events.initialise(begin, inflate=False)
+        _follow(events, table, lines, steps, begin, dt)
+        seam = events.skin(FOOT_SEAM)
+        for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
+            builder.set(quantity, events.actuation.high_friction, regions=seam, step=round(first / dt), robots=robot)
+    program = builder.build([end] * len(responses), np.array([marks] * len(responses)))
+    designs = [table.design] * len(responses)
+    engine = engine_of(len(responses), geometry, ground, Compute.given(compute), designs)
+    if perturbation > 0:
+        engine.set_positions(geometry.body.scattered(perturbation, seed, np.zeros(len(responses), int)))
+    run = engine.run(program, progress)
+    return summarise(run, program, designs, geometry, actuation, WHOLE, record_every)
+
+
+def _events(
+    builder: ProgramBuilder,
+    robot: int,
+    table: GaitTable,
+    terrain: Terrain,
+    actuation: InflatableActuation,
+    geometry: InflatableGeometry,
+) -> RobotEvents:
+    own = Numbers.of(table.design)
+    return RobotEvents.of(builder, robot, 0.0, own.orientation, terrain, actuation, geometry, own.friction, own.size)
+
+
+def _follow(events: RobotEvents, table: GaitTable, lines: Floats, steps: Ints, begin: int, dt: float) -> None:
+    """Write what the robot feels while lines have these pressures [kPa], shape (S, 11), at steps, shape (S,)."""
+    a = events.actuation
+    core, levels = table.line_map.simulated(lines)
+    for region in events.skin(SKIN):
+        _course(events, Quantity.PRESSURE, core, region, steps)
+    along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * core / a.round_pressure
+    sizes = np.ones((2, BLADDERS)) if events.bladder_sizes is None else events.bladder_sizes
+    for bladder, level in enumerate(levels[:BLADDERS]):
+        grown, region = level * (a.inflated - a.deflated), FIRST_BLADDER + bladder
+        _course(events, Quantity.SCALE, sizes[0, bladder] * (1.0 + a.widening * grown), region, steps)
+        _course(events, Quantity.SCALE + 1, sizes[1, bladder] * (1.0 + grown / along), region, steps)
+        _course(events, Quantity.SCALE + 2, a.deflated + grown, region, steps)
+    high, low = np.full((2, 2), [[a.high_friction], [a.low_friction]]) if events.friction is None else events.friction
+    for foot, grip in enumerate(levels[BLADDERS:]):
+        for each in range(len(events.cores)):
+            region = skin_regions(FOOT_REGIONS, each)[foot]
+            for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
+                _course(events, quantity, (1.0 - grip) * low[foot] + grip * high[foot], region, steps)
+    moving = np.abs(np.diff(levels[:BLADDERS], axis=1, append=levels[:BLADDERS, -1:])) > _AT_REST * SAMPLE_STEPS * dt
+    damping = np.where(moving.any(axis=0), a.moving_damping, a.settling_damping)
+    damping[steps < begin] = 0.0
+    for region in events.everywhere:
+        _switched(events, Quantity.GLOBAL_DAMPING, damping, region, steps)
+    if a.weight == "published":
+        for bladder, level in enumerate(levels[:BLADDERS]):
+            carried = np.where(moving[bladder], 0.0, 1.0 - level)
+            for axis in range(3):
+                weight = carried * events.gravity[1][axis]
+                _switched(events, Quantity.ACCELERATION + axis, weight, FIRST_BLADDER + bladder, steps)
+
+
+def _course(events: RobotEvents, quantity: int, values: Floats, region: int, steps: Ints) -> None:
+    """Let a channel go through values at steps, linearly in between."""
+    rates = np.diff(values) / SAMPLE_STEPS
+    kept = np.append(True, (rates[1:] != 0) | (rates[:-1] != 0))
+    _write(events, quantity, values[:-1][kept], region, steps[:-1][kept], rates[kept])
+
+
+def _switched(events: RobotEvents, quantity: int, values: Floats, region: int, steps: Ints) -> None:
+    """Give a channel values at steps, each until the next."""
+    kept = np.append(True, np.diff(values) != 0)
+    _write(events, quantity, values[kept], region, steps[kept], np.zeros(int(kept.sum())))
+
+
+def _write(events: RobotEvents, quantity: int, values: Any, region: int, steps: Ints, rates: Floats) -> None:
+    regions = np.full(len(steps), region)
+    events.builder.set(quantity, values, regions=regions, step=steps, rate=rates, robots=events.robot)

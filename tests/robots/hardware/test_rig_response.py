@@ -1,0 +1,136 @@
+"""The rig model against closed forms, and tables that are played through it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robots.hardware import LineMap, PneumaticRig, export_csv, gait_table, read_csv
+from robots.hardware.rig_play import check_strokes, commanded, play_table
+from robots.hardware.rig_response import Response, lagged, line_pressures, slew_limited
+from robots.inflatable import INCHING, NAMED_GEOMETRIES
+
+AT = np.arange(0.0, 10.0, 0.01)
+SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 2))
+
+
+def rig_with(**changes):
+    rig = PneumaticRig()
+    return replace(rig, channels=tuple(replace(channel, **changes) for channel in rig.channels))
+
+
+def test_a_lag_answers_a_ramp_as_its_closed_form_says():
+    tau, rate = 0.7, 3.0
+    exact = rate * (AT - tau * (1 - np.exp(-AT / tau)))
+    assert np.abs(lagged(rate * AT, AT, tau) - exact).max() < 1e-11
+
+
+def test_a_lag_answers_a_step_as_its_closed_form_says():
+    step = np.where(AT > 0, 5.0, 0.0)  # linear within the first sample
+    late = lagged(step, AT, 0.5)[1:]
+    assert np.allclose(late, 5.0 - (5.0 - late[0]) * np.exp(-(AT[1:] - AT[1]) / 0.5), atol=1e-12)
+
+
+def test_no_lag_leaves_the_line_as_it_is():
+    line = np.sin(AT)
+    assert lagged(line, AT, 0.0) is line
+
+
+def test_a_slew_limit_turns_a_step_into_a_ramp():
+    step = np.where(AT > 0, 12.0, 0.0)
+    assert np.allclose(slew_limited(step, AT, 4.0), np.minimum(4.0 * AT, 12.0), atol=1e-6)
+
+
+def test_a_valve_delays_and_a_regulator_limits():
+    rig = rig_with(valve_delay_s=0.5, maximum_kpa=15.0, slew_kpa_per_s=1e6)
+    rows = np.repeat(np.array([[0.0], [20.0]]), 11, axis=1)
+    found = line_pressures(np.array([0.0, 4.0]), rows, rig, AT)
+    assert np.allclose(found[:, 1], np.minimum(np.clip((AT - 0.5) / 4.0, 0, 1) * 20.0, 15.0))
+    without = line_pressures(np.array([0.0, 4.0]), rows, rig, AT, Response(valves=False))
+    assert np.allclose(without[:, 1], np.minimum(AT / 4.0 * 20.0, 15.0))
+
+
+def test_commands_are_the_prefix_and_every_loop():
+    table = gait_table(SHORT)
+    times, pressures, shaped, first = commanded(table)
+    lengths = table.durations
+    assert times[-1] == pytest.approx(lengths["prefix"] + table.loops * lengths["main"])
+    assert (np.diff(times) > 0).all() and len(pressures) == len(times) and 0 < shaped < first < times[-1]
+
+
+@pytest.mark.parametrize("rate", [None, 7.0])
+def test_exported_rows_are_strokes(rate, tmp_path):
+    check_strokes(gait_table(SHORT, rate=rate))
+    export_csv(SHORT, tmp_path / "gait.csv", units="psi", rate=rate)
+    check_strokes(read_csv(tmp_path / "gait.csv"))
+
+
+def test_rows_beside_a_stroke_are_no_strokes():
+    table = gait_table(SHORT, rate=10.0)
+    pressures = table.pressures.copy()
+    row = np.flatnonzero(table.states == 1)[5]
+    pressures[row, 1] += 3.0
+    with pytest.raises(ValueError, match=r"ideal.*bladder1.*beside the stroke of state 1"):
+        check_strokes(replace(table, pressures=pressures))
+
+
+def test_a_negative_lag_is_refused():
+    with pytest.raises(ValueError, match="lag_s: -1"):
+        rig_with(lag_s=-1.0)
+
+
+def test_a_lag_survives_a_rigs_file(tmp_path):
+    rig_with(lag_s=0.25).save(tmp_path / "rig.toml")
+    assert PneumaticRig.load(tmp_path / "rig.toml").channels == rig_with(lag_s=0.25).channels
+
+
+@pytest.mark.kernels
+def test_a_lag_of_nothing_changes_no_bit_and_lags_change_the_way():
+    small = NAMED_GEOMETRIES["small"]
+    short = replace(SHORT, schedule=SHORT.schedule.cut(2, 1))
+    rig = rig_with(lag_s=0.3)
+    responses = (Response(), Response(lag=False), Response(valves=False, lag=False))
+    played = play_table(gait_table(short), rig, None, responses, geometry=small, precision="f32")
+    assert list(played.status) == ["ok"] * 3
+    assert played.distance[1] == played.distance[2] != played.distance[0]
+
+
+@pytest.mark.kernels
+def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path):
+    export_csv(SHORT, tmp_path / "gait.csv")
+    short = "--geometry small --precision f32 --json"
+    outs = [morpholab(f"simulate {what} {short}")[1] for what in ("--gait gait.csv", "--table gait.csv --rig ideal")]
+    assert json.loads(outs[0]) == json.loads(outs[1])
+    code, out, _ = morpholab(f"simulate --table gait.csv --rig dissertation-lag {short}")
+    found = json.loads(out)
+    assert code == 0 and found["rig"] == "dissertation-lag"
+    assert {"speed_without_lag", "speed_without_valves"} <= set(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--table gait.csv", "rig: none is given"),
+        ("--gait inching --rig ideal", "rig: ideal is not allowed without --table"),
+        ("--table gait.csv --gait inching --rig ideal", "table: gait.csv is not allowed with --gait"),
+        ("--table gait.json --rig ideal", "table: 'gait.json' is not allowed"),
+        ("--table gait.csv --rig none", "rig: 'none' is neither a preset"),
+        ("--table gait.csv --rig ideal --repeats 3", "repeats: is not allowed with --table"),
+        ("--table gait.csv --rig ideal --from-rows", "from-rows: is not allowed with --table"),
+        ("--table gait.csv --rig dissertation --judge", "judge: is not allowed with --table"),
+        ("--table gait.csv --rig dissertation --out there", "out: there is not allowed with --table"),
+    ],
+)
+def test_bad_input_gets_one_line(morpholab, tmp_path, options, message):
+    export_csv(SHORT, tmp_path / "gait.csv")
+    code, _, error = morpholab(f"simulate {options}")
+    assert code == 2 and message in error and error.count("\n") == 1
+
+
+def test_a_ramp_of_the_core_has_no_jump_and_comes_back():
+    ramp, pressures = LineMap(ramp_pa=1000.0), np.linspace(0.0, 12e3, 1201)
+    lines = ramp.lines(pressures, np.zeros((10, len(pressures))))
+    assert lines[0, 0] == -80.0 and lines[-1, 0] == 50.0 and np.diff(lines[:, 0]).max() < 1.0
+    assert np.allclose(ramp.simulated(lines)[0], pressures, atol=1e-2)
+    assert LineMap.from_text(ramp.to_text()) == ramp and "ramp_pa" not in LineMap().to_text()
