@@ -68,6 +68,8 @@ class RobotKind(ABC):
         """Those of ``options`` that a command has."""
         return [option for option in self.options if not option.commands or command in option.commands]
 
+    ground_options: tuple[str, ...] = ()  # names of world options that hold for all worlds of a command
+
     @property
     def world_options(self) -> tuple[Option, ...]:
         """Options that name one world, see :meth:`chosen_world`."""

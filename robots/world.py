@@ -17,6 +17,8 @@ WATER_DENSITY = 1000.0  # kg/m^3
 PRESSURE_DRAG, FRICTION_DRAG = 1.2, 0.02  # of a flat plate broadside on (Hoerner 1965, ch. III), and along its side
 STANDARD_GRAVITY = 9.80665  # m/s^2
 NO_WEIGHT = (0.0, 0.0, 0.0)
+# Sliding and gripping feet, static, of the robot dragged over it (Powers 2021, ch. 5); no pair is published of gravel.
+FLOORS = {"wood": (0.56, 0.70), "acrylic": (0.38, 0.51)}
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays

@@ -88,7 +88,12 @@ class Designer:
         """What ``codesign`` can be asked, beside the search method."""
         worlds = self.kind.world_options
         return (
-            *(dataclasses.replace(option, help=_of_several(option), several=True) for option in worlds),
+            *(
+                option
+                if option.name in self.kind.ground_options
+                else dataclasses.replace(option, help=_of_several(option), several=True)
+                for option in worlds
+            ),
             objective_option(
                 f"mean, each or worst of several {worlds[0].name}s",
                 "the mean of the robot's first measure; each with methods for several objectives",
@@ -132,8 +137,10 @@ class Designer:
 
     def worlds(self, asked: Request) -> tuple[World, ...]:
         """The worlds asked for, in whichever way each of them is named."""
-        names = [option.name for option in self.kind.world_options]
-        found = (self.kind.chosen_world({name: value}) for name in names for value in asked.given.get(name, ()))
+        common = {name: asked.given[name] for name in self.kind.ground_options if name in asked.given}
+        names = [option.name for option in self.kind.world_options if option.name not in self.kind.ground_options]
+        each = [{name: value} for name in names for value in asked.given.get(name, ())] or [{}]
+        found = (self.kind.chosen_world({**one, **common}) for one in each)
         return tuple(world for world in found if world is not None)
 
     def _own(self, given: Mapping[str, Any]) -> dict[str, Any]:

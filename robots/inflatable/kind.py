@@ -39,11 +39,11 @@ from robots.robot import (
     Trial,
     World,
 )
-from robots.world import Terrain, TerrainKind, terrain_of
+from robots.world import FLOORS, Terrain, TerrainKind, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.options import checked, number, value_of, whole
+from taichi_sim.base.options import checked, number, numbers, value_of, whole
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
@@ -130,6 +130,36 @@ class InflatableKind(TerrainKind):
         ),
         Option("seed", "of the noise (default: 0)", whole(0), "N", commands=("simulate",)),
     )
+
+    ground_options = ("friction", "floor")
+
+    @property
+    def world_options(self) -> tuple[Option, ...]:
+        """A terrain, and the friction of feet on it, by two coefficients or by the name of a measured floor."""
+        return (
+            *super().world_options,
+            Option("friction", "of sliding and of gripping feet (default: 0.0001,2)", numbers(2), "SLIDING,GRIPPING"),
+            Option("floor", "whose measured friction feet have; instead of --friction", metavar="wood|acrylic"),
+        )
+
+    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
+        """The terrain of a name or a slope, flat by default, with the friction of feet that is given.
+
+        Raises:
+            ValueError: for a friction and a floor, an unknown floor, and friction that is not allowed.
+        """
+        world, friction, floor = super().chosen_world(options), options.get("friction"), options.get("floor")
+        if floor is not None:
+            if friction is not None:
+                raise ValueError(f"floor: {floor} is not allowed beside --friction; give one of them")
+            if floor == "gravel":
+                raise ValueError("floor: gravel is not allowed, as no friction on it was published; give --friction")
+            friction = FLOORS[checks.choice("floor", floor, FLOORS)]
+        if friction is None:
+            return world
+        sliding, gripping = friction
+        terrain = Terrain() if world is None else terrain_of(world)
+        return dataclasses.replace(terrain, low_friction=sliding, high_friction=gripping)
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""
