@@ -157,8 +157,16 @@ class InflatableKind(TerrainKind):
             friction = FLOORS[checks.choice("floor", floor, FLOORS)]
         if friction is None:
             return world
-        sliding, gripping = friction
+        sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
+        if sliding > gripping:
+            raise ValueError(
+                f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
+            )
         terrain = Terrain() if world is None else terrain_of(world)
+        if terrain.is_fluid:
+            raise ValueError(
+                f"friction: {sliding:g},{gripping:g} is not allowed in a fluid, which has no ground; leave it out"
+            )
         return dataclasses.replace(terrain, low_friction=sliding, high_friction=gripping)
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
