@@ -30,6 +30,7 @@ class RobotKind(ABC):
         world_option: what the option for a world is called.
         world_type: makes the value of that option of its text, as ``Option.type`` does; :meth:`world` takes it.
         world_hint: what the help says of that option.
+        ground_options: names of further ``world_options``, which hold for all worlds of a command.
         search_precision: of numbers in searches, unless asked otherwise.
         view_precision: of numbers in views, unless asked otherwise.
     """
@@ -41,6 +42,7 @@ class RobotKind(ABC):
     world_option: str = "world"
     world_type: Callable[[str], Any] = str
     world_hint: str = "where it is tried (default: the kind's own)"
+    ground_options: tuple[str, ...] = ()
     search_precision: str = "f64"
     view_precision: str = "f64"
 
@@ -67,8 +69,6 @@ class RobotKind(ABC):
     def options_for(self, command: str) -> list[Option]:
         """Those of ``options`` that a command has."""
         return [option for option in self.options if not option.commands or command in option.commands]
-
-    ground_options: tuple[str, ...] = ()  # names of world options that hold for all worlds of a command
 
     @property
     def world_options(self) -> tuple[Option, ...]:

@@ -86,6 +86,7 @@ class InflatableKind(TerrainKind):
     title = "inflatable robot"
     designs = GAITS
     search_precision = "f32"
+    ground_options = ("friction", "floor")
     options = (
         Option("geometry", "the robot's body (default: published, of a run its own)", choices=GEOMETRIES),
         Option("columns", "columns of the gait that are played (default: all)", whole(1), "T"),
@@ -131,8 +132,6 @@ class InflatableKind(TerrainKind):
         Option("seed", "of the noise (default: 0)", whole(0), "N", commands=("simulate",)),
     )
 
-    ground_options = ("friction", "floor")
-
     @property
     def world_options(self) -> tuple[Option, ...]:
         """A terrain, and the friction of feet on it, by two coefficients or by the name of a measured floor."""
@@ -177,7 +176,9 @@ class InflatableKind(TerrainKind):
         name = named if named in GAITS else Path(named).stem
         rig, table = None, None
         if "rig" in options:
-            gait, rig, table = _on_rig(named, options)
+            from robots.inflatable.on_rig import gait_of_table
+
+            gait, rig, table = gait_of_table(named, options)
         else:
             gait = load_gait(named, bool(options.get("from_rows")))
         geometry = load_calibration(options["calibration"])[1] if "calibration" in options else GEOMETRIES[0]
@@ -280,56 +281,32 @@ class InflatableRobot(Robot):
         ]
 
     def _play(self, terrain: Terrain | Sequence[Terrain], count: int, trial: Trial) -> Outcome:
+        """Play the gait so often, on a terrain or one each; or the table on the rig, once."""
         from robots.inflatable import simulation
 
+        more: dict[str, Floats] = {}
         if self.rig is not None:
-            return self._played_by_rig(trial)
-        geometry, actuation = self.parts
-        designs = [self.gait] * count
-        result = simulation.simulate(
-            designs,
-            terrain,
-            geometry=geometry,
-            actuation=actuation,
-            **trial.compute.options,
-            record_every=trial.record_every,
-            perturbation=self.perturbation,
-            seed=self.seed,
-            progress=trial.progress,
-        )
+            from robots.inflatable.on_rig import played_by_rig
+
+            result, more = played_by_rig(self, trial)
+        else:
+            geometry, actuation = self.parts
+            result = simulation.simulate(
+                [self.gait] * count,
+                terrain,
+                geometry=geometry,
+                actuation=actuation,
+                **trial.compute.options,
+                record_every=trial.record_every,
+                perturbation=self.perturbation,
+                seed=self.seed,
+                progress=trial.progress,
+            )
         measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
-        measures["sideways"] = simulation.sideways(result.displacement, [design.orientation for design in designs])
+        measures["sideways"] = simulation.sideways(result.displacement, [self.gait.orientation] * len(result.status))
+        measures |= more
         if self.speeds is not None:
             measures["speed"] = self.speeds(result)
-        return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
-
-    def _played_by_rig(self, trial: Trial) -> Outcome:
-        """Play the table through the rig; and without lag, and without delays and limits of rate too."""
-        from robots.hardware.rig_play import play_table
-        from robots.hardware.rig_response import Response
-        from robots.inflatable.simulation import reordered, sideways
-
-        assert self.rig is not None and self.rig_table is not None
-        geometry, actuation = self.parts
-        table = dataclasses.replace(self.rig_table, design=self.gait)
-        played = play_table(
-            table,
-            self.rig,
-            terrain_of(trial.world),
-            (Response(), Response(lag=False), Response(valves=False, lag=False)),
-            geometry=geometry,
-            actuation=actuation,
-            **trial.compute.options,
-            record_every=trial.record_every,
-            perturbation=self.perturbation,
-            seed=self.seed,
-            progress=trial.progress,
-        )
-        result = reordered(played, np.array([0]))
-        measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
-        measures["sideways"] = sideways(result.displacement, [self.gait.orientation])
-        measures["speed_without_lag"] = played.speed_simulated[1:2]
-        measures["speed_without_valves"] = played.speed_simulated[2:]
         return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
 
     @property
@@ -380,20 +357,16 @@ class InflatableRobot(Robot):
         """Distance, drift and speeds."""
         numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
         side = "left" if numbers["sideways"] >= 0 else "right"
-        rig = (
-            ""
-            if self.rig is None
-            else (
-                f"\non the rig {self.rig.name}, in its time: {numbers['speed_simulated']:.4f} BL/s; "
-                f"without lag {numbers['speed_without_lag']:.4f}, "
-                f"nor delays and limits of rate {numbers['speed_without_valves']:.4f}"
-            )
-        )
-        return (
+        text = (
             f"distance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the {side}, "
             f"speed {numbers['speed']:.4f} BL/s (published convention; {numbers['speed_simulated']:.4f} in the time "
             "simulated)"
-        ) + rig
+        )
+        if self.rig is not None:
+            from robots.inflatable.on_rig import told
+
+            text += "\n" + told(self.rig, numbers)
+        return text
 
     def facts_of(self, point: ArrayLike) -> Facts:
         """Shape, heading and gait."""
@@ -475,23 +448,6 @@ class InflatableRobot(Robot):
         picture.save_motion_picture(
             self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
         )
-
-
-def _on_rig(text: str, options: Mapping[str, Any]) -> "tuple[InflatableDesign, PneumaticRig | None, GaitTable | None]":
-    """The design of a gait table, the rig that plays it and the table; the ideal rig plays what the rows say."""
-    from robots.hardware import PneumaticRig, read_csv
-    from robots.hardware.rig_play import check_strokes
-
-    for name in ("from_rows", "columns", "repeats", "pressure"):
-        if name in options and options[name] is not False:
-            raise ValueError(f"{name.replace('_', '-')}: is not allowed with --table, whose rows say what is played")
-    if Path(text).suffix.lower() != ".csv":
-        raise ValueError(f"table: {text!r} is not allowed; name a gait table (.csv)")
-    table = read_csv(text)
-    if options["rig"] == "ideal":
-        check_strokes(table)
-        return table.played(), None, None
-    return table.design, PneumaticRig.load(options["rig"]), table
 
 
 def load_gait(text: str, from_rows: bool = False) -> InflatableDesign:

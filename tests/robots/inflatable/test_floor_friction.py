@@ -6,8 +6,10 @@ import pytest
 
 from robots.robot import KINDS
 from robots.world import Terrain
+from taichi_sim.base.compute import Compute
 
 WATER = Terrain.water()
+SHORT = {"geometry": "small", "columns": 1, "repeats": 1}
 
 
 def test_friction_joins_any_terrain() -> None:
@@ -31,3 +33,20 @@ def test_friction_joins_any_terrain() -> None:
 def test_friction_that_is_not_allowed(options: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"^\w+: .*(not allowed|unknown|must|give|choose|at least)"):
         KINDS["inflatable"].chosen_world(options)
+
+
+@pytest.mark.kernels
+def test_feet_slide_as_the_floor_says() -> None:
+    """Inching hardly gains on wood, where sliding feet hold nearly as well as gripping ones; pairs are as floors."""
+    kind = KINDS["inflatable"]
+    robot = kind.build("inching", SHORT)
+    compute = Compute(precision="f32", threads=1)
+    speeds = []
+    for options in ({"floor": "wood"}, {"friction": (0.56, 0.70)}, {"friction": (1e-4, 2.0)}):
+        world = kind.chosen_world(options)
+        assert world is not None
+        speeds.append(robot.simulate((), world, compute=compute).measures["speed"][0])
+    usual = robot.simulate((), Terrain(), compute=compute).measures["speed"][0]
+    assert speeds[0] == speeds[1]
+    assert speeds[2] == usual
+    assert abs(speeds[0]) < 0.5 * usual
