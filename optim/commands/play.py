@@ -99,7 +99,6 @@ def _link(args: argparse.Namespace) -> AbstractContextManager["Link"]:
 
 
 def _dry_run(args: argparse.Namespace, stream: "Stream") -> Report:
-    unit = {"kpa": "kPa", "psi": "psi"}[stream.table.units]
     extremes = stream.extremes()
     channels: list[dict[str, Any]] = [
         dict(zip(("channel", "lowest", "highest", "allowed_lowest", "allowed_highest"), each, strict=True))
@@ -111,7 +110,7 @@ def _dry_run(args: argparse.Namespace, stream: "Stream") -> Report:
         f"{counted(stream.samples, 'sample')} at {stream.rate:g} Hz, {stream.seconds:.1f} s; nothing is sent",
         f"{sections}; main played {counted(stream.loops, 'time')}",
         *(
-            f"{name}: {low:.4g} to {high:.4g} {unit}; {stream.rig.name} allows {least:.4g} to {most:.4g}"
+            f"{name}: {low:.4g} to {high:.4g} {stream.unit}; {stream.rig.name} allows {least:.4g} to {most:.4g}"
             for name, low, high, least, most in extremes
         ),
     ]

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.hardware.rig_table import SECTIONS, RigTable
+from robots.hardware.rig_table import SECTIONS, UNIT_SPELLING, RigTable
 from taichi_sim.base.files import write_text
-
-_UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
 
 
 def write_plain(table: RigTable, path: str | os.PathLike[str]) -> None:
@@ -45,12 +43,12 @@ def _declarations(table: RigTable, name: str) -> list[str]:
     """Macros: units, counts, and the first row of each section and the one after its last."""
     upper, sections = name.upper(), np.array(table.sections)
     lines = [
-        f"/* Gauge pressures in {_UNIT_SPELLING[table.units]} of {', '.join(table.channels)}.",
+        f"/* Gauge pressures in {UNIT_SPELLING[table.units]} of {', '.join(table.channels)}.",
         "   Between rows they change in straight lines. Play the prefix, the main as often as LOOPS says (its last row",
         "   is its first), and the suffix, which vents. */",
         f"#ifndef {upper}_H",
         f"#define {upper}_H",
-        f'#define {upper}_UNITS "{_UNIT_SPELLING[table.units]}"',
+        f'#define {upper}_UNITS "{UNIT_SPELLING[table.units]}"',
         f"#define {upper}_CHANNELS {table.pressures.shape[1]}",
         f"#define {upper}_ROWS {len(table.times)}",
         f"#define {upper}_LOOPS {table.loops}",

@@ -22,7 +22,7 @@ from taichi_sim.base.files import read_text, write_text
 
 Table = TypeVar("Table", bound="RigTable")
 SECTIONS = ("prefix", "main", "suffix")
-_UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
+UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
 _FIRST = ("time_s", "section", "state")
 _NO_SEED = "unknown"
 
@@ -266,4 +266,4 @@ def _checksum(lines: Sequence[str]) -> str:
 
 
 def _column_names(units: str) -> str:
-    return ",".join((*_FIRST, *(f"{name}_{_UNIT_SPELLING[units]}" for name in CHANNELS)))
+    return ",".join((*_FIRST, *(f"{name}_{UNIT_SPELLING[units]}" for name in CHANNELS)))

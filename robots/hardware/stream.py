@@ -16,7 +16,7 @@ import numpy as np
 from robots.hardware.channel_table import SCHEMA as CHANNELS_SCHEMA
 from robots.hardware.channel_table import read_channels
 from robots.hardware.rig import KPA_PER_UNIT, PRESETS, PneumaticRig
-from robots.hardware.rig_table import RigTable
+from robots.hardware.rig_table import UNIT_SPELLING, RigTable
 from robots.hardware.table import read_csv
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text
@@ -133,6 +133,11 @@ class Stream:
         """How many samples are sent; the last one is at the end, at most a period after the one before."""
         return int(np.ceil(self.seconds * self.rate - 1e-9)) + 1
 
+    @property
+    def unit(self) -> str:
+        """Unit of the pressures, as people write it."""
+        return UNIT_SPELLING[self.table.units]
+
     def about(self) -> dict[str, Any]:
         """What the header tells, as values that fit JSON."""
         return {
@@ -229,7 +234,7 @@ def read_any_table(path: str | os.PathLike[str]) -> RigTable:
 
 def _check_limits(stream: Stream) -> None:
     """Refuse pressures and rates of change beyond the rig's limits."""
-    table, unit = stream.table, {"kpa": "kPa", "psi": "psi"}[stream.table.units]
+    table, unit = stream.table, stream.unit
     for column, (name, _, _, least, most) in enumerate(stream.extremes()):
         line = table.pressures[:, column]
         slack = _EXCESS * max(abs(least), abs(most))
