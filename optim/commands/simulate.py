@@ -52,8 +52,9 @@ def run(args: argparse.Namespace) -> Report:
             raise ValueError(f"table: {args.table} is not allowed with --gait; give one of them")
         if args.rig is None:
             raise ValueError("rig: none is given; name the rig that plays the table, such as ideal or dissertation")
-        if args.judge:
-            raise ValueError("judge: is not allowed with --table, which is played once")
+        for name in ("judge", "uncertain"):
+            if getattr(args, name):
+                raise ValueError(f"{name}: is not allowed with --table, which is played once")
         if args.out is not None:
             raise ValueError(f"out: {args.out} is not allowed with --table; its files are those of a gait")
         args.gait = args.table

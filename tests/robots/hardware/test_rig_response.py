@@ -119,6 +119,7 @@ def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path):
         ("--table gait.csv --rig ideal --repeats 3", "repeats: is not allowed with --table"),
         ("--table gait.csv --rig ideal --from-rows", "from-rows: is not allowed with --table"),
         ("--table gait.csv --rig dissertation --judge", "judge: is not allowed with --table"),
+        ("--table gait.csv --rig dissertation --uncertain slope=1", "uncertain: is not allowed with --table"),
         ("--table gait.csv --rig dissertation --out there", "out: there is not allowed with --table"),
     ],
 )
