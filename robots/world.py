@@ -19,6 +19,8 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 NO_WEIGHT = (0.0, 0.0, 0.0)
 # Sliding and gripping feet, static, of the robot dragged over it (Powers 2021, ch. 5); no pair is published of gravel.
 FLOORS = {"wood": (0.56, 0.70), "acrylic": (0.38, 0.51)}
+FRICTION_OF_PARTS = ("bladder_friction", "skin_friction", "seam_friction")
+FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
@@ -45,6 +47,8 @@ class Terrain:
         fluid_density: of the fluid around the robot [kg/m^3]; None is no fluid.
         pressure_drag: coefficient of faces that the fluid meets; None is 1.2.
         friction_drag: coefficient of faces that it flows along; None is 0.02.
+        bladder_friction, skin_friction, seam_friction: Coulomb coefficients of these parts of the inflatable robot, see
+            ``InflatableActuation``; None keeps what they follow from.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -53,6 +57,9 @@ class Terrain:
     fluid_density: NotNegative | None = None
     pressure_drag: NotNegative | None = None
     friction_drag: NotNegative | None = None
+    bladder_friction: NotNegative | None = None
+    skin_friction: NotNegative | None = None
+    seam_friction: NotNegative | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -60,7 +67,7 @@ class Terrain:
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
         if self.is_fluid:
-            for field in ("slope", "high_friction", "low_friction"):
+            for field in ("slope", *FRICTION_FIELDS):
                 if value := getattr(self, field):
                     raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
         for field in FLUID_FIELDS[1:]:

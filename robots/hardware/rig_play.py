@@ -14,7 +14,7 @@ from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
 from robots.hardware.rig_response import WHOLE_RESPONSE, Response, line_pressures
 from robots.hardware.table import GaitTable
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, FOOT_SEAM, PUBLISHED, InflatableGeometry, skin_regions
+from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, PUBLISHED, InflatableGeometry, skin_regions
 from robots.inflatable.body import SKIN_REGIONS as SKIN
 from robots.inflatable.numbers import Numbers
 from robots.inflatable.program import WHOLE, RobotEvents
@@ -105,9 +105,7 @@ def play_table(
         events = _events(builder, robot, table, ground, actuation, geometry)
         events.initialise(begin, inflate=False)
         _follow(events, table, lines, steps, begin, dt)
-        seam = events.skin(FOOT_SEAM)
-        for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
-            builder.set(quantity, events.actuation.high_friction, regions=seam, step=round(first / dt), robots=robot)
+        events.set_foot_seams(events.actuation.high_friction, round(first / dt))
     program = builder.build([end] * len(responses), np.array([marks] * len(responses)))
     designs = [table.design] * len(responses)
     engine = engine_of(len(responses), geometry, ground, Compute.given(compute), designs)

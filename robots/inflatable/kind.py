@@ -39,7 +39,7 @@ from robots.robot import (
     Trial,
     World,
 )
-from robots.world import FLOORS, Terrain, TerrainKind, terrain_of
+from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -86,7 +86,7 @@ class InflatableKind(TerrainKind):
     title = "inflatable robot"
     designs = GAITS
     search_precision = "f32"
-    ground_options = ("friction", "floor")
+    ground_options = ("friction", "floor", *FRICTION_OF_PARTS)
     options = (
         Option("geometry", "the robot's body (default: published, of a run its own)", choices=GEOMETRIES),
         Option("columns", "columns of the gait that are played (default: all)", whole(1), "T"),
@@ -139,6 +139,16 @@ class InflatableKind(TerrainKind):
             *super().world_options,
             Option("friction", "of sliding and of gripping feet (default: 0.0001,2)", numbers(2), "SLIDING,GRIPPING"),
             Option("floor", "whose measured friction feet have; instead of --friction", metavar="wood|acrylic"),
+            Option("bladder_friction", "of bladders (default: a third of that of gripping feet)", number(0.0), "X"),
+            Option(
+                "skin_friction", "of the skin beside seams and feet (default: that of gripping feet)", number(0.0), "X"
+            ),
+            Option(
+                "seam_friction",
+                "of seams (default: that of gripping feet, but within feet that of sliding feet in the first column)",
+                number(0.0),
+                "X",
+            ),
         )
 
     def chosen_world(self, options: Mapping[str, Any]) -> World | None:
@@ -154,19 +164,21 @@ class InflatableKind(TerrainKind):
             if floor == "gravel":
                 raise ValueError("floor: gravel is not allowed, as no friction on it was published; give --friction")
             friction = FLOORS[checks.choice("floor", floor, FLOORS)]
-        if friction is None:
+        own = {name: options[name] for name in FRICTION_OF_PARTS if options.get(name) is not None}
+        if friction is None and not own:
             return world
-        sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
-        if sliding > gripping:
-            raise ValueError(
-                f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
-            )
         terrain = Terrain() if world is None else terrain_of(world)
+        if friction is not None:
+            sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
+            if sliding > gripping:
+                raise ValueError(
+                    f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
+                )
+            own |= {"low_friction": sliding, "high_friction": gripping}
         if terrain.is_fluid:
-            raise ValueError(
-                f"friction: {sliding:g},{gripping:g} is not allowed in a fluid, which has no ground; leave it out"
-            )
-        return dataclasses.replace(terrain, low_friction=sliding, high_friction=gripping)
+            name, told = ("friction", f"{sliding:g},{gripping:g}") if friction else next(iter(own.items()))
+            raise ValueError(f"{name}: {told} is not allowed in a fluid, which has no ground; leave it out")
+        return dataclasses.replace(terrain, **own)
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""
