@@ -75,6 +75,12 @@ class Terrain:
                 raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
 
     @property
+    def document(self) -> dict[str, Any]:
+        """All fields, but friction of parts only where it is given: as earlier versions wrote terrains."""
+        fields = dataclasses.asdict(self)
+        return {name: fields[name] for name in fields if name not in FRICTION_OF_PARTS or fields[name] is not None}
+
+    @property
     def medium(self) -> Medium:
         """A floor, or a fluid."""
         return {"floor": not self.is_fluid, "fluid": self.is_fluid}
@@ -92,17 +98,29 @@ class Terrain:
         return f"hill:{self.slope!r}".removesuffix(".0") if self.slope else "flat"
 
     @property
+    def friction(self) -> str:
+        """What replaces the robot's own friction, such as ``"friction 0.56,0.7 (wood)"``; empty if nothing does."""
+        feet = self.low_friction, self.high_friction
+        floor = next((f" ({name})" for name, pair in FLOORS.items() if pair == feet), "")
+        given = [f"{value:g}" for value in feet if value is not None]
+        told = [f"friction {','.join(given)}{floor}"] if given else []
+        parts = {name: getattr(self, name) for name in FRICTION_OF_PARTS}
+        told += [f"{name.replace('_', ' ')} {value:g}" for name, value in parts.items() if value is not None]
+        return ", ".join(told)
+
+    @property
     def where(self) -> str:
-        """``"on flat"``, ``"on hill:15"`` or ``"in water"``."""
-        return f"{'in' if self.is_fluid else 'on'} {self.name}"
+        """``"on flat"``, ``"on hill:15, friction 0.56,0.7 (wood)"`` or ``"in water"``."""
+        return ", ".join(filter(None, [f"{'in' if self.is_fluid else 'on'} {self.name}", self.friction]))
 
     @property
     def spoken(self) -> str:
-        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°"`` or ``"in water"``."""
+        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"`` or ``"in water"``."""
         if self.is_fluid:
             return self.where
         way = "up" if self.slope > 0 else "down"
-        return f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
+        ground = f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
+        return ", ".join(filter(None, [ground, self.friction]))
 
     @property
     def resistance(self) -> tuple[float, float]:

@@ -71,7 +71,8 @@ def run(args: argparse.Namespace) -> Report:
     title = f"{what} {world.where}".strip()
     measured = {measure.name for measure in robot.measures}
     place = kind.world_option if kind.world_option not in measured else "world"
-    about = {"gait" if args.gait else "robot": what, place: world.name}
+    values = {name: value for name, value in kind.world_values(world).items() if name != kind.world_option}
+    about = {"gait" if args.gait else "robot": what, place: world.name, **values}
     if args.uncertain:
         return _uncertain(args, robot, world, title, about)
     for name in ("draws", "risk"):

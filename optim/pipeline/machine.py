@@ -52,7 +52,7 @@ def machine_document(
         "states": [
             {
                 "name": state.name,
-                "terrain": asdict(state.terrain),
+                "terrain": state.terrain.document,
                 "gait": f"gaits/{state.name}.json",
                 "table": f"tables/{state.name}.csv",
                 "pressure_pa": core_of(state.design),

@@ -102,7 +102,7 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
 def settings_of(task: PipelineTask) -> dict[str, Any]:
     """All that results depend on, as JSON."""
     return {
-        "terrains": [dataclasses.asdict(terrain) for terrain in task.terrains],
+        "terrains": [terrain.document for terrain in task.terrains],
         "gaits": {
             name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats]
             for name, d in task.gaits.items()

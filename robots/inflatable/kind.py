@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.actuation import WEIGHTS
+from robots.inflatable.actuation import ACTUATION, WEIGHTS
 from robots.inflatable.design import (
     BY_HAND,
     FORMATS,
@@ -179,6 +179,16 @@ class InflatableKind(TerrainKind):
             name, told = ("friction", f"{sliding:g},{gripping:g}") if friction else next(iter(own.items()))
             raise ValueError(f"{name}: {told} is not allowed in a fluid, which has no ground; leave it out")
         return dataclasses.replace(terrain, **own)
+
+    def world_values(self, world: World) -> dict[str, Any]:
+        """A terrain by its name, and the friction on it that is not the robot's own."""
+        terrain, usual = terrain_of(world), ACTUATION
+        found, feet = super().world_values(terrain), (terrain.low_friction, terrain.high_friction)
+        if feet != (None, None):
+            pairs = zip(feet, (usual.low_friction, usual.high_friction), strict=True)
+            found["friction"] = tuple(own if given is None else given for given, own in pairs)
+        parts = {name: getattr(terrain, name) for name in FRICTION_OF_PARTS}
+        return {**found, **{name: value for name, value in parts.items() if value is not None}}
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""
