@@ -114,6 +114,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         "precision": task.precision,
         "rig": dataclasses.asdict(task.rig),
         **({"calibration": dataclasses.asdict(task.calibration)} if task.calibration else {}),
+        **({} if task.weight == "published" else {"weight": task.weight}),
     }
 
 

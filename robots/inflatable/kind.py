@@ -43,7 +43,7 @@ from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, terrai
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.options import checked, number, numbers, value_of, whole
+from taichi_sim.base.options import checked, number, numbers, spelled, value_of, whole
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
@@ -152,31 +152,28 @@ class InflatableKind(TerrainKind):
         )
 
     def chosen_world(self, options: Mapping[str, Any]) -> World | None:
-        """The terrain of a name or a slope, flat by default, with the friction of feet that is given.
+        """The terrain of a name or a slope, flat by default, with the friction that is given.
 
         Raises:
             ValueError: for a friction and a floor, an unknown floor, and friction that is not allowed.
         """
-        world, friction, floor = super().chosen_world(options), options.get("friction"), options.get("floor")
-        if floor is not None:
-            if friction is not None:
-                raise ValueError(f"floor: {floor} is not allowed beside --friction; give one of them")
-            if floor == "gravel":
-                raise ValueError("floor: gravel is not allowed, as no friction on it was published; give --friction")
-            friction = FLOORS[checks.choice("floor", floor, FLOORS)]
-        own = {name: options[name] for name in FRICTION_OF_PARTS if options.get(name) is not None}
-        if friction is None and not own:
+        world = super().chosen_world(options)
+        if all(options.get(name) is None for name in self.ground_options):
             return world
-        terrain = Terrain() if world is None else terrain_of(world)
+        return self.on_ground(Terrain() if world is None else terrain_of(world), options)
+
+    def on_ground(self, terrain: Terrain, options: Mapping[str, Any]) -> Terrain:
+        """A terrain with the friction that values of :attr:`ground_options` give.
+
+        Raises:
+            ValueError: as :meth:`chosen_world` does.
+        """
+        own = {name: options[name] for name in FRICTION_OF_PARTS if options.get(name) is not None}
+        friction = _friction_of_feet(options)
         if friction is not None:
-            sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
-            if sliding > gripping:
-                raise ValueError(
-                    f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
-                )
-            own |= {"low_friction": sliding, "high_friction": gripping}
+            own |= {"low_friction": friction[0], "high_friction": friction[1]}
         if terrain.is_fluid:
-            name, told = ("friction", f"{sliding:g},{gripping:g}") if friction else next(iter(own.items()))
+            name, told = ("friction", spelled(friction)) if friction else next(iter(own.items()))
             raise ValueError(f"{name}: {told} is not allowed in a fluid, which has no ground; leave it out")
         return dataclasses.replace(terrain, **own)
 
@@ -470,6 +467,25 @@ class InflatableRobot(Robot):
         picture.save_motion_picture(
             self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
         )
+
+
+def _friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Friction of feet that slide and that grip, from ``friction`` or ``floor``; None if neither is given."""
+    friction, floor = options.get("friction"), options.get("floor")
+    if floor is not None:
+        if friction is not None:
+            raise ValueError(f"floor: {floor} is not allowed beside --friction; give one of them")
+        if floor == "gravel":
+            raise ValueError("floor: gravel is not allowed, as no friction on it was published; give --friction")
+        friction = FLOORS[checks.choice("floor", floor, FLOORS)]
+    if friction is None:
+        return None
+    sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
+    if sliding > gripping:
+        raise ValueError(
+            f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
+        )
+    return sliding, gripping
 
 
 def load_gait(text: str, from_rows: bool = False) -> InflatableDesign:
