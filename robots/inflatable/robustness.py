@@ -8,7 +8,7 @@ ch. 5, "Results"). A thorough judgement also tells how all parts slide, drift an
 floors that were measured, with other friction and with half the time step.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Unpack
@@ -18,19 +18,18 @@ import numpy as np
 from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.contact import PARTS, Footing, footing_of
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.scrutiny import Scrutiny, scrutinise
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.slip import slip_under_load
 from robots.inflatable.timing import gait_steps, nominal_steps
-from robots.inflatable.variations import VARIATIONS, Conditions
+from robots.inflatable.variations import Conditions
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import ComputeOptions
 
 RUNS = 8
-VARIED_RUNS = 4  # of each changed condition, at most as many as of the usual ones
 NOISE = 1e-8  # standard deviation of the start positions [m]
 HARD_FRICTION = 0.2  # of sliding feet
 USUAL_SHARE = 0.4  # of the time of a closer look, about: 16 of 40 runs
@@ -62,91 +61,6 @@ class NoisySpeeds:
     def hard_speed(self) -> float:
         """The same under the harder conditions."""
         return float(self.hard_speeds.mean())
-
-
-@dataclass(frozen=True, eq=False)
-class Scrutiny:
-    """What a closer look at a gait tells: how all parts slide, where the robot drifts, what other conditions leave.
-
-    Attributes:
-        friction: of sliding and of gripping feet, under the usual conditions.
-        weight: of bladders under these, ``"published"`` or ``"physical"``.
-        sideways: drift to the left of the heading in every usual run [m], shape (R,).
-        footings: how the robot stood and slid in each of these runs, R of them.
-        changed: speeds of runs under changed conditions, by the names of these [body lengths/s].
-    """
-
-    friction: tuple[float, float]
-    weight: str
-    sideways: Floats
-    footings: Sequence[Footing]
-    changed: Mapping[str, Floats]
-
-    def mean(self, share: Callable[[Footing], float]) -> float:
-        """A number of the footings on average over the runs that have it; NaN if none has."""
-        known = [value for value in map(share, self.footings) if not np.isnan(value)]
-        return float(np.mean(known)) if known else np.nan
-
-    def slips(self) -> dict[str, float]:
-        """Share of the path that each part slides while it bears load, and all together; NaN if it never does."""
-        return {name: self.mean(lambda each, name=name: each.slips[name]) for name in (*PARTS, "all")}  # type: ignore[misc]
-
-    def loads(self) -> dict[str, float]:
-        """Share of the load that each part bears."""
-        return {name: self.mean(lambda each, name=name: each.loads[name]) for name in PARTS}  # type: ignore[misc]
-
-    def drift(self, distances: Floats) -> float:
-        """How far the robot drifts to either side per distance, of all runs together; infinite if it goes nowhere."""
-        way = float(np.abs(distances).sum())
-        return float(np.abs(self.sideways).sum()) / way if way else np.inf
-
-    def kept(self, speed: float) -> dict[str, float]:
-        """Share of the speed that remains under each changed condition; NaN if there is none, or a run diverged."""
-        return {name: float(each.mean()) / speed if speed else np.nan for name, each in self.changed.items()}
-
-    def lines(self, speed: float, distances: Floats) -> list[str]:
-        """What it tells people."""
-        low, high = self.friction
-        loads = self.loads()
-        slips = ", ".join(
-            f"{name} {_told(slip)}" for name, slip in self.slips().items() if name == "all" or loads[name]
-        )
-        drift = f"{_told(self.drift(distances))} of the way to the side, turns by"
-        kept = self.kept(speed)
-        changed = ", ".join(f"{name} {each.mean():.4f} ({_told(kept[name])})" for name, each in self.changed.items())
-        return [
-            f"friction {low:g} and {high:g}, bladders of {self.weight} weight",
-            f"parts under load slide, of the path: {slips}; chatter {_told(self.mean(lambda each: each.chatter), 3)}",
-            f"drifts {drift} {self.mean(lambda each: each.turning):.1f} degrees",
-            f"changed, BL/s and share kept: {changed}",
-        ]
-
-    def to_document(self, speed: float, distances: Floats) -> dict[str, Any]:
-        """Its numbers, for JSON; None where one is not known."""
-        numbers: dict[str, Any] = {
-            "part_slip": self.slips(),
-            "part_load": self.loads(),
-            "chatter": self.mean(lambda each: each.chatter),
-            "sideways": float(self.sideways.mean()),
-            "drift": self.drift(distances),
-            "turning": self.mean(lambda each: each.turning),
-            "changed": {name: float(each.mean()) for name, each in self.changed.items()},
-            "changed_deviation": {name: float(each.std(ddof=1)) for name, each in self.changed.items()},
-            "kept": self.kept(speed),
-        }
-        known = {
-            name: {each: _known(one) for each, one in value.items()} if isinstance(value, dict) else _known(value)
-            for name, value in numbers.items()
-        }
-        return {"weight": self.weight, "friction": list(self.friction), **known}
-
-
-def _told(value: float, digits: int = 2) -> str:
-    return f"{value:.{digits}f}" if np.isfinite(value) else "unknown"
-
-
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +146,7 @@ class GaitJudgement(NoisySpeeds):
         slip = f"{self.slip_ratio:.2f} of the way while they grip, standard deviation {self.slip_deviation:.2f}"
         lines = [f"{usual}, {len(self.speeds)} runs", f"harder conditions: {hard}"]
         lines.append(f"feet slip {slip}; {self.steps:,} steps")
-        lines += [] if self.scrutiny is None else self.scrutiny.lines(self.speed, self.distances)
+        lines += [] if self.scrutiny is None else self.scrutiny.lines
         return "\n".join([*lines, "physical" if self.physical else "not physical: " + "; ".join(self.faults)])
 
     def to_document(self) -> dict[str, Any]:
@@ -253,7 +167,7 @@ class GaitJudgement(NoisySpeeds):
             "steps": self.steps,
             "physical": self.physical,
             "faults": list(self.faults),
-            **({} if self.scrutiny is None else self.scrutiny.to_document(self.speed, self.distances)),
+            **({} if self.scrutiny is None else self.scrutiny.to_document()),
         }
 
 
@@ -293,10 +207,11 @@ def judge_gait(
     slip = np.stack([slip_under_load(usual, design, actuation, robot) for robot in range(runs)])
     scrutiny = None
     if closely and np.isfinite(usual.speed).all() and np.isfinite(hard.speed).all():
-        footings = [footing_of(usual, design, geometry.body_length, robot) for robot in range(runs)]
-        drift = simulation.sideways(usual.displacement, [design.orientation] * runs)
-        changed = _changed(given, min(runs, VARIED_RUNS), seed, report, compute)
-        scrutiny = Scrutiny(given.friction, actuation.weight, drift, footings, changed)
+
+        def rest(fraction: float) -> None:
+            report(USUAL_SHARE + (1 - USUAL_SHARE) * fraction)
+
+        scrutiny = scrutinise(given, usual, noise=NOISE, seed=seed, progress=rest, compute=compute)
     return GaitJudgement(
         usual.speed,
         hard.speed,
@@ -308,31 +223,6 @@ def judge_gait(
         actuation.on(harder(given.terrain, actuation)[0]).low_friction,
         scrutiny,
     )
-
-
-def _changed(
-    given: Conditions, runs: int, seed: int, report: Callable[[float], None], compute: ComputeOptions
-) -> dict[str, Floats]:
-    """Speeds of so many noisy runs under each changed condition."""
-    speeds = {}
-    for number, (name, change) in enumerate(VARIATIONS.items()):
-
-        def part(fraction: float, number: int = number) -> None:
-            report(USUAL_SHARE + (1 - USUAL_SHARE) * (number + fraction) / len(VARIATIONS))
-
-        tried = change(given)
-        result = simulation.simulate(
-            [tried.design] * runs,
-            tried.terrain,
-            geometry=tried.geometry,
-            actuation=tried.actuation,
-            perturbation=NOISE,
-            seed=seed,
-            progress=part,
-            **compute,
-        )
-        speeds[name] = result.speed
-    return speeds
 
 
 def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tuple[Terrain, InflatableActuation]:

@@ -14,6 +14,7 @@ from robots.inflatable.contact import Contact, chatter_of, footing_of, turning_o
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.robustness import judge_gait
+from robots.inflatable.scrutiny import Scrutiny
 from robots.inflatable.simulation import sideways, simulate
 from robots.inflatable.timing import gait_steps
 from robots.inflatable.variations import HALF_STEP, VARIATIONS, Conditions
@@ -123,10 +124,19 @@ def test_a_robot_that_turns_says_so(degrees):
 def test_what_is_ahead_of_one_robot_is_drift_of_one_turned_by_90_degrees(heading, expected):
     drift = sideways(np.tile([0.3, 0.0], (2, 1)), [heading] * 2)
     assert drift == pytest.approx([expected] * 2)
-    found = judgement.Scrutiny((1e-4, 2.0), "published", drift, (), {})
-    ahead = 0.3 * np.cos(np.deg2rad(heading))
-    assert found.drift(np.full(2, 0.3)) == pytest.approx(abs(expected) / 0.3)
-    assert found.drift(np.zeros(2)) == np.inf and found.to_document(0.1, np.full(2, ahead))["part_slip"]["all"] is None
+    ahead = np.full(2, 0.3 * np.cos(np.deg2rad(heading)))
+    found = Scrutiny((1e-4, 2.0), "published", 0.1, ahead, drift, (), {})
+    assert found.drift == pytest.approx(abs(np.tan(np.deg2rad(heading)))) or heading == 90.0
+    assert dataclasses.replace(found, distances=np.zeros(2)).to_document()["drift"] is None
+
+
+def test_what_is_not_known_is_null_and_told_as_such():
+    lost = {"wood": np.array([0.05, np.nan]), "acrylic": np.array([0.05, 0.1])}
+    found = Scrutiny((1e-4, 2.0), "published", 0.1, np.full(2, 0.3), np.zeros(2), (), lost)
+    document = found.to_document()
+    assert document["changed"] == {"wood": None, "acrylic": pytest.approx(0.075)} and document["kept"]["wood"] is None
+    assert document["part_slip"]["all"] is None and document["drift"] == 0.0
+    assert found.lines[-1] == "changed, BL/s and share kept: wood unknown (unknown), acrylic 0.0750 (0.75)"
 
 
 GIVEN = Conditions(INCHING, Terrain(5.0, low_friction=0.1, high_friction=1.5), PUBLISHED, ACTUATION)
