@@ -9,7 +9,7 @@ import numpy as np
 from robots.inflatable import simulation
 from robots.inflatable.contact import PARTS, Footing, footing_of
 from robots.inflatable.simulation import InflatableResult
-from robots.inflatable.variations import VARIATIONS, Conditions
+from robots.inflatable.variations import Conditions, variations_of
 from robots.robot import part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import ComputeOptions
@@ -127,8 +127,8 @@ def scrutinise(
     """
     design, runs, speeds = given.design, len(usual.speed), {}
     footings = [footing_of(usual, design, given.geometry.body_length, robot) for robot in range(runs)]
-    for number, (name, change) in enumerate(VARIATIONS.items()):
-        tried = change(given)
+    variations = variations_of(given)
+    for number, (name, tried) in enumerate(variations.items()):
         speeds[name] = simulation.simulate(
             [tried.design] * min(runs, VARIED_RUNS),
             tried.terrain,
@@ -136,7 +136,7 @@ def scrutinise(
             actuation=tried.actuation,
             perturbation=noise,
             seed=seed,
-            progress=part_of(progress, number, len(VARIATIONS)),
+            progress=part_of(progress, number, len(variations)),
             **compute,
         ).speed
     drift = simulation.sideways(usual.displacement, [design.orientation] * runs)

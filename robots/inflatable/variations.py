@@ -3,9 +3,7 @@
 Every one is a change of the conditions given, whatever they are.
 """
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import MOST_FRICTION
+from robots.inflatable.schedule import LONGEST_COLUMN
 from robots.world import FLOORS, Terrain
 
 HALF_STEP = "half the time step"
@@ -97,8 +96,10 @@ def at_half_step(conditions: Conditions) -> Conditions:
     )
 
 
-VARIATIONS: Mapping[str, Callable[[Conditions], Conditions]] = {
-    **{floor: partial(on_floor, floor=floor) for floor in FLOORS},
-    **{f"{part:g} of the friction": partial(with_friction, part=part) for part in FRICTION_PARTS},
-    HALF_STEP: at_half_step,
-}
+def variations_of(conditions: Conditions) -> dict[str, Conditions]:
+    """Changed conditions by their names; half the time step is left out where columns would be too long for it."""
+    found = {floor: on_floor(conditions, floor) for floor in FLOORS}
+    found |= {f"{part:g} of the friction": with_friction(conditions, part) for part in FRICTION_PARTS}
+    gait = conditions.design.schedule
+    longest = max((int(own.max()) for own in (gait.motion_steps, gait.settle_steps) if own is not None), default=0)
+    return found if 2 * longest > LONGEST_COLUMN else {**found, HALF_STEP: at_half_step(conditions)}
