@@ -425,25 +425,17 @@ class InflatableRobot(Robot):
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
     ) -> Judgement:
-        """Mean speed of runs with noise, what remains of it under harder conditions, and how far feet slip."""
+        """Mean speed of runs with noise, what remains of it under other conditions, and how far its parts slip."""
         from robots.inflatable.robustness import judge_gait
 
-        for name in ("weight", "perturbation"):
-            if (value := getattr(self, name)) not in ("published", 0.0):
-                raise ValueError(f"{name}: {value} is not allowed with --judge, which plays both weights with noise")
+        if self.perturbation:
+            raise ValueError(
+                f"perturbation: {self.perturbation} is not allowed with --judge, which plays with noise of its own"
+            )
         geometry, drive = self.parts
         more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
-        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, **more)
-        if found.diverged:
-            return Judgement("; ".join(found.faults), found.to_document(), True)
-        usual, hard = (
-            f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds)
-        )
-        text = f"{usual}, {len(found.speeds)} runs\nharder conditions: {hard}"
-        slip = f"{found.slip_ratio:.2f} of the way while they grip, standard deviation {found.slip_deviation:.2f}"
-        text += f"\nfeet slip {slip}; {found.steps:,} steps\n"
-        text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
-        return Judgement(text, found.to_document())
+        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, closely=True, **more)
+        return Judgement(found.spoken, found.to_document(), found.diverged)
 
     def table(self, **settings: Any) -> Any:
         """Pressures of a rig's lines over time, see ``robots.hardware.gait_table``."""
