@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,9 @@ from optim.problem import OK
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import MOST_FRICTION
-from robots.uncertainty import Risk, Uncertainty
+from robots.inflatable.perturbed import level_slopes, perturbed_design, perturbed_drive
+from robots.inflatable.schedule import BLADDERS
+from robots.uncertainty import Perturbation, Risk, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 
@@ -66,7 +69,7 @@ class Draws:
 
 @dataclass(frozen=True)
 class UncertainDraws:
-    """Copies of robots on ground that is not known exactly, the same ones for every robot.
+    """Copies of robots of which, or of whose ground, something is not known exactly: the same draws for every robot.
 
     Attributes:
         uncertainty: what is drawn.
@@ -78,10 +81,24 @@ class UncertainDraws:
     risk: Risk
     count: int
 
-    def terrains(self, robots: int, terrain: Terrain, actuation: InflatableActuation) -> list[Terrain]:
-        """The ground of K copies of so many robots, those of a robot in a row."""
+    @cached_property
+    def drawn(self) -> list[Perturbation]:
+        """What is drawn, one for each copy of a robot."""
+        return self.uncertainty.draw(self.count, actuators=BLADDERS)
+
+    def robots(
+        self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation
+    ) -> tuple[list[InflatableDesign], list[Terrain], InflatableActuation | list[InflatableActuation]]:
+        """The K copies of N designs, those of a design in a row, and the terrain and actuation of each."""
         own = actuation.high_friction, actuation.low_friction
-        return [one.on(terrain, *own) for one in self.uncertainty.draw(self.count)] * robots
+        copies = [perturbed_design(design, one) for design in designs for one in self.drawn]
+        drives = [perturbed_drive(actuation, one) for one in self.drawn] * len(designs)
+        terrains = [one.on(terrain, *own) for one in self.drawn] * len(designs)
+        return copies, terrains, drives if self.uncertainty.timing else actuation
+
+    def level_slopes(self, designs: Sequence[InflatableDesign]) -> Floats:
+        """Derivatives of the levels of all copies by those of their designs, shape (N K, 10, T)."""
+        return np.array([level_slopes(design, one) for design in designs for one in self.drawn])
 
     def judged(self, speeds: Floats, slopes: Floats) -> tuple[Floats, Floats]:
         """Speeds of N K copies and their derivatives, shape (N K, D), as those of N robots under risk."""

@@ -25,7 +25,7 @@ from optim.problems.robot import subject_of
 from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
-from robots.inflatable.actuation import InflatableActuation
+from robots.inflatable.actuation import InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, Pressure, each_pressure, save_design
 from robots.inflatable.kind import InflatableRobot, kilopascals
 from robots.inflatable.materials import RegionMaterials
@@ -210,7 +210,13 @@ class GaitProblem(GaitSettings):
         return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
 
     def _slopes(
-        self, run: gradient.InflatableGradient, points: Floats, sharpness: float, friction: ArrayLike
+        self,
+        run: gradient.InflatableGradient,
+        points: Floats,
+        sharpness: float,
+        friction: ArrayLike,
+        drives: InflatableActuation | list[InflatableActuation] | None = None,
+        by_level: Floats | float = 1.0,
     ) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``.
 
@@ -219,23 +225,28 @@ class GaitProblem(GaitSettings):
             points: shape (N, D).
             sharpness: with which they were judged.
             friction: by which that of each robot was multiplied, shape (N,).
+            drives: how each is driven; None is as nominal.
+            by_level: derivatives of their levels by those of the points, shape (N, 10, T).
         """
         tables = {name: getattr(run, name) for name in self._control.more_tables}
         genes = []
-        for robot, (point, slope) in enumerate(zip(points, run.levels, strict=True)):
+        for robot, (point, slope) in enumerate(zip(points, run.levels * by_level, strict=True)):
             own = {name: np.reshape(table[robot], (-1, table.shape[-1])) for name, table in tables.items()}
             genes.append(self._control.slopes(self._genes(point), sharpness, slope, **own))
         slopes = [self.shape.slopes(run, points), self.made_of.slopes(run, friction), np.array(genes)]
-        seconds = self._counted(run.result)[:, None] * self.body.time_step
+        seconds = self._counted(run.result, drives)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 
-    def _counted(self, result: InflatableResult) -> Ints:
+    def _counted(
+        self, result: InflatableResult, drives: InflatableActuation | list[InflatableActuation] | None = None
+    ) -> Ints:
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
         if self.warm_up:  # whole cycles that follow it
             return result.steps
         if self._timed:
             return np.maximum(result.steps, self.most_steps)
-        return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self.actuation))
+        each = each_actuation(self.actuation if drives is None else drives, len(result.status))
+        return np.array([nominal_steps(self.columns * self.repeats, drive) for drive in each])
 
     def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
@@ -338,8 +349,7 @@ class GaitProblem(GaitSettings):
     ) -> tuple[Floats, NDArray[Any], Floats]:
         """Speeds, status and slopes by the measure of risk, over draws that all designs share, as one batch."""
         drawn = UncertainDraws(Uncertainty.parse(self.uncertain), Risk.parse(self.risk), self.draws)
-        copies = [design for design in designs for _ in range(self.draws)]
-        terrains = drawn.terrains(len(designs), terrain, settings["actuation"])
+        copies, terrains, settings["actuation"] = drawn.robots(designs, terrain, settings["actuation"])
         if points is None:
             result = simulation.simulate(copies, terrains, **settings)
             slopes = np.zeros((len(copies), 0))
@@ -348,7 +358,8 @@ class GaitProblem(GaitSettings):
             run = gradient.differentiate(copies, terrains, **settings)
             result = run.result
             each = np.repeat(points, self.draws, axis=0)
-            slopes = self._slopes(run, each, sharpness, np.ones(len(copies)))
+            friction, by_level = np.ones(len(copies)), drawn.level_slopes(designs)
+            slopes = self._slopes(run, each, sharpness, friction, settings["actuation"], by_level)
         speeds, slopes = drawn.judged(self.speeds(result), slopes)
         return speeds, Draws(self.draws).first_failure(result.status), slopes
 
