@@ -4,6 +4,7 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
@@ -91,3 +92,16 @@ class InflatableActuation:
 
 
 ACTUATION = InflatableActuation()
+
+
+def each_actuation(given: InflatableActuation | Sequence[InflatableActuation], count: int) -> list[InflatableActuation]:
+    """The actuation of each of ``count`` robots of a batch: one for all, or one each.
+
+    Raises:
+        ValueError: for another number of them.
+    """
+    if isinstance(given, InflatableActuation):
+        return [given] * count
+    if len(given) != count:
+        raise ValueError(f"actuation: {len(given)} are not allowed for {count} designs; give one, or one each")
+    return list(given)

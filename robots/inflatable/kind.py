@@ -23,6 +23,7 @@ from robots.inflatable.design import (
     load_design,
     save_design,
 )
+from robots.inflatable.schedule import BLADDERS
 from robots.outcome import recorded
 from robots.robot import (
     HERE,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import InflatableGeometry
     from robots.inflatable.simulation import InflatableResult
+    from robots.uncertainty import Perturbation
     from robots.view.motion import Motion
 
 GAITS = tuple(BY_HAND)
@@ -242,6 +244,7 @@ class InflatableRobot(Robot):
 
     kind = "inflatable"
     measures = MEASURES
+    actuators = BLADDERS
     worlds = (Terrain(),)
     pictured = True
 
@@ -289,19 +292,31 @@ class InflatableRobot(Robot):
         return self._play(terrain_of(trial.world), len(points), trial)
 
     def simulate_in(
-        self, worlds: Sequence[World], *, compute: Compute = HERE, progress: Progress | None = None
+        self,
+        worlds: Sequence[World],
+        *,
+        draws: "Sequence[Perturbation]" = (),
+        compute: Compute = HERE,
+        progress: Progress | None = None,
     ) -> list[Outcome]:
-        """Play the gait on several terrains, as one batch."""
+        """Play the gait on several terrains, as one batch; with draws, as bladders then play it."""
         terrains = [terrain_of(world) for world in worlds]
-        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress))
+        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress), draws)
         return [
             Outcome({name: values[n : n + 1] for name, values in found.measures.items()}, found.status[n : n + 1])
             for n in range(len(worlds))
         ]
 
-    def _play(self, terrain: Terrain | Sequence[Terrain], count: int, trial: Trial) -> Outcome:
+    def _play(
+        self,
+        terrain: Terrain | Sequence[Terrain],
+        count: int,
+        trial: Trial,
+        draws: "Sequence[Perturbation]" = (),
+    ) -> Outcome:
         """Play the gait so often, on a terrain or one each; or the table on the rig, once."""
         from robots.inflatable import simulation
+        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
 
         more: dict[str, Floats] = {}
         if self.rig is not None:
@@ -311,10 +326,10 @@ class InflatableRobot(Robot):
         else:
             geometry, actuation = self.parts
             result = simulation.simulate(
-                [self.gait] * count,
+                [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * count,
                 terrain,
                 geometry=geometry,
-                actuation=actuation,
+                actuation=[perturbed_drive(actuation, drawn) for drawn in draws] or actuation,
                 **trial.compute.options,
                 record_every=trial.record_every,
                 perturbation=self.perturbation,

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_actuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
     BLADDER_REGIONS,
@@ -62,12 +62,12 @@ WHOLE = Counting()
 def build_program(
     designs: Sequence[InflatableDesign],
     terrain: Terrain | Sequence[Terrain],
-    actuation: InflatableActuation = ACTUATION,
+    actuation: InflatableActuation | Sequence[InflatableActuation] = ACTUATION,
     record_every: int | None = None,
     geometry: InflatableGeometry = PUBLISHED,
     counting: Counting = WHOLE,
 ) -> LatticeProgram:
-    """The program of a batch of designs on a terrain, or on one each.
+    """The program of a batch of designs on a terrain, or on one each; all with one actuation, or one each.
 
     Snapshot 0 is the end of the initialisation and of the warm-up, snapshot 1 the end of the gait; the ends of all
     stages but the last follow; then the beginning of the window, if there is one; with ``record_every``, the poses
@@ -77,8 +77,9 @@ def build_program(
         ValueError: if a gait is not longer than the warm-up.
     """
     builder, lengths, marks = ProgramBuilder(len(designs)), [], []
-    for robot, (design, ground) in enumerate(zip(designs, one_each(terrain, len(designs)), strict=True)):
-        begin, columns, steps = write_gait(builder, robot, design, ground, actuation, geometry)
+    each = zip(designs, one_each(terrain, len(designs)), each_actuation(actuation, len(designs)), strict=True)
+    for robot, (design, ground, drive) in enumerate(each):
+        begin, columns, steps = write_gait(builder, robot, design, ground, drive, geometry)
         if counting.warm_up >= steps:
             raise ValueError(f"warm_up: {counting.warm_up} is not allowed; a gait takes {steps} steps")
         starts = [column.start for column in columns[:: design.schedule.columns]]
