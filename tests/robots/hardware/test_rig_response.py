@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from robots.hardware import LineMap, PneumaticRig, export_csv, gait_table, read_csv
-from robots.hardware.rig_play import check_strokes, commanded, play_table
+from robots.hardware.rig_play import Play, check_strokes, commanded, play_table, play_tables
 from robots.hardware.rig_response import Response, lagged, line_pressures, slew_limited
-from robots.inflatable import INCHING, NAMED_GEOMETRIES
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.world import Terrain
 
 AT = np.arange(0.0, 10.0, 0.01)
 SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 2))
@@ -94,6 +95,24 @@ def test_a_lag_of_nothing_changes_no_bit_and_lags_change_the_way():
     played = play_table(gait_table(short), rig, None, responses, geometry=small, precision="f32")
     assert list(played.status) == ["ok"] * 3
     assert played.distance[1] == played.distance[2] != played.distance[0]
+
+
+@pytest.mark.kernels
+def test_tables_of_a_batch_are_played_as_alone():
+    """Other lengths, grounds, rigs and starts beside each other change no bit."""
+    small, rig = NAMED_GEOMETRIES["small"], PneumaticRig()
+    gaits = zip((INCHING, ROLLING), (1, 2), strict=True)
+    tables = [gait_table(replace(gait, schedule=gait.schedule.cut(columns, 1))) for gait, columns in gaits]
+    plays = [
+        Play(tables[0], rig, copy=1),
+        Play(tables[1], PneumaticRig.load("dissertation-lag"), Terrain(5.0, 0.7, 0.56)),
+    ]
+    settings = {"geometry": small, "precision": "f32", "perturbation": 1e-6}
+    both = play_tables(plays, **settings)
+    alone = [play_tables([play], **settings) for play in plays]
+    assert list(both.distance) == [one.distance[0] for one in alone] and len(set(both.steps)) == 2
+    with pytest.raises(ValueError, match="record_every: 100 is not allowed for tables of different lengths"):
+        play_tables(plays, record_every=100, **settings)
 
 
 @pytest.mark.kernels
