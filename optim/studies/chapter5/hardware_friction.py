@@ -19,7 +19,10 @@ from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study
 from optim.experiments.tables import MISSING, cell, markdown, page, write_records
 from optim.measures.statistics import mean_interval
-from optim.studies.chapter5.gaits import Case, Robot
+from optim.studies.chapter5.gaits import Case, Robot, repeated
+from robots.hardware import gait_table, rig_play
+from robots.hardware.rig import PRESETS
+from robots.hardware.rig_play import Play
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
 from robots.world import FLOORS, Terrain
@@ -70,6 +73,10 @@ def _weights(field_name: str, value: Any) -> tuple[str, ...]:
     return tuple(checks.choice(field_name, each, WEIGHTS) for each in _several(field_name, value))
 
 
+def _rigs(field_name: str, value: Any) -> tuple[str, ...]:
+    return tuple(checks.choice(field_name, each, PRESETS) for each in _several(field_name, value)) if value else ()
+
+
 def _several(field_name: str, value: Any) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple) or not value or len(set(value)) < len(value):
         raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more different values")
@@ -84,6 +91,8 @@ class HardwareFriction(Settings):
     weights: Annotated[tuple[str, ...], _weights] = WEIGHTS  # of bladders
     inflations: Annotated[tuple[float, ...], _shares] = (0.6, 1.0)  # shares of a bladder's full stroke
     pressures: Annotated[tuple[float, ...], _pressures] = (8e3, 12e3)  # of the core while the robot rolls [Pa]
+    # that play the gaits as tables, once, with the last of these strokes and pressures
+    rigs: Annotated[tuple[str, ...], _rigs] = ("dissertation", "dissertation-lag")
 
     def describe(self) -> dict[str, Any]:
         """Describe all settings, and what is simulated, for JSON."""
@@ -96,17 +105,13 @@ def study(
 ) -> dict[str, Any]:
     """Write speeds of all copies, the table beside the measured ones, a figure, and which parameters agree."""
     parts = ResultsFolder(folder, "hardware-friction", settings.describe())
-    batches = list(product(settings.weights, settings.inflations))
-    cases = _cases(settings)
-    compute = {
-        f"speeds_{number}": partial(_speeds, settings, weight, inflation, cases, threads)
-        for number, (weight, inflation) in enumerate(batches)
-    }
+    batches = _batches(settings)
+    compute = {batch.name: partial(batch.speeds, settings.robot, threads) for batch in batches}
     speeds = computed_arrays(parts, "speeds", compute, progress)
     copies = [
-        {"weight": weight, "inflation": inflation, "timing": SIMULATOR, **about, "copy": copy, "speed": float(speed)}
-        for (weight, inflation), found in zip(batches, speeds, strict=True)
-        for (about, _), each in zip(cases, found, strict=True)
+        {**about, "copy": copy, "speed": float(speed)}
+        for batch, found in zip(batches, speeds, strict=True)
+        for about, each in zip(batch.rows, found, strict=True)
         for copy, speed in enumerate(each)
     ]
     write_records(folder / "copies.csv", copies)
@@ -119,30 +124,67 @@ def study(
     return summary
 
 
-def _cases(settings: HardwareFriction) -> list[tuple[dict[str, Any], Case]]:
-    """What is played in each batch, with what rows call it; the core is flat while the robot inches."""
-    found = []
-    for measured in MEASURED:
-        for pressure in settings.pressures if measured.gait.pressure else (measured.gait.pressure,):
-            about = {"condition": measured.name, "pressure": pressure, "measured": measured.speed}
-            found.append((about, Case(replace(measured.gait, pressure=pressure), measured.terrain)))
-    return found
+@dataclass(frozen=True)
+class Batch:
+    """Conditions that are simulated beside each other, with what rows say of them."""
+
+    name: str
+    weight: str
+    inflation: float  # share of a bladder's full stroke
+    cases: tuple[tuple[Measurement, float, str], ...]  # with the pressure of the core, and a rig or the simulator
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """What rows say of each case."""
+        shared = {"weight": self.weight, "inflation": self.inflation}
+        return [
+            {**shared, "timing": timing, "condition": m.name, "pressure": pressure, "measured": m.speed}
+            for m, pressure, timing in self.cases
+        ]
+
+    def speeds(self, robot: Robot, threads: int | None, progress: Progress) -> Floats:
+        """Speeds in the time simulated [body lengths/s], shape (cases, copies); NaN of what diverged."""
+        usual = robot.actuation
+        inflated = usual.deflated + self.inflation * (usual.inflated - usual.deflated)
+        drive = replace(usual, weight=self.weight, inflated=inflated)
+        designs = [replace(measured.gait, pressure=pressure) for measured, pressure, _ in self.cases]
+        if self.cases[0][2] == SIMULATOR:
+            cases = [Case(design, m.terrain) for design, (m, *_) in zip(designs, self.cases, strict=True)]
+            played = replace(robot, actuation=drive).play(cases, threads, progress)
+        else:
+            plays = [
+                Play(gait_table(repeated(design, 1), rig), rig, measured.terrain, copy=copy)
+                for design, (measured, _, name) in zip(designs, self.cases, strict=True)
+                for rig in [PRESETS[name]]
+                for copy in range(robot.copies)
+            ]
+            played = rig_play.play_tables(
+                plays,
+                geometry=robot.geometry,
+                actuation=drive,
+                precision=robot.precision,
+                perturbation=robot.noise,
+                seed=robot.seed,
+                threads=threads,
+                progress=progress,
+            )
+        return np.asarray(played.speed_simulated, float).reshape(len(self.cases), robot.copies)
 
 
-def _speeds(
-    settings: HardwareFriction,
-    weight: str,
-    inflation: float,
-    cases: Sequence[tuple[dict[str, Any], Case]],
-    threads: int | None,
-    progress: Progress,
-) -> Floats:
-    """Speeds in the time simulated [body lengths/s], shape (cases, copies); NaN of what diverged."""
-    usual = settings.robot.actuation
-    inflated = usual.deflated + inflation * (usual.inflated - usual.deflated)
-    robot = replace(settings.robot, actuation=replace(usual, weight=weight, inflated=inflated))
-    played = robot.play([case for _, case in cases], threads, progress)
-    return np.asarray(played.speed_simulated, float).reshape(len(cases), robot.copies)
+def _batches(settings: HardwareFriction) -> list[Batch]:
+    """All that is simulated; the core is flat while the robot inches."""
+
+    def cases(pressures: Sequence[float], timing: str) -> list[tuple[Measurement, float, str]]:
+        return [(m, each, timing) for m in MEASURED for each in (pressures if m.gait.pressure else (0.0,))]
+
+    own = tuple(cases(settings.pressures, SIMULATOR))
+    strokes = enumerate(product(settings.weights, settings.inflations))
+    batches = [Batch(f"speeds_{number}", *drive, own) for number, drive in strokes]
+    if settings.rigs:
+        on_rigs = tuple(case for rig in settings.rigs for case in cases(settings.pressures[-1:], rig))
+        for number, weight in enumerate(settings.weights):
+            batches.append(Batch(f"rigs_{number}", weight, settings.inflations[-1], on_rigs))
+    return batches
 
 
 def rows_of(copies: Sequence[Row]) -> list[dict[str, Any]]:
@@ -198,16 +240,18 @@ def _by_parameters(rows: Sequence[Row]) -> Iterator[tuple[dict[str, Any], dict[s
                 for row in rows
                 if tuple(row[name] for name in shared) == key and row["pressure"] in (0.0, pressure)
             }
-            yield {**dict(zip(shared, key, strict=True)), "pressure": pressure}, mine
+            if len(mine) == len(MEASURED):  # rigs play one pressure
+                yield {**dict(zip(shared, key, strict=True)), "pressure": pressure}, mine
 
 
 def text_of(rows: Sequence[Row], sets: Sequence[Row]) -> str:
     """The page: measured beside simulated speeds as published, all sets of parameters, and what they tell."""
     usual = [row for row in rows if _nominal(row)]
-    header = ("condition", "weight", "measured", "simulated", "95 % interval", "n", "simulated / measured")
+    header = ("condition", "timing", "weight", "measured", "simulated", "95 % interval", "n", "simulated / measured")
     table = [
         (
             row["condition"],
+            row["timing"],
             row["weight"],
             f"{row['measured']:g}",
             cell(row["mean"]),
@@ -229,7 +273,7 @@ def text_of(rows: Sequence[Row], sets: Sequence[Row]) -> str:
     return page(
         "Speeds on hardware and in simulation [body lengths/s], as published otherwise: mean of copies whose starts "
         "differ by noise.",
-        markdown(header, "llrrrrr", table),
+        markdown(header, "lllrrrrr", table),
         "All parameters tried. Factor: the largest between simulated and measured speeds on flat ground. Rescaled: "
         "what is left of it if all simulated speeds are divided by the stretch, as if strokes took so much longer.",
         markdown(names, "llrr" + "r" * (len(MEASURED) + 3), scanned),
@@ -241,9 +285,8 @@ MISSING_INTERVAL = "–"
 
 
 def _nominal(row: Row) -> bool:
-    """Whether a row is of the published robot but for the weight of bladders."""
-    full = row["pressure"] in (0.0, ROLLING.pressure) and row["inflation"] == 1.0
-    return bool(full and row["timing"] == SIMULATOR)
+    """Whether a row is of the published stroke and pressure."""
+    return row["pressure"] in (0.0, ROLLING.pressure) and row["inflation"] == 1.0
 
 
 def verdict(sets: Sequence[Row]) -> str:
@@ -288,7 +331,7 @@ STUDY = Study(
     title="speeds measured on hardware, on wood and acrylic, beside simulated ones, and what reconciles them",
     source="chapter 5, transferring to a physical robot, and figure of friction, c",
     scales={
-        "small": HardwareFriction(Robot(precision="f32", copies=2), inflations=(1.0,), pressures=(12e3,)),
+        "small": HardwareFriction(Robot(precision="f32", copies=2), inflations=(1.0,), pressures=(12e3,), rigs=()),
         "medium": HardwareFriction(),
         "full": HardwareFriction(
             Robot(precision="f32"), inflations=(0.4, 0.6, 0.8, 1.0), pressures=(6e3, 8e3, 10e3, 12e3, 14e3)

@@ -2,6 +2,8 @@
 
 import csv
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -9,7 +11,7 @@ from optim.studies.chapter5 import hardware_friction
 from optim.studies.chapter5.gaits import Robot
 from optim.studies.chapter5.hardware_friction import MEASURED, SIMULATOR, HardwareFriction, rows_of, sets_of, verdict
 
-FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3))
+FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
 
 
 def copies_of(ratios, **parameters):
@@ -47,6 +49,28 @@ def test_the_measured_conditions_are_simulated_on_their_floors_for_all_parameter
     assert hardware_friction.study(tmp_path / "a", FEW) == summary and not simulator.calls
 
 
+def test_rigs_play_the_gaits_once_as_tables(simulator, tmp_path, monkeypatch):
+    calls = []
+
+    def play_tables(plays, **settings):
+        calls.append((plays, settings["actuation"].weight))
+        return SimpleNamespace(speed_simulated=[0.01 + 0.001 * play.copy for play in plays])
+
+    monkeypatch.setattr("robots.hardware.rig_play.play_tables", play_tables)
+    rigs = ("dissertation", "dissertation-lag")
+    summary = hardware_friction.study(tmp_path / "a", replace(FEW, rigs=rigs))
+    assert [weight for _, weight in calls] == ["published", "physical"]
+    plays = calls[0][0]
+    assert len(plays) == 2 * 4 * 2 and [play.copy for play in plays[:2]] == [0, 1]
+    assert [play.rig.name for play in plays[::8]] == list(rigs) and {play.table.loops for play in plays} == {0}
+    assert [(play.terrain.slope, play.terrain.low_friction) for play in plays[:8:2]] == [
+        *((0, 0.56), (0, 0.38), (0, 0.56)),
+        (14, 0.56),
+    ]
+    timings = [one["timing"] for one in summary["sets"]]
+    assert {name: timings.count(name) for name in rigs} == dict.fromkeys(rigs, 2) and len(timings) == 12
+
+
 def test_rows_have_means_intervals_and_ratios():
     row = rows_of(copies_of([1.2, 1.0, 1.0, 1.0]))[0]
     assert (row["condition"], row["n"]) == ("inching, wood", 2) and row["mean"] == pytest.approx(0.012)
@@ -80,6 +104,7 @@ def test_sets_are_sorted_and_the_verdict_counts_those_that_agree():
         ({"inflations": (0.0,)}, "inflations: 0.0 is not allowed; give a number from 0.1 to 1"),
         ({"inflations": (1.0, 1.0)}, "inflations: .* is not allowed; give one or more different values"),
         ({"pressures": ()}, "pressures: .* is not allowed; give one or more different values"),
+        ({"rigs": ("bench",)}, "rigs: 'bench' is unknown; choose one of dissertation, "),
         ({"pressures": (2e4,)}, "pressures: 20000.0 is not allowed; give a number from 1 to 15000 Pa"),
     ],
 )
