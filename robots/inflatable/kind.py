@@ -480,6 +480,8 @@ def _friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
         friction = FLOORS[checks.choice("floor", floor, FLOORS)]
     if friction is None:
         return None
+    if not isinstance(friction, (list, tuple)) or len(friction) != 2:
+        raise ValueError(f"friction: {friction!r} is not allowed; give that of sliding and of gripping feet")
     sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
     if sliding > gripping:
         raise ValueError(
