@@ -126,8 +126,7 @@ class Terrain:
         told = [f"friction {','.join(given)}{floor}"] if given else []
         if self.static_friction is not None:
             told.append(f"friction {self.static_friction:g} static, {self.kinetic_friction:g} kinetic")
-        parts = {name: getattr(self, name) for name in FRICTION_OF_PARTS}
-        told += [f"{name.replace('_', ' ')} {value:g}" for name, value in parts.items() if value is not None]
+        told += [f"{name.replace('_', ' ')} {value:g}" for name, value in friction_of_parts(self).items()]
         return ", ".join(told)
 
     @property
@@ -246,6 +245,12 @@ class Environment(World):
         if not text.isdecimal() or not 1 <= int(text) <= count:
             raise ValueError(f"environment: {text!r} is not allowed; give a whole number from 1 to {count}")
         return cls(int(text))
+
+
+def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, float]:
+    """Friction that a terrain or an actuation gives to bladders, skin and seams, times a factor; nothing of others."""
+    given = {name: getattr(described, name) for name in FRICTION_OF_PARTS}
+    return {name: factor * value for name, value in given.items() if value is not None}
 
 
 def terrain_of(world: World) -> Terrain:

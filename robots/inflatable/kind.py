@@ -39,7 +39,7 @@ from robots.robot import (
     Trial,
     World,
 )
-from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, terrain_of
+from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, friction_of_parts, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -184,8 +184,7 @@ class InflatableKind(TerrainKind):
         if feet != (None, None):
             pairs = zip(feet, (usual.low_friction, usual.high_friction), strict=True)
             found["friction"] = tuple(own if given is None else given for given, own in pairs)
-        parts = {name: getattr(terrain, name) for name in FRICTION_OF_PARTS}
-        return {**found, **{name: value for name, value in parts.items() if value is not None}}
+        return {**found, **friction_of_parts(terrain)}
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""

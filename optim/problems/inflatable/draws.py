@@ -13,7 +13,7 @@ from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import MOST_FRICTION
 from robots.uncertainty import Risk, Uncertainty
-from robots.world import Terrain
+from robots.world import Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats
 
 
@@ -46,7 +46,8 @@ class Draws:
         for design in designs:
             for factor in self.frictions.tolist():
                 high, low = own.high_friction * factor, own.low_friction * factor
-                terrains.append(dataclasses.replace(terrain, high_friction=high, low_friction=low))
+                feet = {"high_friction": high, "low_friction": low}
+                terrains.append(dataclasses.replace(terrain, **feet, **friction_of_parts(own, factor)))
                 copies.append(_with_friction(design, factor))
         return copies, terrains
 
