@@ -169,7 +169,7 @@ class InflatableKind(TerrainKind):
             ValueError: as :meth:`chosen_world` does.
         """
         own = {name: options[name] for name in FRICTION_OF_PARTS if options.get(name) is not None}
-        friction = _friction_of_feet(options)
+        friction = friction_of_feet(options)
         if friction is not None:
             own |= {"low_friction": friction[0], "high_friction": friction[1]}
         if terrain.is_fluid:
@@ -468,7 +468,7 @@ class InflatableRobot(Robot):
         )
 
 
-def _friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
+def friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
     """Friction of feet that slide and that grip, from ``friction`` or ``floor``; None if neither is given."""
     friction, floor = options.get("friction"), options.get("floor")
     if floor is not None:
