@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.robot import HERE, OK, Judgement, Progress, Robot, World
-from robots.world import STEEPEST, Terrain
+from robots.world import STEEPEST, Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -56,6 +56,7 @@ class Perturbation:
             slope=self.tilted(terrain),
             high_friction=high,
             low_friction=min(low * self.sliding, high),  # sliding feet never hold better than gripping ones
+            **friction_of_parts(terrain, self.gripping),
         )
 
 

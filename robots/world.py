@@ -20,7 +20,8 @@ NO_WEIGHT = (0.0, 0.0, 0.0)
 # Sliding and gripping feet, static, of the robot dragged over it (Powers 2021, ch. 5); no pair is published of gravel.
 FLOORS = {"wood": (0.56, 0.70), "acrylic": (0.38, 0.51)}
 FRICTION_OF_PARTS = ("bladder_friction", "skin_friction", "seam_friction")
-FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)
+FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)  # of the inflatable robot
+MATERIAL_FRICTION = ("static_friction", "kinetic_friction")  # of lattice robots
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
@@ -49,6 +50,8 @@ class Terrain:
         friction_drag: coefficient of faces that it flows along; None is 0.02.
         bladder_friction, skin_friction, seam_friction: Coulomb coefficients of these parts of the inflatable robot, see
             ``InflatableActuation``; None keeps what they follow from.
+        static_friction, kinetic_friction: Coulomb coefficients that replace those of all materials of a lattice robot;
+            None keeps them.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -60,25 +63,42 @@ class Terrain:
     bladder_friction: NotNegative | None = None
     skin_friction: NotNegative | None = None
     seam_friction: NotNegative | None = None
+    static_friction: NotNegative | None = None
+    kinetic_friction: NotNegative | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
         low, high = self.low_friction, self.high_friction
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
+        self._check_materials()
         if self.is_fluid:
-            for field in ("slope", *FRICTION_FIELDS):
+            for field in ("slope", *FRICTION_FIELDS, *MATERIAL_FRICTION):
                 if value := getattr(self, field):
                     raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
         for field in FLUID_FIELDS[1:]:
             if not self.is_fluid and (value := getattr(self, field)) is not None:
                 raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
 
+    def _check_materials(self) -> None:
+        """Refuse friction of materials by halves, the wrong way round, or beside that of the inflatable robot."""
+        static, kinetic = self.static_friction, self.kinetic_friction
+        if static is None and kinetic is None:
+            return
+        if static is None or kinetic is None:
+            given, missing = MATERIAL_FRICTION if kinetic is None else MATERIAL_FRICTION[::-1]
+            raise ValueError(f"{given}: {getattr(self, given)} is not allowed without {missing}; give both")
+        if kinetic > static:
+            raise ValueError(f"kinetic_friction: {kinetic} is not allowed; give at most static_friction, {static}")
+        for field in FRICTION_FIELDS:
+            if (value := getattr(self, field)) is not None:
+                raise ValueError(f"{field}: {value} is not allowed beside static_friction; give one of them")
+
     @property
     def document(self) -> dict[str, Any]:
-        """All fields, but friction of parts only where it is given: as earlier versions wrote terrains."""
-        fields = dataclasses.asdict(self)
-        return {name: fields[name] for name in fields if name not in FRICTION_OF_PARTS or fields[name] is not None}
+        """All fields, but friction of parts and materials only where given: as earlier versions wrote terrains."""
+        later, fields = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION), dataclasses.asdict(self)
+        return {name: fields[name] for name in fields if name not in later or fields[name] is not None}
 
     @property
     def medium(self) -> Medium:
@@ -104,8 +124,9 @@ class Terrain:
         floor = next((f" ({name})" for name, pair in FLOORS.items() if pair == feet), "")
         given = [f"{value:g}" for value in feet if value is not None]
         told = [f"friction {','.join(given)}{floor}"] if given else []
-        parts = {name: getattr(self, name) for name in FRICTION_OF_PARTS}
-        told += [f"{name.replace('_', ' ')} {value:g}" for name, value in parts.items() if value is not None]
+        if self.static_friction is not None:
+            told.append(f"friction {self.static_friction:g} static, {self.kinetic_friction:g} kinetic")
+        told += [f"{name.replace('_', ' ')} {value:g}" for name, value in friction_of_parts(self).items()]
         return ", ".join(told)
 
     @property
@@ -224,6 +245,12 @@ class Environment(World):
         if not text.isdecimal() or not 1 <= int(text) <= count:
             raise ValueError(f"environment: {text!r} is not allowed; give a whole number from 1 to {count}")
         return cls(int(text))
+
+
+def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, float]:
+    """Friction that a terrain or an actuation gives to bladders, skin and seams, times a factor; nothing of others."""
+    given = {name: getattr(described, name) for name in FRICTION_OF_PARTS}
+    return {name: factor * value for name, value in given.items() if value is not None}
 
 
 def terrain_of(world: World) -> Terrain:

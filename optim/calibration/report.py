@@ -17,7 +17,7 @@ MEASURED: Any = {"fmt": "o", "ms": 3, "color": COLOURS[7], "lw": 0.8, "label": "
 COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
 
 
-def document(found: Calibration, geometry: str) -> dict[str, Any]:
+def document(found: Calibration, geometry: str, weight: str = "published") -> dict[str, Any]:
     """All of it; fits JSON, and ``robots.calibration.load_calibration`` reads it."""
     fitted = {
         name: {
@@ -35,6 +35,7 @@ def document(found: Calibration, geometry: str) -> dict[str, Any]:
     }
     return {
         "geometry": geometry,
+        **({} if weight == "published" else {"weight": weight}),
         "properties": vars(found.after),
         "fitted": fitted,
         "correlation": found.uncertainty.correlation.tolist(),

@@ -71,6 +71,7 @@ def _write_example(args: argparse.Namespace) -> Report:
 def _fit(args: argparse.Namespace) -> Report:
     from optim.calibration import calibrate, check_names, document, table
     from robots.calibration import CALIBRATION_FORMAT, NAMES, Laboratory, read_measurements
+    from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import NAMED_GEOMETRIES
     from taichi_sim.base.files import write_record
 
@@ -86,10 +87,12 @@ def _fit(args: argparse.Namespace) -> Report:
     check_names(found.experiments, names)
     geometry = NAMED_GEOMETRIES[found.geometry]
     stiffest = bounds["modulus"][1] if "modulus" in names else geometry.youngs_modulus
-    laboratory = Laboratory(geometry, stiffest=stiffest, seed=args.seed, precision=args.precision, threads=args.threads)
+    drive = InflatableActuation(weight=found.weight)
+    more = {"seed": args.seed, "precision": args.precision, "threads": args.threads}
+    laboratory = Laboratory(geometry, drive, stiffest, **more)
     with shown_progress("fit", 1.0, args.quiet) as update:
         result = calibrate(found.experiments, laboratory, names, bounds, update)
-    record, text = document(result, found.geometry), table(result)
+    record, text = document(result, found.geometry, found.weight), table(result)
     if args.out is not None:
         from optim.calibration.report import save_calibration
 

@@ -5,6 +5,7 @@ import argparse
 from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.progress import shown_progress
+from taichi_sim.base.options import numbers
 
 COMMAND = Command(
     "reproduce",
@@ -23,6 +24,8 @@ COMMAND = Command(
         ),
         path_to("sweep", "DIR", "folder of a sweep, of studies that read bodies from one"),
         count("jobs", 1, "runs that go on at the same time, of studies of many runs (default: one after the other)"),
+        Option("floor", "of gait-hunt and gait-climb, whose measured friction feet have", metavar="wood|acrylic"),
+        Option("friction", "of them, of sliding and of gripping feet", numbers(2), "SLIDING,GRIPPING"),
         QUIET,
     ),
 )
@@ -34,7 +37,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.studies.catalogue import STUDIES
 
     if args.study is None:
-        for name in ("out", "sweep", "jobs"):
+        for name in ("out", "sweep", "jobs", "floor", "friction"):
             if getattr(args, name) is not None:
                 raise ValueError(f"{name}: {getattr(args, name)} is not allowed without a study; name one first")
         studies = {name: STUDIES[name] for name in STUDIES}
@@ -51,7 +54,19 @@ def run(args: argparse.Namespace) -> Report:
             able = ", ".join(name for name in STUDIES if "jobs" in STUDIES[name].options)
             raise ValueError(f"jobs: {args.jobs} is not allowed with study {args.study}; {able} take them")
         raise ValueError(f"sweep: study {args.study} reads none; leave it out")
+    if (friction := _friction(args)) is not None:
+        if not study.has_ground:
+            name = "friction" if args.floor is None else "floor"
+            raise ValueError(f"{name}: study {args.study} has its own; leave it out")
+        options["friction"] = friction
     with shown_progress(args.study, 1.0, args.quiet) as update:
         study.reproduce(args.out, args.budget, update, **options)
     document = {"folder": str(args.out), "study": args.study, "budget": args.budget, "files": list(study.writes)}
     return Report(document, f"{args.out}: {', '.join(study.writes)}")
+
+
+def _friction(args: argparse.Namespace) -> tuple[float, float] | None:
+    """Friction of sliding and of gripping feet, from ``--floor`` or ``--friction``; None if neither is given."""
+    from robots.inflatable.kind import friction_of_feet
+
+    return friction_of_feet(vars(args))

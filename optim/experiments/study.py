@@ -1,7 +1,7 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -59,12 +59,29 @@ class Study:
         """Options among ``"sweep_folder"`` and ``"jobs"`` that ``run`` takes."""
         return {"sweep_folder", "jobs"} & set(signature(self.run).parameters)
 
-    def reproduce(self, folder: Path, budget: str = "full", progress: Progress = None, **options: Any) -> None:
+    @property
+    def has_ground(self) -> bool:
+        """Whether its settings have a ``friction`` of the inflatable robot's feet."""
+        return all(hasattr(settings, "friction") for settings in self.scales.values())
+
+    def reproduce(
+        self,
+        folder: Path,
+        budget: str = "full",
+        progress: Progress = None,
+        friction: tuple[float, float] | None = None,
+        **options: Any,
+    ) -> None:
         """Run the study, or continue it where its folder ended, with some of :attr:`options`.
+
+        A ``friction`` of sliding and of gripping feet is for studies that have a ground.
 
         Raises ValueError if the study does not have the budget, or the folder holds something else.
         """
-        self.run(folder, self.scales[checks.choice("budget", budget, self.scales)], progress, **options)
+        settings = self.scales[checks.choice("budget", budget, self.scales)]
+        if friction is not None:
+            settings = replace(settings, friction=friction)
+        self.run(folder, settings, progress, **options)
 
 
 @dataclass(frozen=True)

@@ -169,8 +169,6 @@ def read_task(path: Path) -> PipelineTask:
 def _grounds(terrains: list[Terrain], given: Mapping[str, Any]) -> tuple[Terrain, ...]:
     """The terrains with the friction that a task gives, which is of those with a ground."""
     own = {name: given[name] for name in KIND.ground_options if name in given}
-    if "friction" in own and not (isinstance(own["friction"], list) and len(own["friction"]) == 2):
-        raise ValueError(f"friction: {own['friction']!r} is not allowed; give that of sliding and of gripping feet")
     dry = [terrain for terrain in terrains if not terrain.is_fluid] or terrains
     return tuple(KIND.on_ground(each, own) if own and each in dry else each for each in terrains)
 

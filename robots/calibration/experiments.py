@@ -178,7 +178,7 @@ class Gait:
         values: distances along the direction of travel [m]; with ``mean_speed`` those by the time [m/s].
         design: pressure, orientation and gait.
         name: of the gait, for people.
-        terrain: that it is on; friction is that of the properties.
+        terrain: that it is on; friction is that of the properties where it gives none.
         mean_speed: whether the values are mean speeds.
         deviations: standard deviations of the values, or None.
     """
@@ -195,8 +195,10 @@ class Gait:
 
     @property
     def informs(self) -> tuple[str, ...]:
-        """The rate by when it moves; there is no friction in a fluid."""
-        return ("inflation_rate", *(() if self.terrain.is_fluid else ("friction", "low_friction")), "modulus")
+        """The rate by when it moves; friction where it is not known of the terrain, and none in a fluid."""
+        known = {"friction": self.terrain.high_friction, "low_friction": self.terrain.low_friction}
+        rubs = [] if self.terrain.is_fluid else [name for name, value in known.items() if value is None]
+        return ("inflation_rate", *rubs, "modulus")
 
     @property
     def title(self) -> str:

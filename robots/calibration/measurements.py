@@ -12,14 +12,17 @@ from typing import Any
 import numpy as np
 
 from robots.calibration.experiments import SIDES, Diameter, Drag, Experiment, Gait
+from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.kind import InflatableKind
 from robots.inflatable.schedule import MAXIMUM_PRESSURE
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
+KIND = InflatableKind()
 _LENGTH = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _FORCE = {"n": 1.0, "mn": 1e-3}
 UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
@@ -42,10 +45,12 @@ class Measurements:
     Attributes:
         geometry: name of the robot's geometry.
         experiments: in the order drags, diameters, gaits.
+        weight: of bladders, see ``InflatableActuation``.
     """
 
     geometry: str
     experiments: tuple[Experiment, ...]
+    weight: str = "published"
 
 
 def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Measurements:
@@ -67,6 +72,7 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
     try:
         data = tomllib.loads(text)
         geometry = choice("geometry", data.pop("geometry", "published"), NAMED_GEOMETRIES)
+        weight = choice("weight", data.pop("weight", WEIGHTS[0]), WEIGHTS)
         if unknown := sorted(set(data) - set(readers)):
             raise ValueError(f"{unknown[0]!r} is unknown; give geometry and tables [[{']], [['.join(readers)}]]")
         experiments = [
@@ -78,7 +84,7 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
         raise ValueError(f"{path}: {error}") from None
     if not experiments:
         raise ValueError(f"{path}: holds no experiment; give a table [[drag]], [[diameter]] or [[gait]]")
-    return Measurements(geometry, tuple(experiments))
+    return Measurements(geometry, tuple(experiments), weight)
 
 
 class _Table:
@@ -180,6 +186,8 @@ def _gait(load_gait: LoadGait, table: _Table) -> Gait:
     try:
         design = _played(name, load_gait, table)
         terrain = Terrain.parse(str(table.left.pop("terrain", "flat")))
+        if ground := {name: table.left.pop(name) for name in KIND.ground_options if name in table.left}:
+            terrain = KIND.on_ground(terrain, ground)
     except ValueError as error:
         raise table.error(str(error)) from None
     at = table.column("time", low=0.0)
@@ -215,7 +223,9 @@ def write_measurements(path: str | os.PathLike[str], geometry: str, experiments:
             lines = [_line("pressure_kpa", experiment.at)]
             kind, value = "diameter", f"{experiment.side}_mm"
         else:
-            lines = [f'gait = "{experiment.name}"', f'terrain = "{experiment.terrain.name}"']
+            where = {**KIND.world_values(experiment.terrain), "terrain": f'"{experiment.terrain.name}"'}
+            lines = [f'gait = "{experiment.name}"']
+            lines += [f"{name} = {list(v) if isinstance(v, tuple) else v}" for name, v in where.items()]
             lines += [_line("time_s", experiment.at)] if np.isfinite(experiment.at).all() else []
             kind, value = "gait", "speed_mm_per_s" if experiment.mean_speed else "distance_mm"
         lines.append(_line(value, experiment.values))

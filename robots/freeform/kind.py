@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot
-from robots.world import TerrainKind
 from taichi_sim.base.files import read_text
 from taichi_sim.base.options import checked, number, numbers, whole
 
@@ -17,7 +17,7 @@ ACTUATION = ("amplitude", "frequency", "cycles", "settling", "channels")
 OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed")
 
 
-class FreeformKind(TerrainKind):
+class FreeformKind(LatticeGroundKind):
     """Freeform robots: what is in each cell of a grid is searched."""
 
     name = "freeform"

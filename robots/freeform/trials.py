@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
+from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.rollout import Channels, Rollout
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled, result_of
 from robots.robot import Progress, Trial, part_of
@@ -25,7 +26,6 @@ MEMORY = 1e9  # of a differentiation's record [B]
 AT_ONCE = 2  # robots a thread in a record: more share the memory, and so compute more again
 REST = 1.0  # size of a cell that no muscle moves [edges]
 ANGLES = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS  # of the nodes of a cycle [rad]
-FRICTIONS = ("static_friction", "kinetic_friction")
 CHOICE = 4.0  # how sharply the heaviest tissue prevails, where nothing is sharpened yet
 
 
@@ -116,8 +116,8 @@ def _mixed(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobot
 
     (swung, driven, *values), pull_back = trace(mixture, points)
     numbers = dict(zip(MIXED, values, strict=True))
-    if (friction := terrain.high_friction) is not None:
-        numbers |= {name: np.full_like(driven, friction) for name in FRICTIONS}
+    ground = material_friction(terrain)
+    numbers |= {name: np.full_like(driven, friction) for name, friction in ground.items()}
     each = np.arange(grid.count)
     plain = LatticeBody(grid.places, palette.materials[:1] * grid.count, each, grid.voxel_size, each)
     bodies = [palette.body(plain, {name: found[row] for name, found in numbers.items()}) for row in range(len(points))]
@@ -129,8 +129,7 @@ def _mixed(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobot
     moved, gradients = rollout.differentiate(trial.gradients, MEMORY, trial.progress), {}
     for name, slopes in moved.slopes.items():
         by = {field: slopes.materials[field] for field in MIXED}
-        if terrain.high_friction is not None:
-            by |= {field: np.zeros_like(driven) for field in FRICTIONS}
+        by |= {field: np.zeros_like(driven) for field in ground}
         gradients[name] = pull_back(slopes.swing, slopes.driven, *by.values())[0]
     return result_of(rollout, moved, gradients)
 

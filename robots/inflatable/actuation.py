@@ -74,7 +74,16 @@ class InflatableActuation:
             raise ValueError(f"inflated: {self.inflated!r} is not allowed; it must exceed deflated, {self.deflated!r}")
 
     def on(self, terrain: Terrain) -> "InflatableActuation":
-        """This actuation with the friction of a terrain; in a fluid, only the fluid resists motion."""
+        """This actuation with the friction of a terrain; in a fluid, only the fluid resists motion.
+
+        Raises:
+            ValueError: for the friction of a lattice robot's materials.
+        """
+        if terrain.static_friction is not None:
+            raise ValueError(
+                f"static_friction: {terrain.static_friction} is not allowed, as it is of lattice robots; give "
+                "high_friction and low_friction"
+            )
         given: dict[str, Any] = {name: getattr(terrain, name) for name in FRICTION_FIELDS}
         if terrain.is_fluid:
             given |= {"moving_damping": 0.0, "settling_damping": 0.0}

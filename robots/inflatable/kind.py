@@ -40,7 +40,7 @@ from robots.robot import (
     Trial,
     World,
 )
-from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, terrain_of
+from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, friction_of_parts, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -171,7 +171,7 @@ class InflatableKind(TerrainKind):
             ValueError: as :meth:`chosen_world` does.
         """
         own = {name: options[name] for name in FRICTION_OF_PARTS if options.get(name) is not None}
-        friction = _friction_of_feet(options)
+        friction = friction_of_feet(options)
         if friction is not None:
             own |= {"low_friction": friction[0], "high_friction": friction[1]}
         if terrain.is_fluid:
@@ -186,8 +186,7 @@ class InflatableKind(TerrainKind):
         if feet != (None, None):
             pairs = zip(feet, (usual.low_friction, usual.high_friction), strict=True)
             found["friction"] = tuple(own if given is None else given for given, own in pairs)
-        parts = {name: getattr(terrain, name) for name in FRICTION_OF_PARTS}
-        return {**found, **{name: value for name, value in parts.items() if value is not None}}
+        return {**found, **friction_of_parts(terrain)}
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""
@@ -476,7 +475,7 @@ class InflatableRobot(Robot):
         )
 
 
-def _friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
+def friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
     """Friction of feet that slide and that grip, from ``friction`` or ``floor``; None if neither is given."""
     friction, floor = options.get("friction"), options.get("floor")
     if floor is not None:
@@ -487,6 +486,8 @@ def _friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
         friction = FLOORS[checks.choice("floor", floor, FLOORS)]
     if friction is None:
         return None
+    if not isinstance(friction, (list, tuple)) or len(friction) != 2:
+        raise ValueError(f"friction: {friction!r} is not allowed; give that of sliding and of gripping feet")
     sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
     if sliding > gripping:
         raise ValueError(

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
+from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
-from robots.world import TerrainKind
 from taichi_sim.base.options import checked, number, whole
 
 
@@ -16,7 +16,7 @@ def _region(text: str) -> Any:
     return MarkedRegion.from_text(text)
 
 
-class LatticeRobotKind(TerrainKind):
+class LatticeRobotKind(LatticeGroundKind):
     """Lattice robots: Python that sets ``robot``, JSON of ``save_robot``, files of VoxCAD and voxcraft, and meshes."""
 
     name = "lattice"

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
+from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.rollout import Aim, ahead
@@ -256,15 +257,12 @@ class LatticeRobot(OutOfTheLab):
         """With the friction of a terrain, where it has one.
 
         Raises:
-            ValueError: if the terrain gives a friction for feet that slide.
+            ValueError: if the terrain gives a friction for parts of the inflatable robot.
         """
-        if terrain.low_friction is not None:
-            raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; drive the friction of a region")
-        if (friction := terrain.high_friction) is None:
+        if not (friction := material_friction(terrain)):
             return self
-        materials = tuple(
-            dataclasses.replace(m, static_friction=friction, kinetic_friction=friction) for m in self.body.materials
-        )
+        changed: Any = friction
+        materials = tuple(dataclasses.replace(material, **changed) for material in self.body.materials)
         return dataclasses.replace(self, body=dataclasses.replace(self.body, materials=materials))
 
     def _shares(self, points: Any) -> list[Any]:

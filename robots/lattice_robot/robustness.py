@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.lattice_robot.ground import without_friction
 from robots.outcome import Judgement
 from robots.robot import Progress, part_of
 from robots.world import Terrain
@@ -72,6 +73,7 @@ def trust_in(
     robot: "LatticeRobot", terrain: Terrain, *, seed: int = 0, compute: Compute, progress: Progress | None = None
 ) -> Trust:
     """Try a robot, of which nothing is free, from noisy starts, with other friction, and with half the time step."""
+    robot, terrain = robot.on(terrain), without_friction(terrain)  # a part of this friction is tried, too
     noise = robot.perturbation or NOISE * robot.body.voxel_size
     noisy = replace(robot, perturbation=noise, seed=seed)
     trials = [("", replace(noisy, seed=seed + number)) for number in range(STARTS)]

@@ -80,7 +80,7 @@ def simulate(
     Args:
         robot: what moves.
         points: values of what is free, shape (N, P); by default those that it starts with.
-        terrain: flat ground by default; its high friction, if any, replaces that of all materials.
+        terrain: flat ground by default; its friction, if any, replaces that of all materials.
         record_every: record the poses every so many time steps from the start of the cycles on.
         progress: called now and then with the fraction done.
         **compute: device, precision (``"f64"`` by default) and threads, as of :class:`Compute`.

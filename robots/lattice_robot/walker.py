@@ -18,6 +18,7 @@ from scipy import ndimage
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import WALKER_FORMAT
+from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled
@@ -168,9 +169,8 @@ def walker_robot(
 
 
 def check_terrain(terrain: Terrain) -> None:
-    """Raise a ValueError if a terrain gives a friction for feet that slide."""
-    if terrain.low_friction is not None:
-        raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; a walker has no sliding feet")
+    """Raise a ValueError if a terrain gives a friction for parts of the inflatable robot."""
+    material_friction(terrain, "a walker has no sliding feet")
 
 
 def simulate(
@@ -187,7 +187,7 @@ def simulate(
 
     Args:
         designs: one design or several.
-        terrain: flat ground by default; its high friction, if any, replaces both of the tissue's.
+        terrain: flat ground by default; its friction, if any, replaces the tissue's.
         tissue: of all voxels.
         actuation: of the active ones.
         record_every: record the poses every so many time steps from the start of the actuation on.

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from robots.lattice_robot.formats import WALKER_FORMAT
+from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
-from robots.world import TerrainKind
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.options import checked, number, whole
 
@@ -21,7 +21,7 @@ def shape_of(text: str) -> tuple[int, ...]:
     return tuple(whole_number("shape", int(part), 1) for part in parts)
 
 
-class WalkerKind(TerrainKind):
+class WalkerKind(LatticeGroundKind):
     """Soft walkers: lattice robots whose bodies are searched voxel by voxel."""
 
     name = "walker"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robots.uncertainty import HELD_OUT, Risk, Uncertainty, summary
+from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, summary
 from robots.world import Terrain
 
 
@@ -62,6 +62,11 @@ def test_a_terrain_takes_what_is_drawn():
     (one,) = Uncertainty(friction=0.2, slope=1.0).draw(1)
     found = one.on(Terrain(9.0), 0.7, 0.5)
     assert found == Terrain(9.0 + one.slope, 0.7 * one.gripping, 0.5 * one.sliding)
+
+
+def test_friction_of_parts_goes_with_that_of_gripping_feet():
+    drawn = Perturbation(sliding=0.5, gripping=1.2).on(Terrain(bladder_friction=0.5), 2.0, 0.1)
+    assert drawn == Terrain(0.0, 2.4, 0.05, bladder_friction=0.6)
 
 
 def test_risk_is_that_of_numpy():

@@ -17,7 +17,7 @@ from robots.inflatable.perturbed import level_slopes, perturbed_design, perturbe
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.timing import predicted_steps
 from robots.uncertainty import Perturbation, Risk, Uncertainty
-from robots.world import Terrain
+from robots.world import Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats, Ints
 
 
@@ -68,7 +68,8 @@ class Draws:
         own, made, terrains = actuation.on(terrain), [], []
         for design, factor in zip(copies, factors.tolist(), strict=True):
             high, low = own.high_friction * factor, own.low_friction * factor
-            terrains.append(dataclasses.replace(terrain, high_friction=high, low_friction=low))
+            feet = {"high_friction": high, "low_friction": low}
+            terrains.append(dataclasses.replace(terrain, **feet, **friction_of_parts(own, factor)))
             made.append(_with_friction(design, factor))
         return Copies(made, terrains, actuation, factors)
 

@@ -19,7 +19,7 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import NOISE
-from robots.world import STEEPEST, Terrain
+from robots.world import FRICTION_OF_PARTS, STEEPEST, Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
@@ -63,12 +63,13 @@ class Robot(Settings):
         checks.number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
 
     def describe(self) -> dict[str, Any]:
-        """Describe all settings for JSON, as version 1.0 did, which knew no ``ramp_steps`` and no ``closed``."""
+        """Describe all settings for JSON; those that version 1.0 did not know only where they are given."""
         described = super().describe()
         if not self.geometry.closed:
             del described["geometry"]["closed"]
-        if self.actuation.ramp_steps is None:
-            del described["actuation"]["ramp_steps"]
+        for name in ("ramp_steps", *FRICTION_OF_PARTS):
+            if getattr(self.actuation, name) is None:
+                del described["actuation"][name]
         return described
 
     def speeds(self, cases: Sequence[Case], threads: int | None = None, progress: Progress = None) -> Floats:

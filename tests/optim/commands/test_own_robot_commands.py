@@ -179,3 +179,20 @@ def test_the_walker_of_voxcad_walks():
     assert robot.drives[0].phase == pytest.approx((0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.25, 0.35, 0.65, 0.75))
     found = simulate(robot, threads=1)
     assert found.status[0] == "ok" and found.distance[0] > 0.03  # of 0.12 m of body, in a second
+
+
+@pytest.mark.kernels
+def test_friction_of_the_ground_is_in_the_run_and_in_the_command_of_its_report(morpholab, tmp_path, mine):
+    run = "codesign --robot my_robot.py --terrain hill:3 --ground-friction 0.6,0.3 --climbers 2 --generations 0"
+    assert morpholab(f"{run} --out a {QUICK}")[0] == 0
+    config = tomllib.loads((tmp_path / "a/config.toml").read_text())["problem"]
+    assert config["worlds"] == [{"slope": 3.0, "static_friction": 0.6, "kinetic_friction": 0.3}]
+    assert morpholab("report a --no-player --quiet --out page.html")[0] == 0
+    page = (tmp_path / "page.html").read_text()
+    assert "--terrain hill:3 --ground-friction 0.6,0.3 " in page and "friction 0.6 static, 0.3 kinetic" in page
+    best = "simulate --gait a/best.json --terrain hill:3 --precision f64 --threads 1 --json"
+    speeds = [json.loads(morpholab(f"{best} {more}")[1])["speed"] for more in ("--ground-friction 0.6,0.3", "")]
+    logged = json.loads((tmp_path / "a/log.jsonl").read_text().splitlines()[-1])["best"]
+    assert speeds[0] == logged != speeds[1]
+    code, _, error = morpholab(f"{best} --floor wood")
+    assert code == 2 and "floor: it is an option of other kinds (inflatable robot); leave it out" in error

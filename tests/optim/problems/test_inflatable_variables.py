@@ -10,7 +10,7 @@ from linear_robot import Linear
 from optim.problems.inflatable.draws import Draws, eased
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.inflatable.settings import MORE_PARTS
-from robots.inflatable import INCHING, load_design
+from robots.inflatable import INCHING, InflatableActuation, load_design
 from robots.inflatable.materials import RegionMaterials
 from robots.world import Terrain
 
@@ -104,6 +104,15 @@ def test_relaxed_gaits_are_means_of_draws_and_true_ones_are_not(linear):
     assert np.array_equal(made.evaluate_relaxed(points[2:], 0.0, gradients=True).objectives, relaxed.objectives[2:])
     steps = made.robot_steps(points, true)
     assert np.array_equal(made.robot_steps(points, relaxed, relaxed=True) > 2 * steps, np.full(4, True))
+
+
+def test_friction_of_parts_is_spread_with_that_of_feet():
+    grounds = Draws(3, 0.0, 0.5).robots([INCHING], Terrain(seam_friction=0.6), InflatableActuation(skin_friction=1.0))[
+        1
+    ]
+    assert [t.seam_friction for t in grounds] == pytest.approx([0.4, 0.6, 0.9])
+    assert [t.skin_friction for t in grounds] == pytest.approx([1 / 1.5, 1.0, 1.5])
+    assert [t.bladder_friction for t in grounds] == [None] * 3
 
 
 def test_one_copy_that_fails_fails_its_gait():

@@ -30,6 +30,7 @@ from robots.inflatable.design import InflatableDesign, load_design
 from robots.inflatable.program import WHOLE
 from robots.inflatable.simulation import simulate
 from robots.inflatable.timing import gait_steps
+from robots.world import Terrain
 
 BODY = NAMED_GEOMETRIES["published"]
 PLAN = Plan(
@@ -137,6 +138,12 @@ def test_on_flat_ground_the_heading_changes_no_way():
     left = sideways(found.displacement, headings)
     np.testing.assert_allclose(found.distance**2 + left**2, (found.displacement**2).sum(axis=1), rtol=1e-12)
     assert left[0] == pytest.approx(found.displacement[0, 1]) and left[2] == pytest.approx(-found.displacement[2, 0])
+
+
+def test_all_of_the_ladder_has_the_friction_of_the_ground(tmp_path):
+    made = Program(tmp_path, PLAN, 0, 15.0, ground=Terrain(0.0, 0.7, 0.56))._on(RUNGS, GRADED)
+    assert made.terrains == tuple(Terrain(slope, 0.7, 0.56) for slope in (0.0, 5.0, 10.0, 15.0))
+    assert Program(tmp_path, PLAN, 0, 15.0)._on(RUNGS, GRADED).terrains[0] == Terrain()
 
 
 @pytest.mark.long

@@ -1,6 +1,7 @@
 """``morpholab reproduce``: every study in its catalogue exists, one runs whole, and mistakes are one line."""
 
 import json
+from dataclasses import replace
 from inspect import signature
 
 import pytest
@@ -13,6 +14,7 @@ from optim.studies.chapter3.sweep_table import sample_designs
 from optim.studies.chapter4 import training
 from optim.studies.chapter4.training import Training, TrainingInBodies
 from robots.braitenberg import Sweep
+from robots.world import Terrain
 from taichi_sim.base.files import sha256
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -67,6 +69,20 @@ def test_a_study_of_an_installed_package_is_listed_and_runs(morpholab, tmp_path,
     STUDIES._loaded.pop("hops")
 
 
+def test_hunts_take_the_friction_of_the_ground(morpholab, monkeypatch):
+    assert {name for name in STUDIES if STUDIES[name].has_ground} == {"gait-hunt", "gait-climb"}
+    seen = []
+    for name in ("gait-hunt", "gait-climb"):
+        seen_by = lambda folder, settings, progress, **options: seen.append(settings)  # noqa: E731
+        monkeypatch.setitem(STUDIES._loaded, name, replace(STUDIES[name], run=seen_by))
+        for ground in ("", "--floor wood", "--friction 0.1,1"):
+            assert morpholab(f"reproduce {name} --out a --quiet {ground}")[0] == 0
+    pairs = [(settings.terrain, settings.told) for settings in seen]
+    hills = [Terrain(15.0), Terrain(15.0, 0.7, 0.56), Terrain(15.0, 1.0, 0.1)]
+    told = [{}, {"friction": [0.56, 0.7]}, {"friction": [0.1, 1.0]}]
+    assert pairs == 2 * [(hill, {"slope": 15.0, **more}) for hill, more in zip(hills, told, strict=True)]
+
+
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_path, name):
     (tmp_path / "a").mkdir()
@@ -79,6 +95,10 @@ def test_a_folder_of_something_else_is_refused_before_any_work(morpholab, tmp_pa
 @pytest.mark.parametrize(
     ("line", "message"),
     [
+        ("reproduce training --out a --floor wood", "floor: study training has its own; leave it out"),
+        ("reproduce training --out a --friction 0.1,1", "friction: study training has its own; leave it out"),
+        ("reproduce gait-hunt --out a --floor gravel", "floor: gravel is not allowed, as no friction on it"),
+        ("reproduce --floor wood", "floor: wood is not allowed without a study; name one first"),
         (
             "reproduce trainings --out a",
             "study: 'trainings' is unknown; did you mean training? all of them: sensor-placement",

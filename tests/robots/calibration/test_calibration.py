@@ -250,6 +250,20 @@ def test_a_file_says_what_was_measured(tmp_path):
     assert gait.terrain == Terrain(5.0) and gait.design == STEP
 
 
+def test_a_gait_may_be_measured_on_a_known_floor_and_bladders_may_weigh(tmp_path):
+    ground = 'terrain = "hill:5"\nfloor = "wood"\nbladder_friction = 0.3'
+    (tmp_path / "a.toml").write_text('weight = "physical"\n' + GOOD.replace('terrain = "hill:5"', ground))
+    found = read_measurements(tmp_path / "a.toml", named)
+    gait = found.experiments[-1]
+    assert gait.terrain == Terrain(5.0, 0.7, 0.56, bladder_friction=0.3) and found.weight == "physical"
+    assert gait.informs == ("inflation_rate", "modulus")
+    (tmp_path / "usual.toml").write_text(GOOD)
+    usual = read_measurements(tmp_path / "usual.toml", named)
+    assert usual.weight == "published" and usual.experiments[-1].informs[1:3] == ("friction", "low_friction")
+    write_measurements(tmp_path / "b.toml", "small", found.experiments)
+    assert read_measurements(tmp_path / "b.toml", named).experiments[-1].terrain == gait.terrain
+
+
 def test_files_come_back(tmp_path):
     experiments = [
         dataclasses.replace(drag(grips=False), deviations=np.full(6, 1e-3)),
@@ -281,6 +295,14 @@ BAD = [
     ("[0.1, 0.2]", "[0.1, 20]", "diameter 1: pressure: 137895.14 is not allowed"),
     ('"inching"', '"crawling"', "gait 1: gait: 'crawling' is neither a known gait"),
     ("columns = 2", "columns = 20", "gait 1: columns: 20 is not allowed; the gait has 8"),
+    ("columns = 2", 'floor = "gravel"', "gait 1: floor: gravel is not allowed, as no friction on it was published"),
+    (
+        "columns = 2",
+        "friction = 0.5",
+        "gait 1: friction: 0.5 is not allowed; give that of sliding and of gripping feet",
+    ),
+    ("columns = 2", "seam_friction = -1", "gait 1: seam_friction: -1 is not allowed"),
+    ('geometry = "small"', 'weight = "none"', "weight: 'none' is unknown; choose one of published, physical"),
     ("hill:5", "moon", "gait 1: terrain: 'moon' is unknown"),
     ("speed_mm_per_s = 12.0", "", "gait 1: column speed is missing"),
     ('geometry = "small"', 'geometry = "large"', "geometry: 'large' is unknown; choose one of published, small"),
@@ -335,6 +357,20 @@ def test_a_calibration_goes_from_a_file_to_simulate(morpholab, tmp_path, monkeyp
     code, _, _ = morpholab("simulate --gait inching --calibration fit/calibration.json")
     assert code == 0 and used["geometry"] == SMALL
     assert used["actuation"].high_friction == properties.friction
+
+
+@pytest.mark.parametrize("weight", ["published", "physical"])
+def test_the_robot_that_is_fitted_has_the_weight_of_the_file(morpholab, tmp_path, monkeypatch, weight):
+    used = []
+
+    def stopped(experiments, laboratory, *others):
+        used.append(laboratory)
+        raise ValueError("seen: enough")
+
+    monkeypatch.setattr("optim.calibration.calibrate", stopped)
+    (tmp_path / "a.toml").write_text(f'weight = "{weight}"\n{DRAGS}')
+    assert morpholab("calibrate a.toml --quiet")[0] == 2
+    assert used[0].drive(Properties.of()).weight == used[0].actuation.weight == weight
 
 
 def stand_in():

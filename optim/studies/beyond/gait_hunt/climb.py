@@ -5,7 +5,7 @@ noise, under both conditions of ``robots.inflatable.robustness``; the best of th
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -51,7 +51,7 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
 
     Where the folder holds the tables alone, the rest is made from them.
     """
-    if tables := read_alone(folder, "gait-climb", TABLES, FILES, {"slope": settings.slope}):
+    if tables := read_alone(folder, "gait-climb", TABLES, FILES, settings.told):
         write_reports(folder, settings, *tables)
         return
     tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in settings.seeds]
@@ -67,7 +67,8 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
 def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], progress: Progress) -> Climbed:
     """The program of one seed, and its finalists."""
     options = {"geometry": settings.geometry, **where}
-    program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, part_of(progress, 0, 10, 9), options)
+    ground, share = replace(settings.terrain, slope=0.0), part_of(progress, 0, 10, 9)
+    program = Program(runs / f"seed-{seed}", settings.plan, seed, settings.slope, share, options, ground=ground)
     finalists: dict[str, Sequence[Finalist]] = {}
     for number, step in enumerate(program.run()):
         path, share = runs / f"seed-{seed}-{step.name}.json", part_of(progress, 27 + number, 30)
@@ -120,7 +121,7 @@ def _step_row(step: Step) -> dict[str, Any]:
 
 def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: Sequence[Record]) -> None:
     """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the records of both tables."""
-    write_json(folder / "summary.json", {"slope": settings.slope, "seeds": rows, "steps": steps})
+    write_json(folder / "summary.json", {**settings.told, "seeds": rows, "steps": steps})
     write_text(folder / "table.md", text_of(rows))
     _draw(settings, rows, steps, folder / "climb.png")
 

@@ -16,6 +16,7 @@ from optim.runs.history import History
 from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import InflatableDesign, save_design
+from robots.inflatable.kind import InflatableKind
 from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE, NoisySpeeds, play_with_noise
 from robots.world import Terrain
 from taichi_sim.base import checks
@@ -29,6 +30,13 @@ def check_seeds(name: str, seeds: Sequence[int]) -> Sequence[int]:
     return tuple(checks.integer(name, seed, 0) for seed in seeds)
 
 
+def check_friction(name: str, friction: Sequence[float]) -> tuple[float, float]:
+    """Return the friction of sliding and of gripping feet; raises ValueError for what is not allowed."""
+    terrain = InflatableKind().on_ground(Terrain(), {name: friction})
+    assert terrain.low_friction is not None and terrain.high_friction is not None
+    return terrain.low_friction, terrain.high_friction
+
+
 Seeds = Annotated[tuple[int, ...], check_seeds]
 
 
@@ -40,6 +48,7 @@ class Finals(Settings):
     geometry: str = "published"  # of the robot, by name
     finalists: Count = 4  # designs of a search that are played in full, at most
     runs: Count = 4  # with noise, of each of them under either condition
+    friction: Annotated[tuple[float, float], check_friction] | None = None  # of sliding and of gripping feet
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -48,7 +57,13 @@ class Finals(Settings):
     @property
     def terrain(self) -> Terrain:
         """The hill."""
-        return Terrain(self.slope)
+        low, high = self.friction or (None, None)
+        return Terrain(self.slope, high, low)
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """The slope, and the friction where it is not the robot's own."""
+        return {"slope": self.slope, **({} if self.friction is None else {"friction": list(self.friction)})}
 
 
 @dataclass(frozen=True, eq=False)

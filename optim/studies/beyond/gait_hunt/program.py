@@ -91,7 +91,7 @@ def turned(problem: GaitProblem, designs: Sequence[InflatableDesign], options: M
         terrain, shape (N, T); ``spent`` [robot-steps] and ``wall_s`` on both simulations.
     """
     started = time.perf_counter()
-    flat = simulation.simulate(designs, Terrain(), **options)
+    flat = simulation.simulate(designs, replace(problem.terrains[0], slope=0.0), **options)
     ok = np.asarray(flat.status) == "ok"
     headings = heading_of(np.where(ok[:, None], flat.displacement, 0.0))
     facing = [replace(design, orientation=float(angle)) for design, angle in zip(designs, headings, strict=True)]
@@ -228,6 +228,7 @@ class Program:
     slope: float  # to be climbed in the end [degrees]
     progress: Progress = None  # called with the fraction done, which is estimated from the number of gaits
     where: Mapping[str, Any] = field(default_factory=dict)  # geometry, precision, device and threads of the simulations
+    ground: Terrain = field(default_factory=Terrain)  # level; its friction is that of all slopes
     steps: dict[str, Step] = field(default_factory=dict)  # made so far, by name, in the order in which they began
 
     def run(self) -> tuple[Step, ...]:
@@ -308,7 +309,9 @@ class Program:
         return self._search(name, problem, settings, generations, method)
 
     def _on(self, rungs: Sequence[float], options: Mapping[str, Any]) -> GaitProblem:
-        return GaitProblem(tuple(Terrain(rung * self.slope) for rung in rungs), **options, **self.where)
+        return GaitProblem(
+            tuple(replace(self.ground, slope=rung * self.slope) for rung in rungs), **options, **self.where
+        )
 
     def _search(
         self, name: str, problem: GaitProblem, settings: Mapping[str, Any], generations: int, method: str = "genetic"

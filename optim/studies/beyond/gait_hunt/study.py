@@ -77,7 +77,7 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
 
     Where the folder holds the tables alone, the rest is made from them.
     """
-    if tables := read_alone(folder, "gait-hunt", TABLES, FILES, {"budget": settings.budget, "slope": settings.slope}):
+    if tables := read_alone(folder, "gait-hunt", TABLES, FILES, {"budget": settings.budget, **settings.told}):
         write_reports(folder, settings, *tables)
         return
     searches, found, bests = settings.searches, dict[Run, Course](), dict[Run, Finalist | None]()
@@ -139,7 +139,7 @@ def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations:
     starts = {name: [row["mean"] for row in where(generations, search=name, generation=0)] for name in groups}
     apart = differences({name: column(group, "speed") for name, group in groups.items()}, starts)
     found = {"searches": summary, "differences": apart, "runs": rows}
-    write_json(folder / "summary.json", {"budget": hunt.budget, "slope": hunt.slope, **found})
+    write_json(folder / "summary.json", {"budget": hunt.budget, **hunt.told, **found})
     labels = {name: row["label"] for name, row in summary.items()}
     write_text(folder / "table.md", text_of(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
     _draw(groups, generations, folder / "hunt.png")
