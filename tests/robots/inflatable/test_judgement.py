@@ -17,7 +17,7 @@ from robots.inflatable.robustness import judge_gait
 from robots.inflatable.scrutiny import Scrutiny
 from robots.inflatable.simulation import sideways, simulate
 from robots.inflatable.timing import gait_steps
-from robots.inflatable.variations import HALF_STEP, Conditions, variations_of
+from robots.inflatable.variations import HALF_STEP, Conditions, at_half_step, variations_of
 from robots.world import FLOORS, Terrain
 
 KINDS = kinds_of(TINY.body.regions)
@@ -175,6 +175,20 @@ def test_half_the_time_step_takes_the_same_time(own):
     assert steps[1] == pytest.approx(2 * steps[0], abs=20)
     begin = [each.actuation.initial_steps(INCHING.pressure) for each in (given, half)]
     assert begin[1] == pytest.approx(2 * begin[0], abs=2)
+
+
+@pytest.mark.kernels
+def test_shorter_and_shorter_time_steps_agree_more_and_more():
+    """Where nothing touches anything, the same strokes in half the time step, and in half of that, move it alike."""
+    drive = dataclasses.replace(QUICK, inflation_rate=0.003)
+    design = dataclasses.replace(INCHING, schedule=INCHING.schedule.cut(2, 1))
+    whole = Conditions(design, Terrain.water(), TINY, drive)
+    half = at_half_step(whole)
+    way = []
+    for tried in (whole, half, at_half_step(half)):
+        options = {"geometry": tried.geometry, "actuation": tried.actuation, "precision": "f64"}
+        way.append(simulate(tried.design, tried.terrain, **options).distance[0])
+    assert abs(way[2] - way[1]) < 0.1 * abs(way[1] - way[0]) and way[2] == pytest.approx(way[1], rel=0.05)
 
 
 def test_columns_too_long_for_half_the_time_step_are_not_tried_with_it():
