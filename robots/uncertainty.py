@@ -2,9 +2,9 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ SHARES = (*FRICTION, *DRIVE)  # given in percent
 MOST = {"timing": 0.5}  # of shares, where it is less than 1
 TAIL = 0.2  # share of the worst draws that a judgement tells of, unless the risk names one
 JUDGED_DRAWS = 64  # held-out draws by which designs are judged
+RESAMPLES = 2000  # of the bootstrap
 SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
 
 
@@ -167,6 +168,11 @@ class Risk:
             raise ValueError(f"risk: {text!r} is not allowed; give mean, worst or cvar:SHARE with a share in (0, 1]")
         return cls(number)
 
+    @property
+    def text(self) -> str:
+        """The text that says it."""
+        return {1.0: "mean", 0.0: "worst"}.get(self.share, f"cvar:{self.share:g}")
+
     def weights(self, scores: ArrayLike) -> Floats:
         """Derivatives of the number by the scores, shape (..., K): of the worst K times share, equal weights.
 
@@ -197,6 +203,8 @@ def judge_uncertain(
 ) -> Judgement:
     """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
 
+    What the risk names is told first; CVaR is of its share, or of ``TAIL``.
+
     Raises:
         ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
     """
@@ -219,28 +227,37 @@ def judge_uncertain(
     failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
     about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}
     if failed:
-        return Judgement(f"{failed} of {draws} held-out draws failed", about, True)
+        return Judgement(spoken(about), about, True)
     found = summary([float(outcome.measures[measure.name][0]) for outcome in outcomes], share)
-    mean, low, high, deviation, tail, worst = found.values()
-    text = (
-        f"{measure.name} over {draws} held-out draws: mean {mean:.4f} (95 % interval {low:.4f} to {high:.4f}), "
-        f"standard deviation {deviation:.4f}, CVaR {share:g} {tail:.4f}, worst {worst:.4f} {measure.unit}"
-    )
-    return Judgement(text, {**about, "measure": measure.name, "share": share, **found})
+    document = {**about, "measure": measure.name, "unit": measure.unit, "risk": risk.text, "share": share, **found}
+    return Judgement(spoken(document), document)
+
+
+def spoken(document: Mapping[str, Any]) -> str:
+    """What is told people of the document of a judgement over draws, what the risk names first."""
+    if document["failed"]:
+        return f"{document['failed']} of {document['draws']} held-out draws failed"
+    names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
+    first = document["risk"].partition(":")[0]
+    parts = [
+        f"{names[name]} {document[name]:.4f} (95 % interval {document[f'{name}_low']:.4f} to "
+        f"{document[f'{name}_high']:.4f})"
+        for name in sorted(names, key=lambda name: name != first)
+    ]
+    measure, draws = document["measure"], document["draws"]
+    told = f"{', '.join(parts)}, standard deviation {document['sd']:.4f} {document['unit']}".rstrip()
+    return f"{measure} over {draws} held-out draws: {told}"
 
 
 def summary(scores: Sequence[float], share: float) -> dict[str, float]:
-    """Mean, standard deviation, CVaR and worst of scores, with the 95 % interval of the mean."""
-    from scipy import stats
+    """Mean, CVaR and worst of scores, each with its 95 % bootstrap interval, and their standard deviation.
 
+    The interval of the worst is that of the worst of the draws, which goes no lower: others may be worse.
+    """
     each = np.asarray(scores, float)
-    mean, deviation = float(each.mean()), float(each.std(ddof=1))
-    half = float(stats.t.ppf(0.975, len(each) - 1)) * deviation / math.sqrt(len(each))
-    return {
-        "mean": mean,
-        "mean_low": mean - half,
-        "mean_high": mean + half,
-        "sd": deviation,
-        "cvar": float(Risk(share).of(each)),
-        "worst": float(each.min()),
-    }
+    picked = np.random.default_rng(0).integers(0, len(each), (RESAMPLES, len(each)))
+    found: dict[str, float] = {"sd": float(each.std(ddof=1))}
+    for name, part in (("mean", 1.0), ("cvar", share), ("worst", 0.0)):
+        low, high = np.percentile(Risk(part).of(each[picked]), [2.5, 97.5])
+        found |= {name: float(Risk(part).of(each)), f"{name}_low": float(low), f"{name}_high": float(high)}
+    return found

@@ -62,6 +62,43 @@ def test_simulate_tells_mean_deviation_tail_and_worst(morpholab, simulator):
     assert code == 1 and json.loads(out)["failed"] > 0 and "mean" not in json.loads(out)
 
 
+def test_summary_comparison_and_report_tell_of_held_out_draws(morpholab, simulator, tmp_path):
+    for name, options in (("a", ""), ("b", "--seed 1"), ("c", "--seed 3 --climbers 4")):
+        code, out, _ = morpholab(f"codesign {SEARCH} --generations 1 --out runs/{name} {options}")
+        assert code == 0 and "hill:9: speed over 64 held-out draws: CVaR 0.25 " in out and "worst " in out
+    code, out, _ = morpholab("compare runs/a runs/b runs/c")
+    assert code == 0 and "hill:9, cvar (2 runs): " in out and "hill:9, worst (1 run): " in out
+    code, out, _ = morpholab("compare runs/a runs/b runs/c --json")
+    found = json.loads(out)["held_out"]
+    robust = [json.loads((tmp_path / f"runs/{name}/robust.json").read_text())["terrains"]["hill:9"] for name in "abc"]
+    means = [one["value"] for one in found if one["name"] == "mean"]
+    assert sorted(means) == sorted([(robust[0]["mean"] + robust[1]["mean"]) / 2, robust[2]["mean"]])
+    assert all(one["low"] <= one["value"] <= one["high"] for one in found)
+    code, out, error = morpholab("report runs/a --out a.html --no-player")
+    assert code == 0, error
+    page = (tmp_path / "a.html").read_text()
+    assert "The best design over held-out draws" in page and "CVaR 0.25" in page
+    assert morpholab("report runs/a runs/b runs/c --no-player --out all.html")[0] == 0
+    assert "Best designs over draws that no search saw" in (tmp_path / "all.html").read_text()
+    (tmp_path / "runs/a/robust.json").write_text('{"terrains": {"hill:9": {"failed": 0}}}')
+    assert morpholab("report runs/a --no-player --out later.html")[0] == 0
+    assert "over held-out draws" not in (tmp_path / "later.html").read_text()
+
+
+def test_runs_of_another_risk_are_not_compared(morpholab, simulator):
+    for name, risk in (("a", "mean"), ("b", "worst")):
+        line = f"codesign {SEARCH.replace('cvar:0.25', risk)} --generations 0 --out runs/{name}"
+        assert morpholab(line)[0] == 0
+    code, _, error = morpholab("compare runs/a runs/b")
+    assert code == 2 and "are judged differently (risk null and" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(("risk", "first"), [("worst", "worst "), ("cvar:0.3", "CVaR 0.3 "), ("mean", "mean ")])
+def test_what_the_risk_names_is_told_first(morpholab, simulator, risk, first):
+    code, out, _ = morpholab(f"simulate --gait rolling --slope 9 --uncertain slope=1 --draws 8 --risk {risk}")
+    assert code == 0 and f"held-out draws: {first}" in out and out.count("95 % interval") == 3
+
+
 def test_levels_and_timing_of_bladders_are_drawn(morpholab, simulator):
     code, _, _ = morpholab("simulate --gait rolling --uncertain levels=5%,timing=5% --draws 8")
     (call,) = simulator.calls
