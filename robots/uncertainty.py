@@ -4,7 +4,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,9 @@ from robots.robot import HERE, OK, Judgement, Progress, Robot, World
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice import Material
 
 FRICTION = ("friction", "sliding", "gripping")
 DRIVE = ("levels", "timing")  # of actuators
@@ -47,6 +50,18 @@ class Perturbation:
     def tilted(self, terrain: Terrain) -> float:
         """The slope of a terrain in this draw [degrees]."""
         return min(max(terrain.slope + self.slope, -STEEPEST), STEEPEST)
+
+    def rubbed(self, material: "Material") -> "Material":
+        """A material with the friction of this draw."""
+        static, kinetic = self.gripping * material.static_friction, self.gripping * material.kinetic_friction
+        return dataclasses.replace(material, static_friction=static, kinetic_friction=kinetic)
+
+    def around(self, robot: Robot, terrain: Terrain) -> Terrain:
+        """The terrain of this draw for a robot, whose own friction, if it has no feet, is not the terrain's."""
+        if robot.foot_friction is not None:
+            return self.on(terrain, *robot.foot_friction)
+        high = None if terrain.high_friction is None else terrain.high_friction * self.gripping
+        return dataclasses.replace(terrain, slope=self.tilted(terrain), high_friction=high)
 
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
         """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
@@ -116,6 +131,19 @@ class Uncertainty:
         """The text that says it, always the same for the same uncertainty."""
         given = [name for name in QUANTITIES if getattr(self, name)]
         return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
+
+    def check(self, robot: Robot, world: World) -> None:
+        """Refuse to draw what a robot or its world does not have.
+
+        Raises:
+            ValueError: that names it.
+        """
+        if not isinstance(world, Terrain) or world.is_fluid:
+            raise ValueError(f"uncertain: {self.text} is not allowed {world.where}, which has no ground")
+        for name in QUANTITIES:
+            if getattr(self, name) and name not in robot.uncertain_in:
+                lacking = "friction" if name == "friction" else "actuators" if name in DRIVE else f"{name} feet"
+                raise ValueError(f"uncertain: {self.text} is not allowed; {robot.name} has no {lacking} to draw")
 
     @property
     def drives(self) -> bool:
@@ -208,21 +236,12 @@ def judge_uncertain(
     Raises:
         ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
     """
-    if not isinstance(world, Terrain) or world.is_fluid:
-        raise ValueError(f"uncertain: {uncertainty.text} is not allowed {world.where}, which has no ground")
+    uncertainty.check(robot, world)
+    assert isinstance(world, Terrain)
     share = risk.share if 0 < risk.share < 1 else TAIL
     drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
-    feet = robot.foot_friction
-    if feet is None and any(getattr(uncertainty, name) for name in FRICTION):
-        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no friction to draw")
-    if not robot.actuators and uncertainty.drives:
-        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no actuators to draw")
-    terrains: list[World] = [
-        one.on(world, *feet) if feet is not None else dataclasses.replace(world, slope=one.tilted(world))
-        for one in drawn
-    ]
-    drives = drawn if uncertainty.drives else ()
-    outcomes = robot.simulate_in(terrains, draws=drives, compute=compute, progress=progress)
+    terrains = [one.around(robot, world) for one in drawn]
+    outcomes = robot.simulate_in(terrains, draws=drawn, compute=compute, progress=progress)
     measure = robot.measures[0]
     failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
     about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}

@@ -145,7 +145,7 @@ def _write_table(robot: "Robot", seed: int, path: Path) -> None:
 
 
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
-    from optim.problems.held_out import ROBUST_FILE
+    from optim.problems.uncertain import ROBUST_FILE
     from optim.runs.robust import read_robust, told_of
 
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}

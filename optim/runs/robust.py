@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from optim.measures.statistics import mean_band
-from optim.problems.held_out import ROBUST_FILE
+from optim.problems.uncertain import ROBUST_FILE
 from robots.uncertainty import spoken
 
 NAMES = ("mean", "cvar", "worst")

@@ -40,6 +40,7 @@ from robots.robot import (
     Trial,
     World,
 )
+from robots.uncertainty import QUANTITIES
 from robots.world import FLOORS, Terrain, TerrainKind, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -225,6 +226,7 @@ class InflatableRobot(Robot):
 
     kind = "inflatable"
     measures = MEASURES
+    uncertain_in = QUANTITIES
     actuators = BLADDERS
     worlds = (Terrain(),)
     pictured = True

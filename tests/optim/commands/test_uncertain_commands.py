@@ -125,3 +125,37 @@ def test_a_robot_without_the_quantity_is_refused_in_one_line(morpholab):
     assert code == 2 and "walker has no friction to draw" in error and error.count("\n") == 1
     code, _, error = morpholab("simulate --robot walker --uncertain levels=10% --draws 3")
     assert code == 2 and "walker has no actuators to draw" in error and error.count("\n") == 1
+
+
+FREEFORM = "--robot freeform --shape 3,2,2 --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet --seed 2"
+FREEFORM_UNKNOWN = "--uncertain friction=20%,slope=1 --uncertain levels=5%,timing=5% --risk worst --draws 3"
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("method", ["genetic --set population=4", "gradient --climbers 2"])
+def test_freeform_robots_are_designed_under_uncertainty_and_resume_to_the_bit(morpholab, tmp_path, method):
+    line = f"codesign {FREEFORM} {FREEFORM_UNKNOWN} --method {method}"
+    code, out, error = morpholab(f"{line} --generations 2 --out runs/a")
+    assert code == 0, error
+    assert "flat: speed over 64 held-out draws: worst " in out
+    assert morpholab(f"{line} --generations 1 --out runs/b")[0] == 0
+    assert morpholab("codesign --resume --generations 2 --out runs/b --quiet --threads 1")[0] == 0
+    assert log(tmp_path / "runs/a") == log(tmp_path / "runs/b")
+    assert 'risk = "worst"' in (tmp_path / "runs/a/config.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            "--uncertain sliding=10%",
+            "sliding=0.1 is not allowed; freeform robot has no sliding feet to draw",
+        ),
+        ("--draws 4", "draws: 4 is not allowed without uncertain"),
+        ("--risk worst", "risk: worst is not allowed without uncertain"),
+        ("--uncertain slope=1 --terrain water", "uncertain: slope=1.0 is not allowed in water, which has no ground"),
+    ],
+)
+def test_bad_options_of_other_robots_get_one_line(morpholab, options, message):
+    code, _, error = morpholab(f"codesign {FREEFORM} {options} --out runs/x")
+    assert code == 2 and message in error and error.count("\n") == 1
