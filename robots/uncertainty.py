@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.robot import HERE, OK, Judgement, Progress, Robot, World
-from robots.world import STEEPEST, Terrain
+from robots.world import FRICTION_OF_PARTS, STEEPEST, Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -35,7 +35,7 @@ class Perturbation:
 
     Attributes:
         sliding: factor of the friction of sliding feet.
-        gripping: factor of that of gripping feet and skin.
+        gripping: factor of that of gripping feet, skin, seams and bladders.
         slope: added to the slope [degrees].
         levels: factors of how far actuators go, one each; none is as they are told.
         timing: factor of how long their strokes, and waits between them, last.
@@ -67,11 +67,13 @@ class Perturbation:
         """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
         high = (high if terrain.high_friction is None else terrain.high_friction) * self.gripping
         low = low if terrain.low_friction is None else terrain.low_friction
+        parts = {name: getattr(terrain, name) for name in FRICTION_OF_PARTS}
         return dataclasses.replace(
             terrain,
             slope=self.tilted(terrain),
             high_friction=high,
             low_friction=min(low * self.sliding, high),  # sliding feet never hold better than gripping ones
+            **{name: own * self.gripping for name, own in parts.items() if own is not None},
         )
 
 

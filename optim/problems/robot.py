@@ -342,7 +342,7 @@ class JudgedRobot(RobotDesigning):
             *self.offered.facts(),
             (
                 f"{KINDS[self.offered.kind].world_option.capitalize()}s",
-                ", ".join(world.name for world in self.tried_in),
+                ", ".join(KINDS[self.offered.kind].world_told(world) for world in self.tried_in),
             ),
             ("Objective", told),
             *([("Uncertain", f"{self.uncertain}: {self.risk} of {self.draws} draws")] if self.uncertain else []),

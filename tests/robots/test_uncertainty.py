@@ -63,6 +63,9 @@ def test_a_terrain_takes_what_is_drawn():
     (one,) = Uncertainty(friction=0.2, slope=1.0).draw(1)
     found = one.on(Terrain(9.0), 0.7, 0.5)
     assert found == Terrain(9.0 + one.slope, 0.7 * one.gripping, 0.5 * one.sliding)
+    parts = one.on(Terrain(bladder_friction=0.3, seam_friction=0.9), 0.7, 0.5)
+    assert (parts.bladder_friction, parts.seam_friction) == (0.3 * one.gripping, 0.9 * one.gripping)
+    assert parts.skin_friction is None
 
 
 def test_risk_is_that_of_numpy():
