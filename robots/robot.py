@@ -93,7 +93,8 @@ class Robot:
     differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
     exportable = False  # whether :meth:`table` makes a table for hardware
     foot_friction: tuple[float, float] | None = None  # of feet that grip and that slide, where a terrain gives none
-    actuators: int = 0  # how many there are whose levels and timing may be uncertain, see :meth:`perturbed`
+    uncertain_in: tuple[str, ...] = ("slope",)  # which ``robots.uncertainty.QUANTITIES`` can be drawn of it
+    actuators: int = 0  # whose levels can be drawn
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
     curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
     descriptors: Mapping[
@@ -160,8 +161,8 @@ class Robot:
         ]
 
     def perturbed(self, drawn: "Perturbation") -> "Robot":
-        """This robot, of which nothing is free, with the levels and timing of a draw, if it has ``actuators``."""
-        raise NotImplementedError
+        """This robot with what a draw says of itself, such as the levels of its actuators; the world is another's."""
+        return self
 
     def differentiate(
         self,

@@ -2,17 +2,20 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.robot import HERE, OK, Judgement, Progress, Robot, World
-from robots.world import STEEPEST, Terrain, friction_of_parts
+from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice import Material
 
 FRICTION = ("friction", "sliding", "gripping")
 DRIVE = ("levels", "timing")  # of actuators
@@ -22,6 +25,7 @@ SHARES = (*FRICTION, *DRIVE)  # given in percent
 MOST = {"timing": 0.5}  # of shares, where it is less than 1
 TAIL = 0.2  # share of the worst draws that a judgement tells of, unless the risk names one
 JUDGED_DRAWS = 64  # held-out draws by which designs are judged
+RESAMPLES = 2000  # of the bootstrap
 SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
 
 
@@ -31,7 +35,7 @@ class Perturbation:
 
     Attributes:
         sliding: factor of the friction of sliding feet.
-        gripping: factor of that of gripping feet and skin.
+        gripping: factor of that of gripping feet, skin, seams and bladders.
         slope: added to the slope [degrees].
         levels: factors of how far actuators go, one each; none is as they are told.
         timing: factor of how long their strokes, and waits between them, last.
@@ -46,6 +50,19 @@ class Perturbation:
     def tilted(self, terrain: Terrain) -> float:
         """The slope of a terrain in this draw [degrees]."""
         return min(max(terrain.slope + self.slope, -STEEPEST), STEEPEST)
+
+    def rubbed(self, material: "Material") -> "Material":
+        """A material with the friction of this draw."""
+        static, kinetic = self.gripping * material.static_friction, self.gripping * material.kinetic_friction
+        return dataclasses.replace(material, static_friction=static, kinetic_friction=kinetic)
+
+    def around(self, robot: Robot, terrain: Terrain) -> Terrain:
+        """The terrain of this draw for a robot, whose own friction, if it has no feet, is not the terrain's."""
+        if robot.foot_friction is not None:
+            return self.on(terrain, *robot.foot_friction)
+        own = {name: getattr(terrain, name) for name in ("high_friction", *MATERIAL_FRICTION)}
+        rubbed = {name: value * self.gripping for name, value in own.items() if value is not None}
+        return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
         """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
@@ -117,6 +134,19 @@ class Uncertainty:
         given = [name for name in QUANTITIES if getattr(self, name)]
         return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
 
+    def check(self, robot: Robot, world: World) -> None:
+        """Refuse to draw what a robot or its world does not have.
+
+        Raises:
+            ValueError: that names it.
+        """
+        if not isinstance(world, Terrain) or world.is_fluid:
+            raise ValueError(f"uncertain: {self.text} is not allowed {world.where}, which has no ground")
+        for name in QUANTITIES:
+            if getattr(self, name) and name not in robot.uncertain_in:
+                lacking = "friction" if name == "friction" else "actuators" if name in DRIVE else f"{name} feet"
+                raise ValueError(f"uncertain: {self.text} is not allowed; {robot.name} has no {lacking} to draw")
+
     @property
     def drives(self) -> bool:
         """Whether what actuators do is uncertain."""
@@ -168,6 +198,11 @@ class Risk:
             raise ValueError(f"risk: {text!r} is not allowed; give mean, worst or cvar:SHARE with a share in (0, 1]")
         return cls(number)
 
+    @property
+    def text(self) -> str:
+        """The text that says it."""
+        return {1.0: "mean", 0.0: "worst"}.get(self.share, f"cvar:{self.share:g}")
+
     def weights(self, scores: ArrayLike) -> Floats:
         """Derivatives of the number by the scores, shape (..., K): of the worst K times share, equal weights.
 
@@ -198,50 +233,52 @@ def judge_uncertain(
 ) -> Judgement:
     """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
 
+    What the risk names is told first; CVaR is of its share, or of ``TAIL``.
+
     Raises:
         ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
     """
-    if not isinstance(world, Terrain) or world.is_fluid:
-        raise ValueError(f"uncertain: {uncertainty.text} is not allowed {world.where}, which has no ground")
+    uncertainty.check(robot, world)
+    assert isinstance(world, Terrain)
     share = risk.share if 0 < risk.share < 1 else TAIL
     drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
-    feet = robot.foot_friction
-    if feet is None and any(getattr(uncertainty, name) for name in FRICTION):
-        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no friction to draw")
-    if not robot.actuators and uncertainty.drives:
-        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no actuators to draw")
-    terrains: list[World] = [
-        one.on(world, *feet) if feet is not None else dataclasses.replace(world, slope=one.tilted(world))
-        for one in drawn
-    ]
-    drives = drawn if uncertainty.drives else ()
-    outcomes = robot.simulate_in(terrains, draws=drives, compute=compute, progress=progress)
+    terrains = [one.around(robot, world) for one in drawn]
+    outcomes = robot.simulate_in(terrains, draws=drawn, compute=compute, progress=progress)
     measure = robot.measures[0]
     failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
     about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}
     if failed:
-        return Judgement(f"{failed} of {draws} held-out draws failed", about, True)
+        return Judgement(spoken(about), about, True)
     found = summary([float(outcome.measures[measure.name][0]) for outcome in outcomes], share)
-    mean, low, high, deviation, tail, worst = found.values()
-    text = (
-        f"{measure.name} over {draws} held-out draws: mean {mean:.4f} (95 % interval {low:.4f} to {high:.4f}), "
-        f"standard deviation {deviation:.4f}, CVaR {share:g} {tail:.4f}, worst {worst:.4f} {measure.unit}"
-    )
-    return Judgement(text, {**about, "measure": measure.name, "share": share, **found})
+    document = {**about, "measure": measure.name, "unit": measure.unit, "risk": risk.text, "share": share, **found}
+    return Judgement(spoken(document), document)
+
+
+def spoken(document: Mapping[str, Any]) -> str:
+    """What is told people of the document of a judgement over draws, what the risk names first."""
+    if document["failed"]:
+        return f"{document['failed']} of {document['draws']} held-out draws failed"
+    names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
+    first = document["risk"].partition(":")[0]
+    parts = [
+        f"{names[name]} {document[name]:.4f} (95 % interval {document[f'{name}_low']:.4f} to "
+        f"{document[f'{name}_high']:.4f})"
+        for name in sorted(names, key=lambda name: name != first)
+    ]
+    measure, draws = document["measure"], document["draws"]
+    told = f"{', '.join(parts)}, standard deviation {document['sd']:.4f} {document['unit']}".rstrip()
+    return f"{measure} over {draws} held-out draws: {told}"
 
 
 def summary(scores: Sequence[float], share: float) -> dict[str, float]:
-    """Mean, standard deviation, CVaR and worst of scores, with the 95 % interval of the mean."""
-    from scipy import stats
+    """Mean, CVaR and worst of scores, each with its 95 % bootstrap interval, and their standard deviation.
 
+    The interval of the worst is that of the worst of the draws, which goes no lower: others may be worse.
+    """
     each = np.asarray(scores, float)
-    mean, deviation = float(each.mean()), float(each.std(ddof=1))
-    half = float(stats.t.ppf(0.975, len(each) - 1)) * deviation / math.sqrt(len(each))
-    return {
-        "mean": mean,
-        "mean_low": mean - half,
-        "mean_high": mean + half,
-        "sd": deviation,
-        "cvar": float(Risk(share).of(each)),
-        "worst": float(each.min()),
-    }
+    picked = np.random.default_rng(0).integers(0, len(each), (RESAMPLES, len(each)))
+    found: dict[str, float] = {"sd": float(each.std(ddof=1))}
+    for name, part in (("mean", 1.0), ("cvar", share), ("worst", 0.0)):
+        low, high = np.percentile(Risk(part).of(each[picked]), [2.5, 97.5])
+        found |= {name: float(Risk(part).of(each)), f"{name}_low": float(low), f"{name}_high": float(high)}
+    return found

@@ -145,6 +145,9 @@ def _write_table(robot: "Robot", seed: int, path: Path) -> None:
 
 
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
+    from optim.problems.uncertain import ROBUST_FILE
+    from optim.runs.robust import read_robust, told_of
+
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
     if last.best is None:
         return Report(document, f"{folder}: nothing succeeded in {counted(last.evaluations, 'evaluation')}", FAILED)
@@ -153,7 +156,11 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     details = ", ".join(f"{name.removeprefix(prefix)} {value:.4f}" for name, value in numbers.items())
     best = planned.score.value(last.best) + (f" ({details})" if details else "")
     spent = counted(last.evaluations, "evaluation")
-    return Report(document, f"best {planned.score.name}: {best} after {spent}\n{folder}: {', '.join(written)}")
+    told = [f"best {planned.score.name}: {best} after {spent}", f"{folder}: {', '.join(written)}"]
+    if ROBUST_FILE in written:
+        document["robust"] = read_robust(folder)
+        told[1:1] = told_of(folder)
+    return Report(document, "\n".join(told))
 
 
 def _interrupted(shown: "list[Generation]", planned: Plan, folder: Path, code: int) -> Report:

@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs import comparison
     from optim.runs.config import score_in
     from optim.runs.history import read_history, runs_below
+    from optim.runs.robust import held_out
     from taichi_sim.base.files import replacing
 
     if args.out and args.out.suffix.lower() not in PICTURES:
@@ -55,6 +56,7 @@ def run(args: argparse.Namespace) -> Report:
         "at": end,
         "groups": [dataclasses.asdict(comparison.standing(curve, end)) for curve in curves],
         "differences": [dataclasses.asdict(difference) for difference in differences],
+        "held_out": [dataclasses.asdict(one) for one in held_out({curve.label: curve.folders for curve in curves})],
         "picture": str(args.out) if args.out else None,
     }
     return Report(document, "\n".join(_lines(score.label, document, differences)))
@@ -92,4 +94,9 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         )
     if not differences and len(document["groups"]) > 1:
         lines.append("  no effect sizes: that takes at least two runs a group, with other seeds")
+    if document["held_out"]:
+        lines.append("best designs over held-out draws: each number of a run, or its mean over runs, 95 % interval")
+    for one in document["held_out"]:
+        what = f"{one['label']}, {one['world']}, {one['name']} ({counted(one['runs'], 'run')})"
+        lines.append(f"  {what}: {one['value']:.4f} [{one['low']:.4f}, {one['high']:.4f}]")
     return lines + ([document["picture"]] if document["picture"] else [])

@@ -37,7 +37,11 @@ COMMAND = Command(
             several=True,
         ),
         count("draws", 2, "with --uncertain: how many (default: 64)"),
-        Option("risk", "with --uncertain: cvar:SHARE of the worst draws (default: cvar:0.2)", metavar="RISK"),
+        Option(
+            "risk",
+            "with --uncertain, told first: mean, cvar:SHARE of the worst draws, or worst (default: mean)",
+            metavar="RISK",
+        ),
         path_to("out", "DIR", "new folder for design.json, result.json and robot.png, of gaits also gait.csv"),
     ),
     options.simulation("f64"),
@@ -94,12 +98,12 @@ def run(args: argparse.Namespace) -> Report:
 
 def _uncertain(args: argparse.Namespace, robot: Robot, world: World, title: str, about: dict[str, Any]) -> Report:
     """How the robot does where something is not known exactly."""
-    from robots.uncertainty import JUDGED_DRAWS, TAIL, Risk, Uncertainty, judge_uncertain
+    from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
 
     for name in ("judge", "out", "record_every"):
         if getattr(args, name):
             raise ValueError(f"{name}: it is not allowed with --uncertain; leave it out")
-    unknown, risk = Uncertainty.parse(",".join(args.uncertain)), Risk.parse(args.risk or f"cvar:{TAIL}")
+    unknown, risk = Uncertainty.parse(",".join(args.uncertain)), Risk.parse(args.risk or "mean")
     draws, compute = args.draws or JUDGED_DRAWS, options.compute(args, "f64")
     with shown_progress(f"{title}, {draws} draws", 1.0) as update:
         found = judge_uncertain(robot, world, unknown, risk, draws, compute=compute, progress=update)

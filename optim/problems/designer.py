@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
 from robots.robot import Option, RobotKind, World, make_robot
+from robots.world import TerrainKind
+from taichi_sim.base.options import count
 
 COMPUTE = ("precision", "device", "threads")
 # Kinds that are designed in another way than by their parameters and measures.
@@ -19,6 +21,17 @@ DESIGNERS = {
     "vehicle": "optim.problems.designer:VehicleDesigner",
 }
 
+UNCERTAIN_OPTIONS = (
+    Option(
+        "uncertain",
+        "what is not known exactly, such as friction=20%%,slope=1 (degrees): each design is judged over --draws of it: "
+        "friction scales that of all materials, levels the amplitude of every muscle, timing the period; repeatable",
+        metavar="QUANTITY=WIDTH,...",
+        several=True,
+    ),
+    Option("risk", "over these draws: mean, cvar:SHARE of the worst, or worst (default: mean)", metavar="RISK"),
+    count("draws", 2, "of what is uncertain (default: 16)"),
+)
 VEHICLE_WORDS = {"total": "mean", "environments": "each"}  # what these are of robots of other kinds
 
 
@@ -98,6 +111,7 @@ class Designer:
                 f"mean, each or worst of several {worlds[0].name}s",
                 "the mean of the robot's first measure; each with methods for several objectives",
             ),
+            *(UNCERTAIN_OPTIONS if isinstance(self.kind, TerrainKind) else ()),
             Option("measure", "of the robot that mean, each and worst are about (default: its first)", metavar="NAME"),
             *self.kind.options_for("codesign"),
         )
@@ -109,12 +123,13 @@ class Designer:
             ValueError: if the options do not fit each other, or the run.
         """
         from optim.problems.robot import RobotProblem
+        from optim.problems.uncertain import uncertain_settings
 
         settings = asked.chosen(COMPUTE)
         settings.setdefault("precision", getattr(asked.known, "precision", self.kind.search_precision))
         if worlds := self.worlds(asked):
             settings["worlds"] = worlds
-        settings |= asked.chosen(("measure",))
+        settings |= asked.chosen(("measure",)) | uncertain_settings(asked.given, asked.known)
         if "objective" in asked.given:
             settings |= self._objectives(asked)
         if asked.known is not None:

@@ -16,8 +16,17 @@ from numpy.typing import ArrayLike
 from optim.problem import OK, Evaluation, Objective, Problem
 from optim.problems.goals import Goals, Names, named, objective_of
 from optim.problems.objectives import RobotObjective
+from optim.problems.uncertain import (
+    check_drawn,
+    checked_uncertain,
+    held_out_products,
+    mean_outcome,
+    trials_of,
+    under_risk,
+)
 from optim.space import Space
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, World, part_of
+from robots.uncertainty import Risk
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -153,6 +162,9 @@ class JudgedRobot(RobotDesigning):
     objective: Names = "mean"
     measure = ""
     summed = False
+    uncertain = ""
+    risk = "mean"
+    draws = 1
     relaxed_precision: str | None = "f32"  # of mixtures of designs, which only lead to results
 
     @property
@@ -212,8 +224,7 @@ class JudgedRobot(RobotDesigning):
         Details: the other measures by name, each of shape (N,); in several worlds all of them, such as
         ``speed_flat``.
         """
-        outcomes = self._tried(self.space.validate(points), self.offered.simulate)
-        return self._judged(outcomes, self._objective.values(outcomes, self.judged_by), None)
+        return self._scored(self.space.validate(points), lambda robot: robot.simulate)
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """Judge points as :meth:`evaluate` does, with the gradient of the objective if wanted.
@@ -230,24 +241,45 @@ class JudgedRobot(RobotDesigning):
             compute = dataclasses.replace(compute, precision=self.relaxed_precision or self.precision)
         if not gradients and sharpness == math.inf:
             return self.evaluate(points)
-        attempt = partial(robot.simulate, sharpness=sharpness)
-        if gradients:
-            measures = self._objective.differentiated(self.judged_by)
-            attempt = partial(robot.differentiate, sharpness=sharpness, measures=measures)
-        outcomes = self._tried(points, attempt, compute)
-        values = self._objective.values(outcomes, self.judged_by)
-        return self._judged(
-            outcomes, values, self._objective.gradients(outcomes, self.judged_by) if gradients else None
-        )
+        if not gradients:
+            return self._scored(points, lambda robot: partial(robot.simulate, sharpness=sharpness), compute)
+        measures = self._objective.differentiated(self.judged_by)
+        way: dict[str, Any] = {"sharpness": sharpness, "measures": measures}
+        return self._scored(points, lambda robot: partial(robot.differentiate, **way), compute, True)
 
-    def _tried(
-        self, points: ArrayLike, attempt: Callable[..., Outcome], compute: Compute | None = None
-    ) -> list[Outcome]:
-        points, count = self.space.relaxed().validate(np.atleast_2d(points)), len(self.tried_in)
-        return [
-            attempt(points, world, compute=compute or self.compute, progress=part_of(self.progress, number, count))
-            for number, world in enumerate(self.tried_in)
-        ]
+    def _scored(
+        self,
+        points: ArrayLike,
+        attempt: Callable[[Robot], Callable[..., Outcome]],
+        compute: Compute | None = None,
+        gradients: bool = False,
+    ) -> Evaluation:
+        """Judge points by what an attempt finds of the robot in every world; over draws, if something is uncertain."""
+        points = self.space.relaxed().validate(np.atleast_2d(points))
+        trials, outcomes = self._trials, []
+        for draw, (robot, worlds) in enumerate(trials):
+            done, way, count = draw * len(worlds), attempt(robot), len(trials) * len(worlds)
+            outcomes.append(
+                [
+                    way(points, w, compute=compute or self.compute, progress=part_of(self.progress, done + n, count))
+                    for n, w in enumerate(worlds)
+                ]
+            )
+        values = [self._objective.values(each, self.judged_by) for each in outcomes]
+        slopes = [self._objective.gradients(each, self.judged_by) for each in outcomes] if gradients else []
+        if not self.uncertain:
+            return self._judged(outcomes[0], values[0], slopes[0] if gradients else None)
+        found = under_risk(Risk.parse(self.risk), values, slopes)
+        return self._judged([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found)
+
+    @cached_property
+    def _trials(self) -> list[tuple[Robot, Sequence[World]]]:
+        """The robot and its worlds; as they are in each draw, if something is uncertain."""
+        return trials_of(self.offered, self.tried_in, self.uncertain, self.draws)
+
+    def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
+        """How the best robot does over draws that the search has not seen, where something is uncertain."""
+        return held_out_products(partial(self.robot_of, point), self.tried_in, self.uncertain, self.risk, self.compute)
 
     def _judged(self, outcomes: list[Outcome], values: Floats, gradients: Floats | None) -> Evaluation:
         status = np.full(len(values), OK, dtype=object)
@@ -313,6 +345,7 @@ class JudgedRobot(RobotDesigning):
                 ", ".join(KINDS[self.offered.kind].world_told(world) for world in self.tried_in),
             ),
             ("Objective", told),
+            *([("Uncertain", f"{self.uncertain}: {self.risk} of {self.draws} draws")] if self.uncertain else []),
             ("Free", ", ".join(self.space.names)),
             ("Simulation", f"{self.precision} on {self.device}"),
         ]
@@ -331,6 +364,10 @@ class RobotProblem(JudgedRobot):
         relaxed_precision: of mixtures of designs, where the robot has any, as they only lead to results; None is that
             of true designs.
         summed: whether goals add up to one objective, for methods that take one; else each is one.
+        uncertain: what is not known exactly, such as ``"friction=20%,slope=1"``, see ``robots.uncertainty``: every
+            design is judged over the same draws. Empty is none.
+        risk: how the score over these draws becomes one: ``"mean"``, ``"cvar:SHARE"`` or ``"worst"``.
+        draws: how many.
     """
 
     robot: Robot
@@ -339,6 +376,9 @@ class RobotProblem(JudgedRobot):
     measure: str = ""
     summed: bool = False
     relaxed_precision: str | None = "f32"
+    uncertain: str = ""
+    risk: str = "mean"
+    draws: int = 1
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", named(self.objective))
@@ -346,6 +386,8 @@ class RobotProblem(JudgedRobot):
         names = [world.name for world in self.worlds]
         if len(set(names)) < len(names):
             raise ValueError(f"{KINDS[self.robot.kind].world_option}: {', '.join(names)}; give none twice")
+        object.__setattr__(self, "uncertain", checked_uncertain(self.uncertain, self.risk, self.draws))
+        check_drawn(self.robot, self.worlds, self.uncertain, self.draws)
         _ = self.space, self.compute, self.objective_names
         if self.measure and isinstance(self._objective, Goals) and self._objective.names_all:
             raise ValueError(f"measure: {self.measure!r} is not used; each objective names its own, so leave it out")
@@ -371,6 +413,7 @@ class RobotProblem(JudgedRobot):
             **({} if isinstance(self.objective, str) else {"summed": self.summed}),
             **({} if self.relaxed_precision == "f32" else {"relaxed_precision": self.relaxed_precision}),
             **({"measure": self.measure} if self.measure else {}),
+            **({"uncertain": self.uncertain, "risk": self.risk, "draws": self.draws} if self.uncertain else {}),
             "precision": self.precision,
             "device": self.device,
         }

@@ -10,6 +10,7 @@ from optim.report.markup import Html, Section, charted, code, number, paragraph,
 from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing
+from optim.runs.robust import HeldOut, held_out
 from optim.wording import counted
 
 
@@ -32,11 +33,15 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
         _standings(standings, Objective(f"Best scores at {end:g} {axis}", score.unit).label),
         _differences(differences),
     ]
+    robust = held_out({curve.label: curve.folders for curve in curves})
+    if robust:
+        compared.append(_held_out(robust, score))
     document = {
         "by": axis,
         "at": end,
         "groups": list(map(asdict, standings)),
         "differences": list(map(asdict, differences)),
+        **({"held_out": list(map(asdict, robust))} if robust else {}),
     }
     return [Section("The runs", [_overview(runs)]), Section("How they compare", compared)], document
 
@@ -58,6 +63,15 @@ def _standings(standings: Sequence[Standing], caption: str) -> Html:
         for one in standings
     ]
     return table(caption, ("Group", "Of", "Mean", "95 % from", "to", "Best"), rows)
+
+
+def _held_out(found: Sequence[HeldOut], score: Objective) -> Html:
+    rows = [
+        (one.label, one.world, one.name, counted(one.runs, "run"), *map(number, (one.value, one.low, one.high)))
+        for one in found
+    ]
+    caption = Objective("Best designs over draws that no search saw", score.unit).label
+    return table(caption, ("Group", "World", "Number", "Of", "Value", "95 % from", "to"), rows)
 
 
 def _differences(differences: Sequence[Difference]) -> Html:

@@ -5,6 +5,7 @@ import json
 import math
 import shlex
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from optim.plots.curves import draw_best, draw_run
+from optim.problem import Objective
 from optim.report.front import front_section
 from optim.report.markup import (
     Html,
@@ -34,6 +36,7 @@ from optim.report.robot_run import Best, Subject, subject_of
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.generation import Generation
 from optim.runs.history import History
+from optim.runs.robust import read_robust
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from taichi_sim.base import files
@@ -50,6 +53,7 @@ FILES = {
     "best.json": "the best design",
     "front.json": "the designs of the front, or the elites",
     "gait.csv": "pressures of the best gait, for the rig",
+    "robust.json": "the best design over draws that the search never saw",
     "products.json": "which files were made of the best design",
 }
 
@@ -143,6 +147,8 @@ class OneRun:
         if best is not None:
             parts.append(Section("The best design", best.content))
             parts += best.sections
+        if robust := read_robust(self.history.path):
+            parts.append(Section("The best design over held-out draws", [_robust(robust)]))
         front = front_section(self.history, self.subject)
         return [*parts, *([front] if front else []), Section("How to reproduce", self._reproduce())]
 
@@ -251,6 +257,22 @@ class OneRun:
             rows.append((code(path.name), FILES.get(path.name, _guessed(path)), path.stat().st_size, digest))
         header = ("File", "What it holds", "Bytes", "SHA-256, first 12")
         return table(f"Files of {self.history.path}", header, rows)
+
+
+def _robust(judged: Mapping[str, Mapping[str, Any]]) -> Html:
+    """A table of what the best design does where something is uncertain, by draws that the search never saw."""
+    rows: list[tuple[Text, ...]] = []
+    for world, found in judged.items():
+        if found.get("failed"):
+            rows.append((world, f"{found['failed']} of {found['draws']} draws failed", None, None, None))
+            continue
+        names = {"mean": "mean", "cvar": f"CVaR {found['share']:g}", "worst": "worst"}
+        for name, told in names.items():
+            rows.append((world, told, *(number(found[key]) for key in (name, f"{name}_low", f"{name}_high"))))
+    first = next(iter(judged.values()))
+    what = f" of {Objective(first['measure'], first['unit']).label}" if "measure" in first else ""
+    caption = f"{first['draws']} draws of {first['uncertain']}"
+    return table(caption, ("World", f"Number{what}", "Value", "95 % from", "to"), rows)
 
 
 def files_of(folder: Path) -> list[Path]:

@@ -36,6 +36,8 @@ JUDGED = (
     "ladder",
     "ahead",
     "hard",
+    "uncertain",
+    "risk",
     "effort",
     "geometry",
     "weight",

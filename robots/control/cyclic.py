@@ -16,6 +16,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeProgram, Quantity
 from taichi_sim.lattice.program import EVENT
 
+LEAST_FREQUENCY, MOST_FREQUENCY = 0.1, 100.0  # [Hz]
 SEGMENTS = 16  # straight pieces of a cycle
 # Snapshots: the ends of the first and of the last cycle, the nodes of the last cycle with both its ends, then frames.
 LAST_CYCLE = slice(2, 2 + SEGMENTS + 1)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.control.cyclic import Cycle
+from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.freeform.fields import PARAMETRISATIONS, RESOLUTION, Fields, Parametrisation
 from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
@@ -21,6 +21,7 @@ from robots.lattice_robot.robot import LatticeRobot, checked_target
 from robots.lattice_robot.rollout import Aim
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, counted
+from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
@@ -55,7 +56,7 @@ class FreeformActuation:
 
     def __post_init__(self) -> None:
         number("amplitude", self.amplitude, 1e-6, LARGEST_AMPLITUDE)
-        number("frequency", self.frequency, 0.1, 100.0, "Hz")
+        number("frequency", self.frequency, LEAST_FREQUENCY, MOST_FREQUENCY, "Hz")
         whole_number("cycles", self.cycles, 1)
         number("settling", self.settling, 0.0, 1000.0, "s")
         number("time_step_safety", self.time_step_safety, 1e-3)
@@ -81,6 +82,7 @@ class FreeformRobot(Robot):
         target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
         perturbation: standard deviation of noise on the start positions of robots that can be built [m].
         seed: of the noise.
+        gains: factors of the amplitudes of its muscles, where these are uncertain; no part of a description.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -96,8 +98,10 @@ class FreeformRobot(Robot):
     target: tuple[float, float] | None = None
     perturbation: float = 1e-5
     seed: int = 0
+    gains: tuple[float, ...] = ()
 
     kind = "freeform"
+    uncertain_in = ("friction", "slope", "levels", "timing")
     worlds = (Terrain(),)
     horizons = (1, 2, 4)
 
@@ -175,6 +179,24 @@ class FreeformRobot(Robot):
         """What its motion is measured by."""
         return Aim(0.0, self.length, self.target)
 
+    @property
+    def actuators(self) -> int:  # type: ignore[override]
+        """As many as cells: so many muscles it can have at most."""
+        return self.grid.count
+
+    def perturbed(self, drawn: Perturbation) -> "FreeformRobot":
+        """With the friction of its tissues, the amplitudes of its muscles and the period multiplied as drawn."""
+        drive = self.actuation
+        frequency = min(max(drive.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
+        tissues = (dataclasses.replace(t, material=drawn.rubbed(t.material)) for t in self.palette.tissues)
+        most = LARGEST_AMPLITUDE / drive.amplitude
+        return dataclasses.replace(
+            self,
+            palette=Palette(tuple(tissues)),
+            actuation=dataclasses.replace(drive, frequency=frequency),
+            gains=tuple(min(level, most) for level in drawn.levels),
+        )
+
     def solid_at(self, fields: Fields, row: int) -> Solid:
         """The robot that can be built of one row of plain fields."""
         return solid_of(self.grid, self.palette, fields, row, self.feature, self.actuation.channels)
@@ -187,7 +209,10 @@ class FreeformRobot(Robot):
         cells = np.moveaxis(self.parametrisation(points).swing[:, solid.cells], 1, -1)
         cosine, sine = np.moveaxis(mapped(solid.members, cells), 1, 0)
         length = np.sqrt(cosine * cosine + sine * sine + RESOLUTION**2)
-        return self.actuation.amplitude * length, np.arctan2(sine, cosine + RESOLUTION) / (2 * np.pi)
+        amplitude = self.actuation.amplitude * length
+        if self.gains:
+            amplitude = amplitude * np.array(self.gains[: solid.count])
+        return amplitude, np.arctan2(sine, cosine + RESOLUTION) / (2 * np.pi)
 
     def built(self, solid: Solid, amplitude: Floats, phase: Floats) -> LatticeRobot:
         """The lattice robot of a solid with these waves of its channels, shape (count,) each."""
@@ -239,7 +264,8 @@ class FreeformRobot(Robot):
     def describe(self) -> dict[str, Any]:
         """Everything that results depend on, fit for JSON."""
         palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
-        return {**dataclasses.asdict(self), "palette": palette}
+        own = {name: value for name, value in dataclasses.asdict(self).items() if name != "gains"}
+        return {**own, "palette": palette}
 
     def facts(self) -> Facts:
         """Grid, palette, parametrisation and cycle."""

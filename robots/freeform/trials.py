@@ -110,6 +110,8 @@ def _mixed(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobot
         weights = chosen(fields.tissue, CHOICE * (1.0 + trial.sharpness))
         muscle = (weights * palette.muscles).sum(axis=2)
         swing = fields.swing * (muscle * robot.actuation.amplitude)[..., None]
+        if robot.gains:
+            swing = swing * np.array(robot.gains)[:, None]
         moved = (swing[..., None, :] * wave).sum(axis=3)
         numbers = palette.mixtures(projected(fields.presence, trial.sharpness), weights)
         return np.tile(moved, (1, 3, 1)), muscle, *(numbers[name] for name in MIXED)

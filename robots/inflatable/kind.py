@@ -40,6 +40,7 @@ from robots.robot import (
     Trial,
     World,
 )
+from robots.uncertainty import QUANTITIES
 from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, friction_of_parts, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -243,6 +244,7 @@ class InflatableRobot(Robot):
 
     kind = "inflatable"
     measures = MEASURES
+    uncertain_in = QUANTITIES
     actuators = BLADDERS
     worlds = (Terrain(),)
     pictured = True

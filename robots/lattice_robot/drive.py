@@ -71,6 +71,8 @@ class Drive:
         knots: of a curve instead of the sine: its values at equal times of the cycle, which it joins by straight lines
             and closes to a ring; at least two.
         axes: of the scale: some of "xyz", in the voxel's frame.
+        gains: factors of the amplitude, one for each region; none is as said. They are no part of a description: what
+            is drawn of a robot whose drives are uncertain.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Drive:
     phase: Values = 0.0
     knots: tuple[Value, ...] = ()
     axes: str = "xyz"
+    gains: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
@@ -161,6 +164,8 @@ class Drive:
             for field, values in self._fields()
         }
         amplitude, phase = (self._of_regions(arrays[field])[..., None] for field in ("amplitude", "phase"))
+        if self.gains:
+            amplitude = amplitude * np.array(self.gains)[:, None]
         places = np.arange(SEGMENTS) / SEGMENTS + phase + np.asarray(later, float).reshape(-1, 1, 1)
         wave = amplitude * (_curve(arrays["knots"], places) if "knots" in arrays else np.sin(2 * np.pi * places))
         if "mean" in arrays:

@@ -13,16 +13,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.control.cyclic import Cycle
+from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
+from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead
 from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
+from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, positive, whole_number
@@ -100,7 +102,7 @@ class LatticeRobot(OutOfTheLab):
     horizons = (1, 2, 4)
 
     def __post_init__(self) -> None:
-        number("frequency", self.frequency, 0.1, 100.0, "Hz")
+        number("frequency", self.frequency, LEAST_FREQUENCY, MOST_FREQUENCY, "Hz")
         whole_number("cycles", number("cycles", self.cycles, 1, MOST_CYCLES), 1)
         number("settling", self.settling, 0.0, 1000.0, "s")
         number("heading", self.heading, unit="degrees")
@@ -252,6 +254,21 @@ class LatticeRobot(OutOfTheLab):
         if not self.perturbation:
             return None
         return self.body.scattered(self.perturbation, self.seed, np.zeros(count, int))
+
+    @property
+    def actuators(self) -> int:  # type: ignore[override]
+        """How many regions are driven, of each drive that moves them."""
+        return sum(len(drive.regions) for drive in self.drives if drive.quantity != "friction")
+
+    @property
+    def uncertain_in(self) -> tuple[str, ...]:  # type: ignore[override]
+        """Friction of all materials, unless it is driven, slope, and levels and timing of the drives."""
+        driven = any(drive.quantity == "friction" for drive in self.drives)
+        return ("slope", "levels", "timing") if driven else ("friction", "slope", "levels", "timing")
+
+    def perturbed(self, drawn: Perturbation) -> "LatticeRobot":
+        """With the friction of its materials, the amplitudes of its drives and the period multiplied as drawn."""
+        return perturbed_robot(self, drawn)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
         """With the friction of a terrain, where it has one.

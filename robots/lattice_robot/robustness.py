@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY
 from robots.lattice_robot.ground import without_friction
 from robots.outcome import Judgement
 from robots.robot import Progress, part_of
+from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -93,8 +95,15 @@ def trust_in(
 
 def _slippery(robot: "LatticeRobot", part: float) -> "LatticeRobot":
     """The robot with a part of the friction of each of its materials."""
-    materials = tuple(
-        replace(m, static_friction=part * m.static_friction, kinetic_friction=part * m.kinetic_friction)
-        for m in robot.body.materials
-    )
+    materials = tuple(Perturbation(part, part).rubbed(material) for material in robot.body.materials)
     return replace(robot, body=replace(robot.body, materials=materials))
+
+
+def perturbed_robot(robot: "LatticeRobot", drawn: Perturbation) -> "LatticeRobot":
+    """The robot with the friction of its materials, the amplitudes of its drives and the period multiplied as drawn."""
+    levels, drives = iter(drawn.levels), []
+    for drive in robot.drives:
+        moves = drawn.levels and drive.quantity != "friction"
+        drives.append(replace(drive, gains=tuple(next(levels) for _ in drive.regions) if moves else ()))
+    frequency = min(max(robot.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
+    return replace(_slippery(robot, drawn.gripping), drives=tuple(drives), frequency=frequency)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, summary
 from robots.world import Terrain
@@ -62,6 +63,9 @@ def test_a_terrain_takes_what_is_drawn():
     (one,) = Uncertainty(friction=0.2, slope=1.0).draw(1)
     found = one.on(Terrain(9.0), 0.7, 0.5)
     assert found == Terrain(9.0 + one.slope, 0.7 * one.gripping, 0.5 * one.sliding)
+    parts = one.on(Terrain(bladder_friction=0.3, seam_friction=0.9), 0.7, 0.5)
+    assert (parts.bladder_friction, parts.seam_friction) == (0.3 * one.gripping, 0.9 * one.gripping)
+    assert parts.skin_friction is None
 
 
 def test_friction_of_parts_goes_with_that_of_gripping_feet():
@@ -88,3 +92,14 @@ def test_summary():
     found = summary([1.0, 2.0, 3.0, 4.0, 5.0], 0.4)
     assert (found["mean"], found["cvar"], found["worst"]) == (3.0, 1.5, 1.0)
     assert found["mean_low"] < 3.0 < found["mean_high"]
+    assert found["cvar_low"] <= 1.5 < found["cvar_high"] and found["worst_low"] == 1.0 <= found["worst_high"]
+
+
+def test_bootstrap_intervals_of_the_mean_are_those_of_students_t_where_draws_are_many():
+    scores = np.random.default_rng(4).normal(size=400)
+    found, (low, high) = summary(scores.tolist(), 0.2), stats.t.interval(0.95, 399, scores.mean(), stats.sem(scores))
+    assert (found["mean_low"], found["mean_high"]) == pytest.approx((low, high), abs=0.01)
+
+
+def test_texts_of_risk_come_back():
+    assert [Risk.parse(text).text for text in ("mean", "cvar:0.25", "worst")] == ["mean", "cvar:0.25", "worst"]

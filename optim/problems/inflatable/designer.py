@@ -29,7 +29,6 @@ SETTINGS = (
     *("window", "draws", "noise", "friction_spread", "gentle", "risk"),
 )
 WORDS = ("mean", "terrains")  # how the speeds on several terrains are judged
-DRAWS = 16  # of what is uncertain
 INSIDE = 0.15  # how far levels keep from off and on there
 OPTIONS = (
     Option(
@@ -224,16 +223,16 @@ def _choose_objectives(settings: dict[str, Any], args: SimpleNamespace, asked: R
 
 
 def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> None:
-    """Body, terrains, simulation, and what belongs to graded gaits."""
+    """Body, terrains, simulation, what is uncertain, and what belongs to graded gaits."""
+    from optim.problems.uncertain import uncertain_settings
+
     if args.calibration is not None:
         from robots.calibration import load_calibration
 
         settings["properties"], own = load_calibration(args.calibration)
         settings.setdefault("geometry", own)
     settings |= asked.chosen((*SETTINGS, *COMPUTE))
-    if args.uncertain:
-        settings["uncertain"] = ",".join(args.uncertain)
-        settings.setdefault("draws", DRAWS)
+    settings |= uncertain_settings(asked.given, asked.known)
     settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))
     if not settings["terrains"]:
         new = f", and {asked.out} holds no run to continue" if asked.resume else ""

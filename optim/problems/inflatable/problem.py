@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation
-from optim.problems.held_out import held_out_products
 from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
 from optim.problems.robot import subject_of
+from optim.problems.uncertain import held_out_products
 from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation

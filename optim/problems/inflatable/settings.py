@@ -13,6 +13,7 @@ from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, Mat
 from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
 from optim.problems.inflatable.outcomes import NEXT
 from optim.problems.robot import RobotDesigning
+from optim.problems.uncertain import checked_uncertain
 from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
@@ -21,7 +22,6 @@ from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
 from robots.robot import KINDS, Facts, World
-from robots.uncertainty import Risk, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.checks import NotNegative, check_fields, choice, number, whole_number
 
@@ -178,14 +178,10 @@ class GaitSettings(RobotDesigning):
 
     def _check_risk(self) -> None:
         """Refuse draws and risk that contradict the rest."""
-        object.__setattr__(self, "uncertain", Uncertainty.parse(self.uncertain).text if self.uncertain else "")
-        Risk.parse(self.risk)
-        if not self.uncertain:
-            if "risk" in self._set:
-                raise ValueError(f"risk: {self.risk} is not allowed without uncertain; give what is uncertain")
+        text = checked_uncertain(self.uncertain, self.risk, self.draws)
+        object.__setattr__(self, "uncertain", text)
+        if not text:
             return
-        if self.draws == 1:
-            raise ValueError(f"uncertain: {self.uncertain} is not allowed with a single draw; give draws")
         if fluid := [terrain.name for terrain in self.terrains if terrain.is_fluid]:
             raise ValueError(f"uncertain: {self.uncertain} is not allowed in {fluid[0]}, which has no ground")
         for name, given in (("friction_spread", self.friction_spread), ("noise", self.noise), ("ladder", self.ladder)):

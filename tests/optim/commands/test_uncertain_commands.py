@@ -62,6 +62,43 @@ def test_simulate_tells_mean_deviation_tail_and_worst(morpholab, simulator):
     assert code == 1 and json.loads(out)["failed"] > 0 and "mean" not in json.loads(out)
 
 
+def test_summary_comparison_and_report_tell_of_held_out_draws(morpholab, simulator, tmp_path):
+    for name, options in (("a", ""), ("b", "--seed 1"), ("c", "--seed 3 --climbers 4")):
+        code, out, _ = morpholab(f"codesign {SEARCH} --generations 1 --out runs/{name} {options}")
+        assert code == 0 and "hill:9: speed over 64 held-out draws: CVaR 0.25 " in out and "worst " in out
+    code, out, _ = morpholab("compare runs/a runs/b runs/c")
+    assert code == 0 and "hill:9, cvar (2 runs): " in out and "hill:9, worst (1 run): " in out
+    code, out, _ = morpholab("compare runs/a runs/b runs/c --json")
+    found = json.loads(out)["held_out"]
+    robust = [json.loads((tmp_path / f"runs/{name}/robust.json").read_text())["terrains"]["hill:9"] for name in "abc"]
+    means = [one["value"] for one in found if one["name"] == "mean"]
+    assert sorted(means) == sorted([(robust[0]["mean"] + robust[1]["mean"]) / 2, robust[2]["mean"]])
+    assert all(one["low"] <= one["value"] <= one["high"] for one in found)
+    code, out, error = morpholab("report runs/a --out a.html --no-player")
+    assert code == 0, error
+    page = (tmp_path / "a.html").read_text()
+    assert "The best design over held-out draws" in page and "CVaR 0.25" in page
+    assert morpholab("report runs/a runs/b runs/c --no-player --out all.html")[0] == 0
+    assert "Best designs over draws that no search saw" in (tmp_path / "all.html").read_text()
+    (tmp_path / "runs/a/robust.json").write_text('{"terrains": {"hill:9": {"failed": 0}}}')
+    assert morpholab("report runs/a --no-player --out later.html")[0] == 0
+    assert "over held-out draws" not in (tmp_path / "later.html").read_text()
+
+
+def test_runs_of_another_risk_are_not_compared(morpholab, simulator):
+    for name, risk in (("a", "mean"), ("b", "worst")):
+        line = f"codesign {SEARCH.replace('cvar:0.25', risk)} --generations 0 --out runs/{name}"
+        assert morpholab(line)[0] == 0
+    code, _, error = morpholab("compare runs/a runs/b")
+    assert code == 2 and "are judged differently (risk null and" in error and error.count("\n") == 1
+
+
+@pytest.mark.parametrize(("risk", "first"), [("worst", "worst "), ("cvar:0.3", "CVaR 0.3 "), ("mean", "mean ")])
+def test_what_the_risk_names_is_told_first(morpholab, simulator, risk, first):
+    code, out, _ = morpholab(f"simulate --gait rolling --slope 9 --uncertain slope=1 --draws 8 --risk {risk}")
+    assert code == 0 and f"held-out draws: {first}" in out and out.count("95 % interval") == 3
+
+
 def test_levels_and_timing_of_bladders_are_drawn(morpholab, simulator):
     code, _, _ = morpholab("simulate --gait rolling --uncertain levels=5%,timing=5% --draws 8")
     (call,) = simulator.calls
@@ -88,3 +125,37 @@ def test_a_robot_without_the_quantity_is_refused_in_one_line(morpholab):
     assert code == 2 and "walker has no friction to draw" in error and error.count("\n") == 1
     code, _, error = morpholab("simulate --robot walker --uncertain levels=10% --draws 3")
     assert code == 2 and "walker has no actuators to draw" in error and error.count("\n") == 1
+
+
+FREEFORM = "--robot freeform --shape 3,2,2 --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet --seed 2"
+FREEFORM_UNKNOWN = "--uncertain friction=20%,slope=1 --uncertain levels=5%,timing=5% --risk worst --draws 3"
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("method", ["genetic --set population=4", "gradient --climbers 2"])
+def test_freeform_robots_are_designed_under_uncertainty_and_resume_to_the_bit(morpholab, tmp_path, method):
+    line = f"codesign {FREEFORM} {FREEFORM_UNKNOWN} --method {method}"
+    code, out, error = morpholab(f"{line} --generations 2 --out runs/a")
+    assert code == 0, error
+    assert "flat: speed over 64 held-out draws: worst " in out
+    assert morpholab(f"{line} --generations 1 --out runs/b")[0] == 0
+    assert morpholab("codesign --resume --generations 2 --out runs/b --quiet --threads 1")[0] == 0
+    assert log(tmp_path / "runs/a") == log(tmp_path / "runs/b")
+    assert 'risk = "worst"' in (tmp_path / "runs/a/config.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            "--uncertain sliding=10%",
+            "sliding=0.1 is not allowed; freeform robot has no sliding feet to draw",
+        ),
+        ("--draws 4", "draws: 4 is not allowed without uncertain"),
+        ("--risk worst", "risk: worst is not allowed without uncertain"),
+        ("--uncertain slope=1 --terrain water", "uncertain: slope=1.0 is not allowed in water, which has no ground"),
+    ],
+)
+def test_bad_options_of_other_robots_get_one_line(morpholab, options, message):
+    code, _, error = morpholab(f"codesign {FREEFORM} {options} --out runs/x")
+    assert code == 2 and message in error and error.count("\n") == 1

@@ -1,0 +1,110 @@
+"""Designing robots of which something is uncertain: settings, scores over common draws, and held-out draws."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots.robot import OK, Outcome, Robot, World
+from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
+from robots.world import terrain_of
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import write_text
+
+ROBUST_FILE = "robust.json"
+
+
+MOST_DRAWS = 1000
+DRAWS = 16  # of what is uncertain, in a search
+NAMES = ("uncertain", "risk", "draws")  # fields of problems
+
+
+def uncertain_settings(given: Mapping[str, Any], known: object = None) -> dict[str, Any]:
+    """Fields of a problem of what a command was given; draws are by default those of the problem that continues."""
+    found = {name: given[name] for name in NAMES if name in given}
+    if "uncertain" in found:
+        draws = getattr(known, "draws", 1)
+        found = {"draws": DRAWS if draws == 1 else draws, **found, "uncertain": ",".join(found["uncertain"])}
+    return found
+
+
+def checked_uncertain(uncertain: str, risk: str, draws: int) -> str:
+    """What is uncertain, as it is always written; empty if nothing is.
+
+    Raises:
+        ValueError: for what is not allowed, a risk of nothing, and a single draw.
+    """
+    text = Uncertainty.parse(uncertain).text if uncertain else ""
+    Risk.parse(risk)
+    if not text and risk != "mean":
+        raise ValueError(f"risk: {risk} is not allowed without uncertain; give what is uncertain")
+    if text and draws == 1:
+        raise ValueError(f"uncertain: {text} is not allowed with a single draw; give draws")
+    return text
+
+
+def check_drawn(robot: Robot, worlds: Sequence[World], uncertain: str, draws: int) -> None:
+    """Refuse to draw what a robot or its worlds do not have.
+
+    Raises:
+        ValueError: that names it; and for draws of nothing.
+    """
+    whole_number("draws", draws, 1, MOST_DRAWS)
+    if draws != 1 and not uncertain:
+        raise ValueError(f"draws: {draws} is not allowed without uncertain; give what is uncertain")
+    for world in worlds if uncertain else ():
+        Uncertainty.parse(uncertain).check(robot, world)
+
+
+def trials_of(robot: Robot, worlds: Sequence[World], uncertain: str, draws: int) -> list[tuple[Robot, Sequence[World]]]:
+    """A robot and its worlds; as they are in each of so many draws, if something is uncertain."""
+    if not uncertain:
+        return [(robot, worlds)]
+    drawn, terrains = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators), list(map(terrain_of, worlds))
+    return [(robot.perturbed(one), [one.around(robot, terrain) for terrain in terrains]) for one in drawn]
+
+
+def mean_outcome(outcomes: Sequence[Outcome]) -> Outcome:
+    """The means of the measures over draws in one world; a design of which one draw fails, fails."""
+    names, status, reason = outcomes[0].measures, outcomes[0].status, outcomes[0].reason
+    for other in outcomes[1:]:
+        reason = np.where(status == OK, other.reason, reason)
+        status = np.where(status == OK, other.status, status)
+    measures = {name: np.mean([each.measures[name] for each in outcomes], axis=0) for name in names}
+    return Outcome(measures, status, reason)
+
+
+def under_risk(risk: Risk, values: Sequence[Floats], gradients: Sequence[Floats]) -> tuple[Floats, Floats | None]:
+    """Objectives over K draws, each of shape (N,) or (N, M), as one, and the gradient, if gradients are given."""
+    each = np.stack(values, axis=-1)
+    if not gradients:
+        return risk.of(each), None
+    weights = risk.weights(each.reshape(len(each), -1))
+    return risk.of(each), np.einsum("nk,nkd->nd", weights, np.stack(gradients, axis=1))
+
+
+def held_out_products(
+    robot: Callable[[], Robot], worlds: Sequence[World], uncertain: str, risk: str, compute: Compute
+) -> Mapping[str, Callable[[Path], None]]:
+    """What writes that file; nothing, if nothing is uncertain.
+
+    Args:
+        robot: makes the best one.
+        worlds: where it was designed for, an entry each.
+        uncertain, risk: as texts, see ``robots.uncertainty``.
+        compute: device, precision and threads.
+    """
+
+    def write(path: Path) -> None:
+        unknown, measure, best = Uncertainty.parse(uncertain), Risk.parse(risk), robot()
+        found = {
+            world.name: judge_uncertain(best, world, unknown, measure, JUDGED_DRAWS, compute=compute).document
+            for world in worlds
+        }
+        write_text(path, json.dumps({"risk": risk, "terrains": found}, indent=1) + "\n")
+
+    return {ROBUST_FILE: write} if uncertain else {}

@@ -1,0 +1,148 @@
+"""Robots of any kind judged under uncertainty: common draws, risk, its gradient, descriptions and bad input."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from optim.problems.robot import RobotProblem
+from robots.lattice_robot import Drive, Free, LatticeRobot
+from robots.robot import Measure, Outcome, Parameter, Robot
+from robots.uncertainty import Risk, Uncertainty
+from robots.world import Terrain, terrain_of
+from taichi_sim.lattice import LatticeBody, Material
+
+UNKNOWN = "friction=20%,slope=1,levels=10%,timing=5%"
+HILL = Terrain(9.0)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Sliding(Robot):
+    """A robot whose speed is bilinear in two parameters and what is drawn."""
+
+    drawn: object = None
+
+    kind = "lattice"
+    measures = (Measure("speed", "BL/s", "speed"), Measure("work", "J", "work"))
+    parameters = tuple(Parameter(name, 0.1, 1.0, "continuous", 0.1) for name in ("left", "right"))
+    worlds = (HILL,)
+    differentiable = True
+    uncertain_in = ("friction", "slope", "levels", "timing")
+    actuators = 2
+
+    def perturbed(self, drawn):
+        return dataclasses.replace(self, drawn=drawn)
+
+    def run(self, points, trial):
+        one, slope = self.drawn, terrain_of(trial.world).slope
+        factors = np.array(one.levels if one and one.levels else (1.0, 1.0)) / (one.timing if one else 1.0)
+        by = np.tile(factors * [1.0, -0.5] + 0.1 * slope * (one.gripping if one else 1.0), (len(points), 1))
+        speed = (by * points).sum(axis=1)
+        gradients = {name: by for name in trial.gradients}
+        return Outcome({"speed": speed, "work": points[:, 0]}, np.full(len(points), "ok"), gradients=gradients)
+
+
+def problem(**settings):
+    return RobotProblem(Sliding(), **{"uncertain": UNKNOWN, "draws": 6, **settings})
+
+
+def speeds(made, points):
+    drawn = Uncertainty.parse(UNKNOWN).draw(6, actuators=2)
+    robot = made.robot
+    return np.stack(
+        [robot.perturbed(one).simulate(points, one.around(robot, HILL)).measures["speed"] for one in drawn], axis=1
+    )
+
+
+@pytest.mark.parametrize("risk", ["mean", "cvar:0.4", "worst"])
+def test_scores_and_gradients_are_those_of_the_risk_over_common_draws(risk):
+    made = problem(risk=risk)
+    points = made.space.sample(np.random.default_rng(1), 4)
+    found = made.evaluate(points)
+    assert found.objectives[:, 0] == pytest.approx(Risk.parse(risk).of(speeds(made, points)), rel=1e-12)
+    assert np.array_equal(made.evaluate(points[2:]).objectives, found.objectives[2:])
+    exact = made.evaluate_relaxed(points, 0.0, gradients=True)
+    assert np.array_equal(exact.objectives, found.objectives)
+    for number in range(2):
+        step = 1e-6 * (np.arange(2) == number)
+        up, down = (made.evaluate(np.clip(points + s, 0, 1)).objectives[:, 0] for s in (step, -step))
+        assert exact.gradients[:, number] == pytest.approx((up - down) / 2e-6, abs=1e-6)
+    assert exact.details["work"] == pytest.approx(points[:, 0])
+
+
+def test_fronts_have_the_risk_of_each_objective():
+    made = problem(risk="worst", objective=("mean", "speed", "minimise:work"))
+    points = made.space.sample(np.random.default_rng(1), 3)
+    found = made.evaluate(points).objectives
+    assert found[:, 0] == pytest.approx(speeds(made, points).min(axis=1))
+    assert found[:, 1] == pytest.approx(-points[:, 0])
+
+
+def test_without_uncertainty_all_is_as_ever():
+    plain = problem(uncertain="", draws=1)
+    points = plain.space.sample(np.random.default_rng(1), 3)
+    assert np.array_equal(plain.evaluate(points).objectives[:, 0], Sliding().simulate(points, HILL).measures["speed"])
+    assert not {"uncertain", "risk", "draws"} & set(plain.describe())
+
+
+def test_the_rest_of_the_description_comes_back():
+    found = problem(risk="cvar:0.2").describe()
+    assert (found["uncertain"], found["risk"], found["draws"]) == (Uncertainty.parse(UNKNOWN).text, "cvar:0.2", 6)
+    assert ("Uncertain", f"{found['uncertain']}: cvar:0.2 of 6 draws") in problem(risk="cvar:0.2").facts()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"uncertain": "", "draws": 1, "risk": "worst"}, "risk: worst is not allowed without uncertain"),
+        ({"uncertain": ""}, "draws: 6 is not allowed without uncertain"),
+        ({"draws": 1}, "uncertain: friction=0.2,slope=1.0,levels=0.1,timing=0.05 is not allowed with a single draw"),
+        ({"uncertain": "sliding=10%"}, "uncertain: sliding=0.1 is not allowed; "),
+        ({"worlds": (Terrain.water(),)}, "uncertain: friction=0.2,slope=1.0,levels=0.1,timing=0.05 is not allowed in"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(settings, message):
+    with pytest.raises(ValueError) as error:
+        problem(**settings)
+    assert str(error.value).startswith(message) and "\n" not in str(error.value)
+
+
+SOFT = Material(5e4, 1000.0, static_friction=1.0, kinetic_friction=0.5, internal_damping=1.0, collision_damping=1.0)
+PLACES = np.array([(x, 0, z) for x in range(3) for z in range(2)])
+
+
+def lattice(amplitude=0.2, other=0.1, material=SOFT, frequency=5.0) -> LatticeRobot:
+    body = LatticeBody(PLACES, (material,), np.zeros(6, int), 0.01, PLACES[:, 0])
+    drives = Drive("legs", (0,), amplitude=amplitude, phase=0.1), Drive("back", (2,), amplitude=other, phase=0.4)
+    return LatticeRobot(body, drives, frequency=frequency, cycles=1, settling=0.05)
+
+
+@pytest.mark.kernels
+def test_a_lattice_robot_does_what_one_multiplied_by_hand_does():
+    (one,) = Uncertainty.parse("friction=20%,levels=5%,timing=5%").draw(1, actuators=2)
+    static, kinetic = one.gripping * SOFT.static_friction, one.gripping * SOFT.kinetic_friction
+    worn = dataclasses.replace(SOFT, static_friction=static, kinetic_friction=kinetic)
+    by_hand = lattice(0.2 * one.levels[0], 0.1 * one.levels[1], worn, 5.0 / one.timing)
+    found = lattice().perturbed(one).simulate((), HILL)
+    expected = by_hand.simulate((), HILL)
+    assert found.status[0] == "ok" and found.measures["speed"][0] != lattice().simulate((), HILL).measures["speed"][0]
+    for name, values in expected.measures.items():
+        assert np.array_equal(found.measures[name], values), name
+
+
+@pytest.mark.kernels
+def test_lattice_robots_have_exact_gradients_under_risk():
+    robot = lattice(Free(0.1, 0.3), Free(0.05, 0.2))
+    made = RobotProblem(robot, (HILL,), uncertain=UNKNOWN, draws=3, risk="cvar:0.5", relaxed_precision=None)
+    points = np.array([[0.2, 0.1]])
+    exact = made.evaluate_relaxed(points, 0.0, gradients=True)
+    assert np.array_equal(exact.objectives, made.evaluate(points).objectives)
+    weights = Risk(0.5).weights([0.0])
+    assert exact.gradients.shape == (1, 2) and np.isfinite(exact.gradients).all() and weights == 1
+
+
+def test_friction_that_is_driven_cannot_be_drawn():
+    driven = dataclasses.replace(lattice(), drives=(*lattice().drives, Drive("soles", (1,), "friction", 0.5, 0.1)))
+    assert "friction" not in driven.uncertain_in and driven.actuators == 2
+    with pytest.raises(ValueError, match="has no friction to draw"):
+        Uncertainty(friction=0.1).check(driven, HILL)

@@ -1,0 +1,51 @@
+"""Freeform robots whose friction, muscles and period are not known exactly."""
+
+import numpy as np
+import pytest
+
+from robots.freeform import FreeformActuation, FreeformRobot, Grid
+from robots.robot import Trial
+from robots.uncertainty import Perturbation
+from robots.world import Terrain
+
+HILL = Terrain(5.0)
+
+
+def robot(amplitude: float = 0.25, full: bool = True) -> FreeformRobot:
+    muscles = FreeformActuation(amplitude=amplitude, cycles=1, settling=0.02)
+    return FreeformRobot(Grid((3, 2, 2)), actuation=muscles, full=full)
+
+
+def drawn(level: float, **more) -> Perturbation:
+    return Perturbation(levels=(level,) * 12, **more)
+
+
+def test_amplitudes_friction_and_period_are_multiplied():
+    point = robot().start
+    fixed, changed = (
+        each.design(point) for each in (robot(), robot().perturbed(drawn(1.5, gripping=0.8, timing=1.25)))
+    )
+    assert changed.frequency == pytest.approx(fixed.frequency / 1.25)
+    for name in ("static_friction", "kinetic_friction"):
+        assert getattr(changed.body.materials[0], name) == 0.8 * getattr(fixed.body.materials[0], name)
+    amplitudes = [[np.max(drive.amplitude) for drive in each.drives] for each in (fixed, changed)]
+    assert np.array_equal(amplitudes[1], 1.5 * np.array(amplitudes[0]))
+
+
+def test_muscles_swell_no_further_than_they_can():
+    assert max(robot(0.4).perturbed(drawn(1.5)).gains) == 0.5 / 0.4
+    assert robot().describe() == robot().perturbed(drawn(1.1)).describe()
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("full", [True, False])
+def test_levels_are_those_of_the_actuation_multiplied_by_hand(full):
+    found, expected = (
+        each.run(each.start[None], Trial(HILL, gradients=("speed",), sharpness=np.inf if full else 2.0))
+        for each in (robot(full=full).perturbed(drawn(1.5)), robot(0.375, full))
+    )
+    assert found.status[0] == "ok"
+    assert np.array_equal(found.measures["speed"], expected.measures["speed"])
+    # Amplitudes are told in edges: the same change of one is a larger change of what muscles do.
+    by_hand = [1.5 if "amplitude" in parameter.name else 1.0 for parameter in robot(full=full).parameters]
+    assert found.gradients["speed"] == pytest.approx(expected.gradients["speed"] * by_hand, rel=1e-9)
