@@ -89,7 +89,7 @@ class HardwareFriction(Settings):
 
     robot: Robot = field(default_factory=lambda: Robot(precision="f32", copies=4))
     weights: Annotated[tuple[str, ...], _weights] = WEIGHTS  # of bladders
-    inflations: Annotated[tuple[float, ...], _shares] = (0.6, 1.0)  # shares of a bladder's full stroke
+    inflations: Annotated[tuple[float, ...], _shares] = (0.6, 0.9, 1.0)  # shares of a bladder's full stroke
     pressures: Annotated[tuple[float, ...], _pressures] = (8e3, 12e3)  # of the core while the robot rolls [Pa]
     # that play the gaits as tables, once, with the last of these strokes and pressures
     rigs: Annotated[tuple[str, ...], _rigs] = ("dissertation", "dissertation-lag")
