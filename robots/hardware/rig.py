@@ -16,7 +16,7 @@ from typing import Annotated, Any, TypeVar
 
 import tomli_w
 
-from robots.hardware.line_map import LineMap
+from robots.hardware.line_map import RAMP_PA, LineMap
 from robots.inflatable.schedule import BLADDERS, FEET, GaitSchedule
 from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, choice, number
 from taichi_sim.base.files import read_text, write_text
@@ -69,6 +69,7 @@ class Channel:
 _CORE = Channel(11.5, 4.7, -80.0, 50.0, 30.0)
 _BLADDER = Channel(2.0, 2.0, 0.0, 20.0, 15.0)
 _FOOT = Channel(1.0, 1.0, -80.0, 50.0, 150.0)
+_MAP = LineMap(ramp_pa=RAMP_PA)
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class PneumaticRig:
     vacuum_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
     channels: tuple[Channel, ...] = (_CORE,) + (_BLADDER,) * BLADDERS + (_FOOT,) * FEET
     shortest_state_s: Positive = 0.1
-    line_map: LineMap = field(default_factory=LineMap)
+    line_map: LineMap = _MAP
     units: str = field(default="kpa", compare=False)
 
     def __post_init__(self) -> None:
@@ -146,7 +147,7 @@ _GENTLE = replace(
     _DISSERTATION,
     name="dissertation-gentle",
     channels=(replace(_CORE, maximum_kpa=35.0), *_DISSERTATION.channels[1:]),
-    line_map=LineMap(core_kpa=35.0),
+    line_map=LineMap(core_kpa=35.0, ramp_pa=RAMP_PA),
 )
 # No lag was published, only how long the core takes. This lab's assumption: a line told its target at once would be
 # 95 % there, three time constants, after the time of its faster stroke above; of the core that time is published.
@@ -189,7 +190,7 @@ def _built(data: dict[str, Any], units: str) -> PneumaticRig:
     for table in sorted(tables, key=lambda name: name not in _ALL):  # one channel's own table wins
         for name in _ALL.get(table, (table,)):
             channels[name] = _changed(channels[name], table, tables[table])
-    line_map = _changed(default.line_map, "map", data.pop("map", {}))
+    line_map = _changed(LineMap(), "map", data.pop("map", {}))  # files that say no ramp have none
     simple = {"name": "unnamed", **{name: value for name, value in data.items() if name != "units"}}
     return replace(default, channels=tuple(channels.values()), line_map=line_map, units=units, **simple)
 

@@ -253,7 +253,9 @@ def gait_table(
         number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
     design = with_one_pressure(design)
-    line_map, clip = rig.line_map, on_violation == "clip"
+    after = design.schedule.core_pressure
+    pressures = np.append(design.pressure, [] if after is None else after)
+    line_map, clip = rig.line_map.told(pressures), on_violation == "clip"
     commands = commands_of(design, line_map)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:
