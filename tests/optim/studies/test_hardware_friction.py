@@ -9,14 +9,24 @@ import pytest
 
 from optim.studies.chapter5 import hardware_friction
 from optim.studies.chapter5.gaits import Robot
-from optim.studies.chapter5.hardware_friction import MEASURED, SIMULATOR, HardwareFriction, rows_of, sets_of, verdict
+from optim.studies.chapter5.hardware_friction import (
+    MEASURED,
+    MEASURED_FEET,
+    SIMULATOR,
+    HardwareFriction,
+    effects_of,
+    rows_of,
+    sets_of,
+    verdict,
+)
 
 FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
 
 
 def copies_of(ratios, **parameters):
     """Two copies of each condition, near so many times the measured speed."""
-    about = {"weight": "physical", "inflation": 1.0, "timing": SIMULATOR, **parameters}
+    usual = {"weight": "physical", "inflation": 1.0, "timing": SIMULATOR, "ground": MEASURED_FEET}
+    about = {**usual, **parameters}
     return [
         {
             **about,
@@ -97,6 +107,20 @@ def test_sets_are_sorted_and_the_verdict_counts_those_that_agree():
     assert "No set of parameters goes forward" in verdict(sets[2:])
 
 
+def test_effects_compare_sets_that_differ_in_one_parameter():
+    copies = copies_of([1.0, 1.0, 1.0, -1.0]) + copies_of([2.0, 1.0, 0.5, -1.0], inflation=0.5)
+    (effect,) = effects_of(sets_of(rows_of(copies)))
+    assert effect["parameter"] == "inflation" and effect["inching up 14°, wood"] is None
+    assert [effect[m.name] for m in MEASURED[:3]] == pytest.approx([2.0, 1.0, 2.0])
+
+
+def test_grounds_change_what_is_not_measured_of_the_floor(simulator, tmp_path):
+    grounds = {MEASURED_FEET: {}, "slippery": {"low_friction": 0.1}}
+    summary = hardware_friction.study(tmp_path / "a", replace(FEW, weights=("physical",), grounds=grounds))
+    lows = [{terrain.low_friction for terrain in call.terrain} for call in simulator.calls]
+    assert lows == [{0.56, 0.38}, {0.1}] * 2 and {one["ground"] for one in summary["sets"]} == set(grounds)
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
@@ -104,6 +128,9 @@ def test_sets_are_sorted_and_the_verdict_counts_those_that_agree():
         ({"inflations": (0.0,)}, "inflations: 0.0 is not allowed; give a number from 0.1 to 1"),
         ({"inflations": (1.0, 1.0)}, "inflations: .* is not allowed; give one or more different values"),
         ({"pressures": ()}, "pressures: .* is not allowed; give one or more different values"),
+        ({"grounds": {}}, "grounds: {} is not allowed; give at least one, by its name"),
+        ({"grounds": {"steep": {"slope": 3.0}}}, "grounds: 'slope' is unknown; choose one of high_friction, "),
+        ({"grounds": {"odd": {"low_friction": -1.0}}}, "low_friction: -1.0 is not allowed"),
         ({"rigs": ("bench",)}, "rigs: 'bench' is unknown; choose one of dissertation, "),
         ({"pressures": (2e4,)}, "pressures: 20000.0 is not allowed; give a number from 1 to 15000 Pa"),
     ],
