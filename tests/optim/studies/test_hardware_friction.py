@@ -2,9 +2,12 @@
 
 import csv
 import math
+import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from optim.studies.chapter5 import hardware_friction
@@ -19,7 +22,10 @@ from optim.studies.chapter5.hardware_friction import (
     sets_of,
     verdict,
 )
+from robots.calibration import load_calibration, read_measurements
+from robots.inflatable.kind import load_gait
 
+DOCS = Path(__file__).parents[3] / "docs"
 FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
 
 
@@ -119,6 +125,44 @@ def test_grounds_change_what_is_not_measured_of_the_floor(simulator, tmp_path):
     summary = hardware_friction.study(tmp_path / "a", replace(FEW, weights=("physical",), grounds=grounds))
     lows = [{terrain.low_friction for terrain in call.terrain} for call in simulator.calls]
     assert lows == [{0.56, 0.38}, {0.1}] * 2 and {one["ground"] for one in summary["sets"]} == set(grounds)
+
+
+def test_the_committed_speeds_make_the_tables_of_the_docs_and_nothing_is_played(simulator, tmp_path):
+    data, docs = DOCS / "data/hardware-friction", (DOCS / "hardware-speeds.md").read_text()
+    shutil.copytree(data, tmp_path / "a")
+    summary = hardware_friction.study(tmp_path / "a", hardware_friction.STUDY.scales["medium"])
+    assert not simulator.calls and summary["best"]["factor"] < 1.5
+    told = (tmp_path / "a/hardware.md").read_text().splitlines()
+    assert [line for line in told if line.startswith("|") and line not in docs] == [] and verdict(
+        summary["sets"]
+    ) in docs
+    assert (tmp_path / "a/copies.csv").read_bytes() == (data / "copies.csv").read_bytes()
+    for row in summary["rows"]:  # the cost of a rig, on the page of rigs
+        if row["inflation"] == 1.0 and row["pressure"] in (0.0, 12e3) and "14°" not in row["condition"]:
+            text = f"{row['mean']:.4f} ({row['low']:.4f} to {row['high']:.4f})"
+            assert text in (DOCS / "hardware.md").read_text()
+
+
+def test_nearby_sets_of_the_docs_are_those_of_the_data(simulator, tmp_path):
+    shutil.copytree(DOCS / "data/hardware-friction/near", tmp_path / "a")
+    near = HardwareFriction(
+        Robot(precision="f32", copies=2), ("physical",), inflations=(0.8, 0.95), pressures=(10e3, 12e3), rigs=()
+    )
+    sets = hardware_friction.study(tmp_path / "a", near)["sets"]
+    docs = (DOCS / "hardware-speeds.md").read_text()
+    told = (tmp_path / "a/hardware.md").read_text().splitlines()
+    lines = [line for line in told if line.startswith("| simulator | physical | feet as measured")]
+    assert not simulator.calls and len(lines) == len(sets) == 4 and all(line in docs for line in lines)
+
+
+def test_the_dissertations_calibration_is_that_of_its_measurements():
+    data = DOCS / "data/hardware-friction"
+    properties, geometry = load_calibration(data / "calibration.json")
+    assert geometry == "published" and (properties.friction, properties.low_friction) == pytest.approx(
+        (0.70, 0.56), abs=1e-3
+    )
+    found = read_measurements(data / "dissertation.toml", load_gait)
+    assert [float(np.mean(one.values)) for one in found.experiments] == pytest.approx([0.70, 0.56])
 
 
 @pytest.mark.parametrize(
