@@ -1,9 +1,10 @@
 """``morpholab pipeline``: from terrains to a hardware package."""
 
 import argparse
+from dataclasses import asdict
 
 from optim.commands import FAILED, Report, goes_on
-from optim.commands.options import QUIET, THREADS, Command, path_to
+from optim.commands.options import QUIET, THREADS, Command, Option, path_to
 from optim.progress import shown_progress
 
 COMMAND = Command(
@@ -16,6 +17,7 @@ COMMAND = Command(
         path_to("task", "TASK", "file of the task (TOML)", words="?"),
         path_to("out", "DIR", "folder of the results; the package is in DIR/package"),
         path_to("replay", "PACKAGE", "play a package by its tables alone instead, and compare"),
+        Option("rig", "with --replay: a preset or a .toml file that plays the tables over time, too", metavar="RIG"),
         THREADS,
         QUIET,
     ),
@@ -30,6 +32,8 @@ def run(args: argparse.Namespace) -> Report:
         if args.out is not None:
             raise ValueError("out: is not allowed with --replay, which writes nothing")
         return _replay(args)
+    if args.rig is not None:
+        raise ValueError(f"rig: {args.rig} is not allowed without --replay; a task names its own")
     if args.out is None:
         raise ValueError("out: none given; name a folder for the results")
     return _make(args)
@@ -58,13 +62,19 @@ def _make(args: argparse.Namespace) -> Report:
 
 def _replay(args: argparse.Namespace) -> Report:
     from optim.pipeline.machine import replay_package
+    from robots.hardware import PneumaticRig
 
+    rig = None if args.rig is None else PneumaticRig.load(args.rig)
     with shown_progress("replay", 1.0, args.quiet) as update:
-        found = replay_package(args.replay, update, args.threads)
-    lines = [
-        f"{one.name}: {one.replayed:.4f} BL/s from its table, designed {one.designed:.4f}"
-        f" ({'holds' if one.holds else 'differs by more than 5 %'})"
-        for one in found
-    ]
-    document = {"package": str(args.replay), "states": [{**vars(one), "holds": one.holds} for one in found]}
+        found = replay_package(args.replay, update, args.threads, rig)
+    lines = []
+    for one in found:
+        verdict = "holds" if one.holds else "differs by more than 5 %"
+        lines += [
+            f"{one.name}: {one.replayed:.4f} BL/s from its table, designed {one.designed:.4f} ({verdict})",
+            f"  over time: {one.course}",
+        ]
+        if rig is not None:
+            lines.append(f"  on the rig {rig.name}, in its time: {one.on_rig:.4f} BL/s")
+    document = {"package": str(args.replay), "states": [{**asdict(one), "holds": one.holds} for one in found]}
     return Report(document, "\n".join(lines), 0 if all(one.holds for one in found) else FAILED)

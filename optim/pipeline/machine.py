@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import State
 from robots.calibration import Properties, robot_of
-from robots.hardware import read_design
+from robots.hardware import PneumaticRig, read_csv
+from robots.hardware.rig_play import Play, play_tables
+from robots.hardware.time_course import CourseDifference, course_difference
 from robots.inflatable import simulation
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
@@ -147,6 +149,8 @@ class Replayed:
     name: str  # of the state
     designed: float  # mean speed that the package says [body lengths/s]
     replayed: float  # the same from the rows of its table
+    course: CourseDifference  # of its rows from the gait in the simulator, over time
+    on_rig: float | None = None  # mean speed in the rig's time while a rig plays the rows, if one is given
 
     @property
     def holds(self) -> bool:
@@ -154,22 +158,43 @@ class Replayed:
         return bool(abs(self.replayed - self.designed) <= TOLERANCE * abs(self.designed))
 
 
-def replay_package(folder: Path, progress: Progress = None, threads: int | None = None) -> list[Replayed]:
-    """Play every gait of a package from the rows of its table, with the noise with which it was measured."""
+def replay_package(
+    folder: Path, progress: Progress = None, threads: int | None = None, rig: PneumaticRig | None = None
+) -> list[Replayed]:
+    """Play every gait of a package from the rows of its table, with the noise with which it was measured.
+
+    Levels of rows are played at the simulator's rates, and their course over time is compared with the simulator's.
+    With a rig, that plays the rows, too, in its own time.
+    """
     machine = read_machine(folder)
-    states, simulated, found = machine["states"], machine["simulated"], []
+    states, simulated = machine["states"], machine["simulated"]
+    found: list[Replayed] = []
     geometry, actuation = robot_of(simulated["geometry"], weight_of(simulated), properties_of(simulated))
-    for n, state in enumerate(states):
+    runs = simulated["runs"]
+    settings: dict[str, Any] = {
+        "geometry": geometry,
+        "actuation": actuation,
+        "precision": simulated["precision"],
+        "perturbation": NOISE,
+        "seed": simulated["seed"],
+        "threads": threads,
+    }
+    parts = len(states) * (1 if rig is None else 2)
+    for state in states:
+        table, ground = read_csv(folder / state["table"]), Terrain(**state["terrain"])
         run = simulation.simulate(
-            [read_design(folder / state["table"], from_rows=True)] * simulated["runs"],
-            Terrain(**state["terrain"]),
-            geometry=geometry,
-            actuation=actuation,
-            precision=simulated["precision"],
-            perturbation=NOISE,
-            seed=simulated["seed"],
-            threads=threads,
-            progress=part_of(progress, n, len(states)),
+            [table.played()] * runs, ground, **settings, progress=part_of(progress, len(found), parts)
         )
-        found.append(Replayed(state["name"], state["speed_bl_per_s"], float(np.mean(run.speed))))
+        replayed = float(np.mean(run.speed))
+        found.append(Replayed(state["name"], state["speed_bl_per_s"], replayed, course_difference(table, actuation)))
+    if rig is None:
+        return found
+    for place, state in enumerate(states):
+        table, ground = read_csv(folder / state["table"]), Terrain(**state["terrain"])
+        played = play_tables(
+            [Play(table, rig, ground, copy=copy) for copy in range(runs)],
+            **settings,
+            progress=part_of(progress, len(states) + place, parts),
+        )
+        found[place] = replace(found[place], on_rig=float(np.mean(played.speed_simulated)))
     return found

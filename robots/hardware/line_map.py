@@ -19,6 +19,7 @@ from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, number
 
+RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
 _RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 _LEVEL_RESOLUTION = 6  # and of a level
 
@@ -47,7 +48,7 @@ class LineMap:
         on_kpa: of bladders 1 to 8 inflated and of feet 1 and 2 gripping [kPa], 10 values.
         off_kpa: of bladders deflated and of feet sliding [kPa], 10 values.
         ramp_pa: simulated core pressure [Pa] up to which the line goes linearly from ``flat_kpa`` to what is in
-            proportion; 0 jumps there, as tables did that do not say it.
+            proportion; 0 jumps there, as tables did that do not say it. Presets of rigs have ``RAMP_PA``.
     """
 
     simulated_pa: Positive = 12e3
@@ -93,6 +94,11 @@ class LineMap:
             core = np.where(given[:, 0] < self._ramp[1], np.round(low, _RESOLUTION), core)
         levels = (given[:, 1:] - off) / (np.array(self.on_kpa) - off)
         return core, np.round(np.clip(levels, 0.0, 1.0), _LEVEL_RESOLUTION).T
+
+    def told(self, pressures: ArrayLike) -> Self:
+        """This map without its ramp if no pressure of the core [Pa] lies on it, as earlier versions read it, too."""
+        given = np.asarray(pressures, float)
+        return self if ((given > 0) & (given < self.ramp_pa)).any() else replace(self, ramp_pa=0.0)
 
     @property
     def _ramp(self) -> tuple[float, float]:

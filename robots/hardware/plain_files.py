@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.hardware.rig_table import SECTIONS, UNIT_SPELLING, RigTable
+from robots.hardware.rig import UNIT_SPELLING
+from robots.hardware.rig_table import SECTIONS, RigTable
 from taichi_sim.base.files import write_text
 
 

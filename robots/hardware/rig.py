@@ -5,6 +5,7 @@ Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
 import os
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -15,14 +16,16 @@ from typing import Annotated, Any, TypeVar
 
 import tomli_w
 
-from robots.hardware.line_map import LineMap
+from robots.hardware.line_map import RAMP_PA, LineMap
 from robots.inflatable.schedule import BLADDERS, FEET, GaitSchedule
-from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number
+from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, choice, number
 from taichi_sim.base.files import read_text, write_text
 
 Described = TypeVar("Described", "Channel", LineMap)
 CHANNELS = ("core", *GaitSchedule.row_names)
 KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}
+UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
+_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.]| pressures)")
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ class Channel:
 _CORE = Channel(11.5, 4.7, -80.0, 50.0, 30.0)
 _BLADDER = Channel(2.0, 2.0, 0.0, 20.0, 15.0)
 _FOOT = Channel(1.0, 1.0, -80.0, 50.0, 150.0)
+_MAP = LineMap(ramp_pa=RAMP_PA)
 
 
 @dataclass(frozen=True)
@@ -79,6 +83,7 @@ class PneumaticRig:
         channels: in the order of ``CHANNELS``: core, bladders 1 to 8, feet 1 and 2.
         shortest_state_s: duration of a state in which nothing changes [s].
         line_map: pressures that lines take for what is simulated.
+        units: ``"kpa"`` or ``"psi"``, in which people are told of it; all fields are in kPa.
     """
 
     name: str = "dissertation"
@@ -86,11 +91,13 @@ class PneumaticRig:
     vacuum_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
     channels: tuple[Channel, ...] = (_CORE,) + (_BLADDER,) * BLADDERS + (_FOOT,) * FEET
     shortest_state_s: Positive = 0.1
-    line_map: LineMap = field(default_factory=LineMap)
+    line_map: LineMap = _MAP
+    units: str = field(default="kpa", compare=False)
 
     def __post_init__(self) -> None:
         if not (isinstance(self.name, str) and self.name.isprintable()):
             raise ValueError(f"name: {self.name!r} is not allowed; give a text of one line")
+        choice("units", self.units, KPA_PER_UNIT)
         check_fields(self)
         object.__setattr__(self, "channels", tuple(self.channels))
         if (given := len(self.channels)) != len(CHANNELS):
@@ -140,7 +147,7 @@ _GENTLE = replace(
     _DISSERTATION,
     name="dissertation-gentle",
     channels=(replace(_CORE, maximum_kpa=35.0), *_DISSERTATION.channels[1:]),
-    line_map=LineMap(core_kpa=35.0),
+    line_map=LineMap(core_kpa=35.0, ramp_pa=RAMP_PA),
 )
 # No lag was published, only how long the core takes. This lab's assumption: a line told its target at once would be
 # 95 % there, three time constants, after the time of its faster stroke above; of the core that time is published.
@@ -159,16 +166,33 @@ def _rig(data: dict[str, Any]) -> PneumaticRig:
     units = data.get("units", "kpa")
     if not isinstance(units, str) or units not in KPA_PER_UNIT:
         raise ValueError(f"units: {units!r} is not allowed; give one of {', '.join(KPA_PER_UNIT)}")
-    data = _known(_in_kpa(data, units), "rig", _NAMES)
+    data = _in_kpa(data, units)
+    try:
+        return _built(data, units)
+    except ValueError as error:
+        raise ValueError(_in_units(str(error), units)) from None
+
+
+def _in_units(text: str, units: str) -> str:
+    """A message of one pressure's field, in the units in which its file gives it."""
+    if units == "kpa" or "_kpa" not in text:
+        return text
+    numbers = _NUMBER.sub(lambda found: f"{float(found[0]) / KPA_PER_UNIT[units]:.5g}", text)
+    return numbers.replace("_kpa", f"_{units}").replace("kPa", UNIT_SPELLING[units])
+
+
+def _built(data: dict[str, Any], units: str) -> PneumaticRig:
+    """The rig of a file's content, all in kPa."""
+    data = _known(data, "rig", _NAMES)
     default = PneumaticRig()
     channels = dict(zip(CHANNELS, default.channels, strict=True))
     tables = _known(data.pop("channels", {}), "channels", (*_ALL, *CHANNELS))
     for table in sorted(tables, key=lambda name: name not in _ALL):  # one channel's own table wins
         for name in _ALL.get(table, (table,)):
             channels[name] = _changed(channels[name], table, tables[table])
-    line_map = _changed(default.line_map, "map", data.pop("map", {}))
+    line_map = _changed(LineMap(), "map", data.pop("map", {}))  # files that say no ramp have none
     simple = {"name": "unnamed", **{name: value for name, value in data.items() if name != "units"}}
-    return replace(default, channels=tuple(channels.values()), line_map=line_map, **simple)
+    return replace(default, channels=tuple(channels.values()), line_map=line_map, units=units, **simple)
 
 
 def _changed(given: Described, what: str, table: object) -> Described:

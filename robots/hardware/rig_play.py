@@ -11,7 +11,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
+from robots.hardware.rig import KPA_PER_UNIT, UNIT_SPELLING, PneumaticRig
 from robots.hardware.rig_response import WHOLE_RESPONSE, Response, line_pressures
 from robots.hardware.table import GaitTable
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
@@ -69,7 +69,8 @@ def check_strokes(table: GaitTable) -> None:
         if len(wrong):
             row, line = (int(one) for one in wrong[0])
             name = table.channels[line]
-            found = f"{rows[row, line]:g} kPa at {times[row]:g} s is beside the stroke of state {state}"
+            value, unit = rows[row, line] / KPA_PER_UNIT[table.units], UNIT_SPELLING[table.units]
+            found = f"{value:g} {unit} at {times[row]:g} s is beside the stroke of state {state}"
             raise ValueError(f"rig: 'ideal' plays strokes at one rate, but {name}: {found}; name a rig")
 
 

@@ -16,13 +16,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT
+from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text
 
 Table = TypeVar("Table", bound="RigTable")
 SECTIONS = ("prefix", "main", "suffix")
-UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
 _FIRST = ("time_s", "section", "state")
 _NO_SEED = "unknown"
 

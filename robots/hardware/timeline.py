@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
+from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, UNIT_SPELLING, PneumaticRig
 from robots.hardware.rig_table import State, section_of, write_csv
 from robots.hardware.table import TIME_STEP, GaitTable, with_one_pressure
 from robots.inflatable.actuation import ACTUATION
@@ -163,9 +163,9 @@ class Violation:
     Attributes:
         channel: one of ``CHANNELS``.
         time_s: when the command passes the limit of pressure, or begins to change too fast [s].
-        value: asked for [kPa, or kPa/s].
+        value: asked for, in the unit.
         limit: of the rig, in the same unit.
-        unit: ``"kPa"`` or ``"kPa/s"``.
+        unit: the rig's own, ``"kPa"`` or ``"psi"``, of a rate ``"kPa/s"`` or ``"psi/s"``.
     """
 
     channel: str
@@ -202,17 +202,18 @@ def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -
         rig: with the limits.
     """
     found: list[Violation] = []
+    unit, factor = UNIT_SPELLING[rig.units], KPA_PER_UNIT[rig.units]
     before, rates = commands.before, np.abs(commands.targets - commands.before) / commands.strokes(rig, False)
     for place, index in np.argwhere(commands.targets != before):
         name, channel, start = CHANNELS[index], rig.channels[index], states[place].start_s
         first, last, rate = (float(each[place, index]) for each in (before, commands.targets, rates))
         if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
-            found.append(Violation(name, start, rate, channel.slew_kpa_per_s, "kPa/s"))
+            found.append(Violation(name, start, rate / factor, channel.slew_kpa_per_s / factor, f"{unit}/s"))
         limit = min(max(last, channel.minimum_kpa), channel.maximum_kpa)
         if limit != last:
             inside = channel.minimum_kpa <= first <= channel.maximum_kpa
             passed = abs(limit - first) / rate if inside else 0.0
-            found.append(Violation(name, start + passed, last, limit, "kPa"))
+            found.append(Violation(name, start + passed, last / factor, limit / factor, unit))
     return sorted(found, key=lambda violation: violation.time_s)
 
 
@@ -252,7 +253,9 @@ def gait_table(
         number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
     design = with_one_pressure(design)
-    line_map, clip = rig.line_map, on_violation == "clip"
+    after = design.schedule.core_pressure
+    pressures = np.append(design.pressure, [] if after is None else after)
+    line_map, clip = rig.line_map.told(pressures), on_violation == "clip"
     commands = commands_of(design, line_map)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:

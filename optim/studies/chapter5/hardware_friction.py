@@ -6,7 +6,7 @@ for rolling; its robot ran "primarily on wood".
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -31,7 +31,12 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
 AGREES = 1.5  # factor of the measured speed, either way, within which a simulated one agrees
+MEASURED_FEET = "feet as measured"  # ground on which all else is as published
 SIMULATOR = "simulator"  # strokes of the gait in the simulation's own time
+
+SHARED = ("timing", "weight", "inflation", "ground")  # parameters of all conditions
+PARAMETERS = (*SHARED, "pressure")
+NAMED = dict(zip(PARAMETERS, ("timing", "weight of bladders", "stroke", "ground", "core pressure"), strict=True))
 
 Row = Mapping[str, Any]
 
@@ -77,6 +82,17 @@ def _rigs(field_name: str, value: Any) -> tuple[str, ...]:
     return tuple(checks.choice(field_name, each, PRESETS) for each in _several(field_name, value)) if value else ()
 
 
+def _grounds(field_name: str, value: Any) -> dict[str, dict[str, float]]:
+    if not isinstance(value, Mapping) or not value:
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give at least one, by its name")
+    known = [each.name for each in fields(Terrain) if each.name != "slope"]
+    for changes in value.values():
+        for name in changes:
+            checks.choice(field_name, name, known)
+        Terrain(**changes)
+    return {name: dict(changes) for name, changes in value.items()}
+
+
 def _several(field_name: str, value: Any) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple) or not value or len(set(value)) < len(value):
         raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more different values")
@@ -89,8 +105,10 @@ class HardwareFriction(Settings):
 
     robot: Robot = field(default_factory=lambda: Robot(precision="f32", copies=4))
     weights: Annotated[tuple[str, ...], _weights] = WEIGHTS  # of bladders
-    inflations: Annotated[tuple[float, ...], _shares] = (0.6, 1.0)  # shares of a bladder's full stroke
+    inflations: Annotated[tuple[float, ...], _shares] = (0.6, 0.9, 1.0)  # shares of a bladder's full stroke
     pressures: Annotated[tuple[float, ...], _pressures] = (8e3, 12e3)  # of the core while the robot rolls [Pa]
+    # by name, fields of the terrain beside the measured friction of feet, or instead of it
+    grounds: Annotated[Mapping[str, Mapping[str, float]], _grounds] = field(default_factory=lambda: {MEASURED_FEET: {}})
     # that play the gaits as tables, once, with the last of these strokes and pressures
     rigs: Annotated[tuple[str, ...], _rigs] = ("dissertation", "dissertation-lag")
 
@@ -118,7 +136,7 @@ def study(
     rows = rows_of(copies)
     sets = sets_of(rows)
     write_records(folder / "sets.csv", sets)
-    summary = {"agrees_within": AGREES, "best": sets[0], "sets": sets, "rows": rows}
+    summary = {"agrees_within": AGREES, "best": sets[0], "sets": sets, "effects": effects_of(sets), "rows": rows}
     write_summary(folder, "hardware", summary, text_of(rows, sets))
     draw(rows, folder / "hardware.png")
     return summary
@@ -131,12 +149,14 @@ class Batch:
     name: str
     weight: str
     inflation: float  # share of a bladder's full stroke
+    ground: str
+    changes: Mapping[str, float]  # of the terrain
     cases: tuple[tuple[Measurement, float, str], ...]  # with the pressure of the core, and a rig or the simulator
 
     @property
     def rows(self) -> list[dict[str, Any]]:
         """What rows say of each case."""
-        shared = {"weight": self.weight, "inflation": self.inflation}
+        shared = {"weight": self.weight, "inflation": self.inflation, "ground": self.ground}
         return [
             {**shared, "timing": timing, "condition": m.name, "pressure": pressure, "measured": m.speed}
             for m, pressure, timing in self.cases
@@ -148,13 +168,14 @@ class Batch:
         inflated = usual.deflated + self.inflation * (usual.inflated - usual.deflated)
         drive = replace(usual, weight=self.weight, inflated=inflated)
         designs = [replace(measured.gait, pressure=pressure) for measured, pressure, _ in self.cases]
+        terrains = [replace(measured.terrain, **self.changes) for measured, *_ in self.cases]
         if self.cases[0][2] == SIMULATOR:
-            cases = [Case(design, m.terrain) for design, (m, *_) in zip(designs, self.cases, strict=True)]
+            cases = list(map(Case, designs, terrains))
             played = replace(robot, actuation=drive).play(cases, threads, progress)
         else:
             plays = [
-                Play(gait_table(repeated(design, 1), rig), rig, measured.terrain, copy=copy)
-                for design, (measured, _, name) in zip(designs, self.cases, strict=True)
+                Play(gait_table(repeated(design, 1), rig), rig, terrain, copy=copy)
+                for design, terrain, (_, _, name) in zip(designs, terrains, self.cases, strict=True)
                 for rig in [PRESETS[name]]
                 for copy in range(robot.copies)
             ]
@@ -178,18 +199,20 @@ def _batches(settings: HardwareFriction) -> list[Batch]:
         return [(m, each, timing) for m in MEASURED for each in (pressures if m.gait.pressure else (0.0,))]
 
     own = tuple(cases(settings.pressures, SIMULATOR))
-    strokes = enumerate(product(settings.weights, settings.inflations))
-    batches = [Batch(f"speeds_{number}", *drive, own) for number, drive in strokes]
+    drives = enumerate(product(settings.weights, settings.inflations, settings.grounds.items()))
+    batches = [
+        Batch(f"speeds_{number}", weight, inflation, *ground, own) for number, (weight, inflation, ground) in drives
+    ]
     if settings.rigs:
         on_rigs = tuple(case for rig in settings.rigs for case in cases(settings.pressures[-1:], rig))
-        for number, weight in enumerate(settings.weights):
-            batches.append(Batch(f"rigs_{number}", weight, settings.inflations[-1], on_rigs))
+        for number, (weight, ground) in enumerate(product(settings.weights, settings.grounds.items())):
+            batches.append(Batch(f"rigs_{number}", weight, settings.inflations[-1], *ground, on_rigs))
     return batches
 
 
 def rows_of(copies: Sequence[Row]) -> list[dict[str, Any]]:
     """Means of copies with 95 % intervals, by condition and parameters, beside the measured speeds."""
-    names = ("weight", "inflation", "timing", "condition", "pressure", "measured")
+    names = (*SHARED, "condition", "pressure", "measured")
     found: dict[tuple[Any, ...], list[float]] = {}
     for copy in copies:
         found.setdefault(tuple(copy[name] for name in names), []).append(copy["speed"])
@@ -231,17 +254,39 @@ def sets_of(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 def _by_parameters(rows: Sequence[Row]) -> Iterator[tuple[dict[str, Any], dict[str, Row]]]:
     """Each set of parameters with the rows of its conditions, by their names."""
-    shared = ("timing", "weight", "inflation")
     rolling = sorted({row["pressure"] for row in rows if row["pressure"]})
-    for key in dict.fromkeys(tuple(row[name] for name in shared) for row in rows):
+    for key in dict.fromkeys(tuple(row[name] for name in SHARED) for row in rows):
         for pressure in rolling:
             mine = {
                 row["condition"]: row
                 for row in rows
-                if tuple(row[name] for name in shared) == key and row["pressure"] in (0.0, pressure)
+                if tuple(row[name] for name in SHARED) == key and row["pressure"] in (0.0, pressure)
             }
             if len(mine) == len(MEASURED):  # rigs play one pressure
-                yield {**dict(zip(shared, key, strict=True)), "pressure": pressure}, mine
+                yield {**dict(zip(SHARED, key, strict=True)), "pressure": pressure}, mine
+
+
+def effects_of(sets: Sequence[Row]) -> list[dict[str, Any]]:
+    """What each parameter does to each speed: of sets that differ in it alone, the largest ratio of two speeds.
+
+    1 tells that a measured speed says nothing of the parameter; None that some robot goes backwards.
+    """
+    effects = []
+    for parameter in PARAMETERS:
+        others = [name for name in PARAMETERS if name != parameter]
+        groups: dict[tuple[Any, ...], list[Row]] = {}
+        for one in sets:
+            groups.setdefault(tuple(one[name] for name in others), []).append(one)
+        several = [group for group in groups.values() if len(group) > 1]
+        if not several:
+            continue
+        row: dict[str, Any] = {"parameter": parameter}
+        for name in (measured.name for measured in MEASURED):
+            speeds = [[each[name] or 0.0 for each in group] for group in several]
+            forward = all(min(group) > 0 for group in speeds)
+            row[name] = max(max(group) / min(group) for group in speeds) if forward else None
+        effects.append(row)
+    return effects
 
 
 def text_of(rows: Sequence[Row], sets: Sequence[Row]) -> str:
@@ -263,21 +308,39 @@ def text_of(rows: Sequence[Row], sets: Sequence[Row]) -> str:
     ]
     scanned = [
         (
-            *(each["timing"], each["weight"], f"{each['inflation']:g}", f"{each['pressure'] / 1000:g}"),
+            *(each["timing"], each["weight"], each["ground"]),
+            *(f"{each['inflation']:g}", f"{each['pressure'] / 1000:g}"),
             *(cell(each[m.name]) for m in MEASURED),
             *(cell(each[name], ".2f") for name in ("factor", "factor_rescaled", "stretch")),
         )
         for each in sets
     ]
-    names = ("timing", "weight", "stroke", "core [kPa]", *(m.name for m in MEASURED), "factor", "rescaled", "stretch")
+    names = (
+        "timing",
+        "weight",
+        "ground",
+        "stroke",
+        "core [kPa]",
+        *(m.name for m in MEASURED),
+        "factor",
+        "rescaled",
+        "stretch",
+    )
     return page(
         "Speeds on hardware and in simulation [body lengths/s], as published otherwise: mean of copies whose starts "
         "differ by noise.",
         markdown(header, "lllrrrrr", table),
         "All parameters tried. Factor: the largest between simulated and measured speeds on flat ground. Rescaled: "
         "what is left of it if all simulated speeds are divided by the stretch, as if strokes took so much longer.",
-        markdown(names, "llrr" + "r" * (len(MEASURED) + 3), scanned),
+        markdown(names, "lllrr" + "r" * (len(MEASURED) + 3), scanned),
         verdict(sets),
+        "What each parameter does: the largest ratio of two speeds that differ in it alone. Where it is 1, a speed "
+        "tells nothing of the parameter.",
+        markdown(
+            ("parameter", *(m.name for m in MEASURED)),
+            "l" + "r" * len(MEASURED),
+            [(NAMED[each["parameter"]], *(cell(each[m.name], ".2f") for m in MEASURED)) for each in effects_of(sets)],
+        ),
     )
 
 
@@ -286,7 +349,8 @@ MISSING_INTERVAL = "–"
 
 def _nominal(row: Row) -> bool:
     """Whether a row is of the published stroke and pressure."""
-    return row["pressure"] in (0.0, ROLLING.pressure) and row["inflation"] == 1.0
+    usual = row["inflation"] == 1.0 and row["ground"] == MEASURED_FEET
+    return bool(usual and row["pressure"] in (0.0, ROLLING.pressure))
 
 
 def verdict(sets: Sequence[Row]) -> str:

@@ -261,6 +261,13 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
     code, text, _ = morpholab(f"pipeline --replay {package} --quiet --json --threads 1")
     states = json.loads(text)["states"]
     assert code == 0 and all(state["replayed"] == pytest.approx(state["designed"], rel=1e-3) for state in states)
+    assert all(state["course"]["stretch"] > 1.1 and 0.0 < state["course"]["mean"] < 0.3 for state in states)
+    assert {state["on_rig"] for state in states} == {None}
+    code, text, _ = morpholab(f"pipeline --replay {package} --rig dissertation-lag --quiet --threads 1")
+    assert (
+        code == 0
+        and text.count("  over time: its rows take ") == text.count("  on the rig dissertation-lag, in its") == 2
+    )
 
     monkeypatch.setattr(pipeline_run, "find_change", interrupted)
     parts = tmp_path / "parts"
@@ -337,6 +344,8 @@ def interrupted(*_args, **_options):
         ("", "task: give either the file of a task, or --replay"),
         ("task.toml --replay p", "task: give either"),
         ("--replay p --out o", "out: is not allowed with --replay"),
+        ("task.toml --out o --rig dissertation", "rig: dissertation is not allowed without --replay"),
+        ("--replay p --rig bench", "rig: 'bench' is neither a preset"),
         ("task.toml", "out: none given; name a folder"),
         ("gone.toml --out o", "task: gone.toml cannot be read"),
         ("--replay nothing", "nothing"),

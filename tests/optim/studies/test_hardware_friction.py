@@ -2,21 +2,37 @@
 
 import csv
 import math
+import shutil
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from optim.studies.chapter5 import hardware_friction
 from optim.studies.chapter5.gaits import Robot
-from optim.studies.chapter5.hardware_friction import MEASURED, SIMULATOR, HardwareFriction, rows_of, sets_of, verdict
+from optim.studies.chapter5.hardware_friction import (
+    MEASURED,
+    MEASURED_FEET,
+    SIMULATOR,
+    HardwareFriction,
+    effects_of,
+    rows_of,
+    sets_of,
+    verdict,
+)
+from robots.calibration import load_calibration, read_measurements
+from robots.inflatable.kind import load_gait
 
+DOCS = Path(__file__).parents[3] / "docs"
 FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
 
 
 def copies_of(ratios, **parameters):
     """Two copies of each condition, near so many times the measured speed."""
-    about = {"weight": "physical", "inflation": 1.0, "timing": SIMULATOR, **parameters}
+    usual = {"weight": "physical", "inflation": 1.0, "timing": SIMULATOR, "ground": MEASURED_FEET}
+    about = {**usual, **parameters}
     return [
         {
             **about,
@@ -97,6 +113,58 @@ def test_sets_are_sorted_and_the_verdict_counts_those_that_agree():
     assert "No set of parameters goes forward" in verdict(sets[2:])
 
 
+def test_effects_compare_sets_that_differ_in_one_parameter():
+    copies = copies_of([1.0, 1.0, 1.0, -1.0]) + copies_of([2.0, 1.0, 0.5, -1.0], inflation=0.5)
+    (effect,) = effects_of(sets_of(rows_of(copies)))
+    assert effect["parameter"] == "inflation" and effect["inching up 14°, wood"] is None
+    assert [effect[m.name] for m in MEASURED[:3]] == pytest.approx([2.0, 1.0, 2.0])
+
+
+def test_grounds_change_what_is_not_measured_of_the_floor(simulator, tmp_path):
+    grounds = {MEASURED_FEET: {}, "slippery": {"low_friction": 0.1}}
+    summary = hardware_friction.study(tmp_path / "a", replace(FEW, weights=("physical",), grounds=grounds))
+    lows = [{terrain.low_friction for terrain in call.terrain} for call in simulator.calls]
+    assert lows == [{0.56, 0.38}, {0.1}] * 2 and {one["ground"] for one in summary["sets"]} == set(grounds)
+
+
+def test_the_committed_speeds_make_the_tables_of_the_docs_and_nothing_is_played(simulator, tmp_path):
+    data, docs = DOCS / "data/hardware-friction", (DOCS / "hardware-speeds.md").read_text()
+    shutil.copytree(data, tmp_path / "a")
+    summary = hardware_friction.study(tmp_path / "a", hardware_friction.STUDY.scales["medium"])
+    assert not simulator.calls and summary["best"]["factor"] < 1.5
+    told = (tmp_path / "a/hardware.md").read_text().splitlines()
+    assert [line for line in told if line.startswith("|") and line not in docs] == [] and verdict(
+        summary["sets"]
+    ) in docs
+    assert (tmp_path / "a/copies.csv").read_bytes() == (data / "copies.csv").read_bytes()
+    for row in summary["rows"]:  # the cost of a rig, on the page of rigs
+        if row["inflation"] == 1.0 and row["pressure"] in (0.0, 12e3) and "14°" not in row["condition"]:
+            text = f"{row['mean']:.4f} ({row['low']:.4f} to {row['high']:.4f})"
+            assert text in (DOCS / "hardware.md").read_text()
+
+
+def test_nearby_sets_of_the_docs_are_those_of_the_data(simulator, tmp_path):
+    shutil.copytree(DOCS / "data/hardware-friction/near", tmp_path / "a")
+    near = HardwareFriction(
+        Robot(precision="f32", copies=2), ("physical",), inflations=(0.8, 0.95), pressures=(10e3, 12e3), rigs=()
+    )
+    sets = hardware_friction.study(tmp_path / "a", near)["sets"]
+    docs = (DOCS / "hardware-speeds.md").read_text()
+    told = (tmp_path / "a/hardware.md").read_text().splitlines()
+    lines = [line for line in told if line.startswith("| simulator | physical | feet as measured")]
+    assert not simulator.calls and len(lines) == len(sets) == 4 and all(line in docs for line in lines)
+
+
+def test_the_dissertations_calibration_is_that_of_its_measurements():
+    data = DOCS / "data/hardware-friction"
+    properties, geometry = load_calibration(data / "calibration.json")
+    assert geometry == "published" and (properties.friction, properties.low_friction) == pytest.approx(
+        (0.70, 0.56), abs=1e-3
+    )
+    found = read_measurements(data / "dissertation.toml", load_gait)
+    assert [float(np.mean(one.values)) for one in found.experiments] == pytest.approx([0.70, 0.56])
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
@@ -104,6 +172,9 @@ def test_sets_are_sorted_and_the_verdict_counts_those_that_agree():
         ({"inflations": (0.0,)}, "inflations: 0.0 is not allowed; give a number from 0.1 to 1"),
         ({"inflations": (1.0, 1.0)}, "inflations: .* is not allowed; give one or more different values"),
         ({"pressures": ()}, "pressures: .* is not allowed; give one or more different values"),
+        ({"grounds": {}}, "grounds: {} is not allowed; give at least one, by its name"),
+        ({"grounds": {"steep": {"slope": 3.0}}}, "grounds: 'slope' is unknown; choose one of high_friction, "),
+        ({"grounds": {"odd": {"low_friction": -1.0}}}, "low_friction: -1.0 is not allowed"),
         ({"rigs": ("bench",)}, "rigs: 'bench' is unknown; choose one of dissertation, "),
         ({"pressures": (2e4,)}, "pressures: 20000.0 is not allowed; give a number from 1 to 15000 Pa"),
     ],

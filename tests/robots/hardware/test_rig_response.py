@@ -173,3 +173,18 @@ def test_a_ramp_of_the_core_has_no_jump_and_comes_back():
     assert lines[0, 0] == -80.0 and lines[-1, 0] == 50.0 and np.diff(lines[:, 0]).max() < 1.0
     assert np.allclose(ramp.simulated(lines)[0], pressures, atol=1e-2)
     assert LineMap.from_text(ramp.to_text()) == ramp and "ramp_pa" not in LineMap().to_text()
+
+
+def test_presets_have_no_jump_and_tables_tell_their_ramp_only_where_it_is_played(tmp_path):
+    gait = replace(SHORT, pressure=400.0)
+    rig, low = PneumaticRig(), gait_table(gait)
+    assert rig.line_map.ramp_pa == PneumaticRig.load("dissertation-gentle").line_map.ramp_pa == 1000.0
+    assert low.line_map == rig.line_map and low.pressures[low.states == 1][-1, 0] == pytest.approx(-46.33, abs=0.01)
+    export_csv(gait, tmp_path / "gait.csv")
+    assert read_csv(tmp_path / "gait.csv").played().pressure == pytest.approx(400.0, abs=0.01)
+    assert gait_table(SHORT).line_map == gait_table(replace(SHORT, pressure=1000.0)).line_map == LineMap()
+    columns = np.full(SHORT.schedule.columns, 400.0)
+    changing = replace(SHORT, schedule=replace(SHORT.schedule, core_pressure=columns))
+    assert gait_table(changing).line_map.ramp_pa == 1000.0
+    (tmp_path / "rig.toml").write_text("shortest_state_s = 0.2\n")
+    assert PneumaticRig.load(tmp_path / "rig.toml").line_map == LineMap()

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig
+from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig, gait_table
+from robots.inflatable import ROLLING
 
 
 @pytest.mark.long
@@ -101,3 +102,33 @@ def test_a_rig_file_of_another_kind_or_none_is_refused(tmp_path):
 def test_a_rig_has_all_channels():
     with pytest.raises(ValueError, match=r"^channels: 1 are not allowed; give 11$"):
         PneumaticRig(channels=(Channel(1, 1, 0, 1, 1),))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[channels.core]\nmaximum_psi = 9.0", "core: maximum_psi: 9 is not allowed; the supply has 7.2519 psi"),
+        (
+            "[channels.foot]\nminimum_psi = 1.5",
+            "foot: minimum_psi: 1.5 is not allowed; lines are vented, give at most 0",
+        ),
+        ("[channels.bladder2]\nslew_psi_per_s = -2", "bladder2: slew_psi_per_s: -2 is not allowed"),
+        ("[channels.core]\nrise_s = -2", "core: rise_s: -2 is not allowed"),
+        ("[channels.core]\nmaximum_kpa = 9.0", "maximum_kpa: is not allowed, as the units are psi; give maximum_psi"),
+        ("[map]\non_psi = [1, 2]", "give 10 pressures, bladders then feet"),
+    ],
+)
+def test_mistakes_of_a_rig_in_psi_are_told_in_psi(tmp_path, text, message):
+    (tmp_path / "rig.toml").write_text(f'units = "psi"\n{text}\n')
+    with pytest.raises(ValueError) as error:
+        PneumaticRig.load(tmp_path / "rig.toml")
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_a_rig_in_psi_refuses_is_told_in_psi(tmp_path):
+    (tmp_path / "rig.toml").write_text('units = "psi"\n[channels.core]\nmaximum_psi = 5.0\n')
+    rig = PneumaticRig.load(tmp_path / "rig.toml")
+    with pytest.raises(ValueError, match=r"core: 7.25189 psi at .* s is not allowed; the rig's limit is 5 psi"):
+        gait_table(ROLLING, rig)
+    clipped = gait_table(ROLLING, rig, on_violation="clip").clipped
+    assert clipped and all("psi" in line and "kPa" not in line for line in clipped)
