@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robots.outcome import World
-from taichi_sim.base.options import Option
+from taichi_sim.base.options import Option, spelled
 from taichi_sim.base.registry import Registry
 
 if TYPE_CHECKING:
@@ -79,6 +79,15 @@ class RobotKind(ABC):
         """The world that values of :attr:`world_options` name; None if none was given."""
         given = options.get(self.world_option)
         return None if given is None else self.world(given)
+
+    def world_values(self, world: World) -> dict[str, Any]:
+        """Values of :attr:`world_options` by which :meth:`chosen_world` gives this world."""
+        return {self.world_option: world.name}
+
+    def world_told(self, world: World) -> str:
+        """A world by its name and what options say beside it, such as ``hill:15 with friction 0.56,0.7``."""
+        more = {name: value for name, value in self.world_values(world).items() if name != self.world_option}
+        return " with ".join([world.name, *(f"{name.replace('_', ' ')} {spelled(more[name])}" for name in more)])
 
     def world(self, text: Any) -> World:
         """The world of a name, or of a value that ``world_type`` made.

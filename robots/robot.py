@@ -36,6 +36,7 @@ from taichi_sim.base.options import Option as Option
 from taichi_sim.base.variables import Variable
 
 if TYPE_CHECKING:
+    from robots.uncertainty import Perturbation
     from robots.view.motion import Motion
 
 DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
@@ -92,6 +93,7 @@ class Robot:
     differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
     exportable = False  # whether :meth:`table` makes a table for hardware
     foot_friction: tuple[float, float] | None = None  # of feet that grip and that slide, where a terrain gives none
+    actuators: int = 0  # how many there are whose levels and timing may be uncertain, see :meth:`perturbed`
     pictured = False  # whether searches draw the best design by :meth:`save_picture`
     curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
     descriptors: Mapping[
@@ -139,14 +141,27 @@ class Robot:
         return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
 
     def simulate_in(
-        self, worlds: Sequence[World], *, compute: Compute = HERE, progress: Progress | None = None
+        self,
+        worlds: Sequence[World],
+        *,
+        draws: "Sequence[Perturbation]" = (),
+        compute: Compute = HERE,
+        progress: Progress | None = None,
     ) -> list[Outcome]:
-        """Try a robot of which nothing is free in several worlds; kinds that can make one batch of them."""
+        """Try a robot of which nothing is free in several worlds; kinds that can make one batch of them.
+
+        With draws, one for each world, the robot is :meth:`perturbed` by them.
+        """
         count = len(worlds)
+        robots = [self.perturbed(drawn) for drawn in draws] if draws else [self] * count
         return [
-            self.simulate((), world, compute=compute, progress=part_of(progress, number, count))
-            for number, world in enumerate(worlds)
+            robot.simulate((), world, compute=compute, progress=part_of(progress, number, count))
+            for number, (robot, world) in enumerate(zip(robots, worlds, strict=True))
         ]
+
+    def perturbed(self, drawn: "Perturbation") -> "Robot":
+        """This robot, of which nothing is free, with the levels and timing of a draw, if it has ``actuators``."""
+        raise NotImplementedError
 
     def differentiate(
         self,

@@ -14,8 +14,12 @@ from robots.world import STEEPEST, Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
-SHARES = ("friction", "sliding", "gripping")  # given in percent
-QUANTITIES = (*SHARES, "slope")
+FRICTION = ("friction", "sliding", "gripping")
+DRIVE = ("levels", "timing")  # of actuators
+GROUND = (*FRICTION, "slope")
+QUANTITIES = (*GROUND, *DRIVE)
+SHARES = (*FRICTION, *DRIVE)  # given in percent
+MOST = {"timing": 0.5}  # of shares, where it is less than 1
 TAIL = 0.2  # share of the worst draws that a judgement tells of, unless the risk names one
 JUDGED_DRAWS = 64  # held-out draws by which designs are judged
 SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
@@ -23,17 +27,21 @@ SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and w
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One draw: by how much friction and slope differ from what is nominal.
+    """One draw: by how much friction, slope, and what actuators do, differ from what is nominal.
 
     Attributes:
         sliding: factor of the friction of sliding feet.
         gripping: factor of that of gripping feet and skin.
         slope: added to the slope [degrees].
+        levels: factors of how far actuators go, one each; none is as they are told.
+        timing: factor of how long their strokes, and waits between them, last.
     """
 
     sliding: float = 1.0
     gripping: float = 1.0
     slope: float = 0.0
+    levels: tuple[float, ...] = ()
+    timing: float = 1.0
 
     def tilted(self, terrain: Terrain) -> float:
         """The slope of a terrain in this draw [degrees]."""
@@ -60,18 +68,22 @@ class Uncertainty:
         sliding: of a factor of sliding friction alone, 0 to 1.
         gripping: of a factor of gripping friction alone, 0 to 1.
         slope: of what is added to the slope, 0 to 45 degrees.
+        levels: of a factor of how far each actuator goes, 0 to 1, drawn for every one of them.
+        timing: of the factor of how long strokes and waits last, 0 to 0.5.
     """
 
     friction: float = 0.0
     sliding: float = 0.0
     gripping: float = 0.0
     slope: float = 0.0
+    levels: float = 0.0
+    timing: float = 0.0
 
     def __post_init__(self) -> None:
         for name in SHARES:
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise ValueError(f"uncertain: {name}={100 * value:g}% is not allowed; give 0% to 100%")
+            value, most = getattr(self, name), MOST.get(name, 1.0)
+            if not 0 <= value <= most:
+                raise ValueError(f"uncertain: {name}={100 * value:g}% is not allowed; give 0% to {100 * most:g}%")
         if not 0 <= self.slope <= STEEPEST:
             raise ValueError(f"uncertain: slope={self.slope:g} is not allowed; give 0 to {STEEPEST:g} degrees")
 
@@ -104,12 +116,27 @@ class Uncertainty:
         given = [name for name in QUANTITIES if getattr(self, name)]
         return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
 
-    def draw(self, count: int, stream: int = SEARCHED, seed: int = 0) -> list[Perturbation]:
-        """So many perturbations; those of one stream and seed are always the same, other streams are independent."""
-        each = np.random.default_rng((stream, seed)).uniform(-1.0, 1.0, (count, len(QUANTITIES)))
-        pair, sliding, gripping, slope = (each * [getattr(self, name) for name in QUANTITIES]).T
-        factors = zip((1 + pair) * (1 + sliding), (1 + pair) * (1 + gripping), slope, strict=True)
-        return [Perturbation(*map(float, one)) for one in factors]
+    @property
+    def drives(self) -> bool:
+        """Whether what actuators do is uncertain."""
+        return any(getattr(self, name) for name in DRIVE)
+
+    def draw(self, count: int, stream: int = SEARCHED, seed: int = 0, actuators: int = 0) -> list[Perturbation]:
+        """So many perturbations; those of one stream and seed are always the same, other streams are independent.
+
+        Args:
+            count: how many.
+            stream, seed: which.
+            actuators: that the robot has, for ``levels``.
+        """
+        each = np.random.default_rng((stream, seed)).uniform(-1.0, 1.0, (count, len(GROUND)))
+        pair, sliding, gripping, slope = (each * [getattr(self, name) for name in GROUND]).T
+        grounds = np.stack([(1 + pair) * (1 + sliding), (1 + pair) * (1 + gripping), slope], axis=1).tolist()
+        # Streams of their own: so the ground is the same whether or not actuators are uncertain, and how many.
+        times = 1 + self.timing * np.random.default_rng((stream, seed, 1)).uniform(-1.0, 1.0, count)
+        levels = np.random.default_rng((stream, seed, 2)).uniform(-1.0, 1.0, (count, actuators if self.levels else 0))
+        told = zip(grounds, (1 + self.levels * levels).tolist(), times.tolist(), strict=True)
+        return [Perturbation(low, high, tilt, tuple(reach), time) for (low, high, tilt), reach, time in told]
 
 
 @dataclass(frozen=True)
@@ -171,20 +198,23 @@ def judge_uncertain(
     """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
 
     Raises:
-        ValueError: if its world has no ground, or it no friction that can be drawn.
+        ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
     """
     if not isinstance(world, Terrain) or world.is_fluid:
         raise ValueError(f"uncertain: {uncertainty.text} is not allowed {world.where}, which has no ground")
     share = risk.share if 0 < risk.share < 1 else TAIL
-    drawn = uncertainty.draw(draws, HELD_OUT)
+    drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
     feet = robot.foot_friction
-    if feet is None and any(getattr(uncertainty, name) for name in SHARES):
+    if feet is None and any(getattr(uncertainty, name) for name in FRICTION):
         raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no friction to draw")
+    if not robot.actuators and uncertainty.drives:
+        raise ValueError(f"uncertain: {uncertainty.text} is not allowed; {robot.name} has no actuators to draw")
     terrains: list[World] = [
         one.on(world, *feet) if feet is not None else dataclasses.replace(world, slope=one.tilted(world))
         for one in drawn
     ]
-    outcomes = robot.simulate_in(terrains, compute=compute, progress=progress)
+    drives = drawn if uncertainty.drives else ()
+    outcomes = robot.simulate_in(terrains, draws=drives, compute=compute, progress=progress)
     measure = robot.measures[0]
     failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
     about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}

@@ -19,6 +19,8 @@ STANDARD_GRAVITY = 9.80665  # m/s^2
 NO_WEIGHT = (0.0, 0.0, 0.0)
 # Sliding and gripping feet, static, of the robot dragged over it (Powers 2021, ch. 5); no pair is published of gravel.
 FLOORS = {"wood": (0.56, 0.70), "acrylic": (0.38, 0.51)}
+FRICTION_OF_PARTS = ("bladder_friction", "skin_friction", "seam_friction")
+FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
@@ -45,6 +47,8 @@ class Terrain:
         fluid_density: of the fluid around the robot [kg/m^3]; None is no fluid.
         pressure_drag: coefficient of faces that the fluid meets; None is 1.2.
         friction_drag: coefficient of faces that it flows along; None is 0.02.
+        bladder_friction, skin_friction, seam_friction: Coulomb coefficients of these parts of the inflatable robot, see
+            ``InflatableActuation``; None keeps what they follow from.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -53,6 +57,9 @@ class Terrain:
     fluid_density: NotNegative | None = None
     pressure_drag: NotNegative | None = None
     friction_drag: NotNegative | None = None
+    bladder_friction: NotNegative | None = None
+    skin_friction: NotNegative | None = None
+    seam_friction: NotNegative | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -60,12 +67,18 @@ class Terrain:
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
         if self.is_fluid:
-            for field in ("slope", "high_friction", "low_friction"):
+            for field in ("slope", *FRICTION_FIELDS):
                 if value := getattr(self, field):
                     raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
         for field in FLUID_FIELDS[1:]:
             if not self.is_fluid and (value := getattr(self, field)) is not None:
                 raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """All fields, but friction of parts only where it is given: as earlier versions wrote terrains."""
+        fields = dataclasses.asdict(self)
+        return {name: fields[name] for name in fields if name not in FRICTION_OF_PARTS or fields[name] is not None}
 
     @property
     def medium(self) -> Medium:
@@ -85,17 +98,29 @@ class Terrain:
         return f"hill:{self.slope!r}".removesuffix(".0") if self.slope else "flat"
 
     @property
+    def friction(self) -> str:
+        """What replaces the robot's own friction, such as ``"friction 0.56,0.7 (wood)"``; empty if nothing does."""
+        feet = self.low_friction, self.high_friction
+        floor = next((f" ({name})" for name, pair in FLOORS.items() if pair == feet), "")
+        given = [f"{value:g}" for value in feet if value is not None]
+        told = [f"friction {','.join(given)}{floor}"] if given else []
+        parts = {name: getattr(self, name) for name in FRICTION_OF_PARTS}
+        told += [f"{name.replace('_', ' ')} {value:g}" for name, value in parts.items() if value is not None]
+        return ", ".join(told)
+
+    @property
     def where(self) -> str:
-        """``"on flat"``, ``"on hill:15"`` or ``"in water"``."""
-        return f"{'in' if self.is_fluid else 'on'} {self.name}"
+        """``"on flat"``, ``"on hill:15, friction 0.56,0.7 (wood)"`` or ``"in water"``."""
+        return ", ".join(filter(None, [f"{'in' if self.is_fluid else 'on'} {self.name}", self.friction]))
 
     @property
     def spoken(self) -> str:
-        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°"`` or ``"in water"``."""
+        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"`` or ``"in water"``."""
         if self.is_fluid:
             return self.where
         way = "up" if self.slope > 0 else "down"
-        return f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
+        ground = f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
+        return ", ".join(filter(None, [ground, self.friction]))
 
     @property
     def resistance(self) -> tuple[float, float]:

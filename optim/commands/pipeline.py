@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> Report:
 def _make(args: argparse.Namespace) -> Report:
     from optim.pipeline.package import write_package
     from optim.pipeline.run import PACKAGE, run_pipeline
-    from optim.pipeline.task import read_task
+    from optim.pipeline.task import KIND, read_task
     from optim.pipeline.trials import NoWorkingGait
 
     task = read_task(args.task)
@@ -50,7 +50,7 @@ def _make(args: argparse.Namespace) -> Report:
     except NoWorkingGait as error:
         return Report({"folder": str(args.out), "failed": str(error)}, f"failed: {error}", FAILED)
     faults = [fault for change in found.changes.values() if change for fault in change.faults]
-    lines = [f"{state.terrain.name}: {state.gait}, {state.speed:.4f} BL/s" for state in found.states]
+    lines = [f"{KIND.world_told(each.terrain)}: {each.gait}, {each.speed:.4f} BL/s" for each in found.states]
     lines += [f"change of shape: {fault}" for fault in faults]
     document = {"folder": str(args.out), "files": files, "faults": faults, **found.numbers()}
     return Report(document, "\n".join([*lines, f"{args.out / PACKAGE}: {len(files)} files"]), FAILED if faults else 0)

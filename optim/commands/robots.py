@@ -181,4 +181,10 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
         return robot_to_try(named.kind, named.source, values)
     world, options = world_and_others(named.kind, values)
     robot, worlds = robot_of_run(read_history(named.run), member)
-    return robot.changed(options), worlds if world is None else (world,)
+    kind, ground = named.kind, {name: values[name] for name in named.kind.ground_options if name in values}
+    if ground and ground.keys() == values.keys() & {option.name for option in kind.world_options}:
+        each = (kind.chosen_world({kind.world_option: one, **ground}) for one in worlds)  # those of the run
+        worlds = tuple(one for one in each if one is not None)
+    elif world is not None:
+        worlds = (world,)
+    return robot.changed(options), worlds

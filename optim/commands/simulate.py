@@ -26,7 +26,8 @@ COMMAND = Command(
         flag(
             "judge",
             "tell how far the speed can be trusted; of a gait: the mean of eight runs from starts that differ by 10 "
-            "nm, what remains of it under harder conditions, and how far feet slip while they grip",
+            "nm, what remains of it under harder conditions, on measured floors, with other friction and with half the "
+            "time step, how far feet slip while they grip and all parts under load, drift and chatter",
         ),
         Option(
             "uncertain",
@@ -71,7 +72,8 @@ def run(args: argparse.Namespace) -> Report:
     title = f"{what} {world.where}".strip()
     measured = {measure.name for measure in robot.measures}
     place = kind.world_option if kind.world_option not in measured else "world"
-    about = {"gait" if args.gait else "robot": what, place: world.name}
+    values = {name: value for name, value in kind.world_values(world).items() if name != kind.world_option}
+    about = {"gait" if args.gait else "robot": what, place: world.name, **values}
     if args.uncertain:
         return _uncertain(args, robot, world, title, about)
     for name in ("draws", "risk"):
@@ -79,7 +81,7 @@ def run(args: argparse.Namespace) -> Report:
             raise ValueError(f"{name}: {value} is not allowed without --uncertain; say what is uncertain")
     if args.judge:
         if args.out:
-            raise ValueError(f"out: {args.out} is not allowed with --judge, which plays both weights with noise")
+            raise ValueError(f"out: {args.out} is not allowed with --judge, which plays many runs with noise")
         with shown_progress(f"{title}, judged", 1.0) as update:
             found = robot.judge(world, compute=compute, progress=update)
         code = FAILED if found.failed else 0

@@ -16,6 +16,7 @@ from optim.pipeline.trials import State
 from robots.calibration import Properties, robot_of
 from robots.hardware import read_design
 from robots.inflatable import simulation
+from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.robustness import NOISE
 from robots.world import Terrain
@@ -44,6 +45,7 @@ def machine_document(
         "runs": task.runs,
         "seed": task.seed,
         **({"properties": asdict(task.calibration)} if task.calibration else {}),
+        **({} if task.weight == "published" else {"weight": task.weight}),
     }
     return {
         "format": FORMAT,
@@ -52,7 +54,7 @@ def machine_document(
         "states": [
             {
                 "name": state.name,
-                "terrain": asdict(state.terrain),
+                "terrain": state.terrain.document,
                 "gait": f"gaits/{state.name}.json",
                 "table": f"tables/{state.name}.csv",
                 "pressure_pa": core_of(state.design),
@@ -103,6 +105,7 @@ def read_machine(folder: Path) -> dict[str, Any]:
         choice("precision", simulated["precision"], ("f32", "f64"))
         whole_number("runs", simulated["runs"], 1)
         whole_number("seed", simulated["seed"], 0)
+        choice("weight", weight_of(simulated), WEIGHTS)
         properties_of(simulated)
         for state in document["states"]:
             _check_state(state)
@@ -116,6 +119,11 @@ def read_machine(folder: Path) -> dict[str, Any]:
 def properties_of(simulated: Mapping[str, Any]) -> Properties | None:
     """Properties of the robot that a package was made for; None if it is the published one."""
     return Properties(**simulated["properties"]) if "properties" in simulated else None
+
+
+def weight_of(simulated: Mapping[str, Any]) -> str:
+    """Weight of bladders that a package was made for."""
+    return str(simulated.get("weight", "published"))
 
 
 def _check_state(state: Mapping[str, Any]) -> None:
@@ -150,7 +158,7 @@ def replay_package(folder: Path, progress: Progress = None, threads: int | None 
     """Play every gait of a package from the rows of its table, with the noise with which it was measured."""
     machine = read_machine(folder)
     states, simulated, found = machine["states"], machine["simulated"], []
-    geometry, actuation = robot_of(simulated["geometry"], "published", properties_of(simulated))
+    geometry, actuation = robot_of(simulated["geometry"], weight_of(simulated), properties_of(simulated))
     for n, state in enumerate(states):
         run = simulation.simulate(
             [read_design(folder / state["table"], from_rows=True)] * simulated["runs"],

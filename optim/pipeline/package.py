@@ -136,6 +136,7 @@ def report_page(package: Package, folder: Path) -> str:
     names = " and ".join(terrain.name for terrain in package.task.terrains)
     lead = [
         paragraph("Which gait the robot uses on which terrain, and how it gets from one shape to another.", "lead"),
+        *_conditions(package.task),
         tiles((f"{state.terrain.name} [BL/s]", state.speed) for state in package.states),
     ]
     sections = [
@@ -146,6 +147,13 @@ def report_page(package: Package, folder: Path) -> str:
         Section("Playing it", _playing(package)),
     ]
     return page(f"From task to machine: {names}", lead, sections, FOOT)
+
+
+def _conditions(task: PipelineTask) -> list[Html]:
+    """What differs from the published ground and weight, if anything does."""
+    told = [f"{t.name}: {t.friction}" for t in task.terrains if t.friction]
+    told += [] if task.weight == "published" else [f"weight of bladders: {task.weight}"]
+    return [paragraph("; ".join(told))] if told else []
 
 
 def _plans(package: Package) -> list[Html]:

@@ -102,7 +102,7 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
 def settings_of(task: PipelineTask) -> dict[str, Any]:
     """All that results depend on, as JSON."""
     return {
-        "terrains": [dataclasses.asdict(terrain) for terrain in task.terrains],
+        "terrains": [terrain.document for terrain in task.terrains],
         "gaits": {
             name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats]
             for name, d in task.gaits.items()
@@ -114,6 +114,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         "precision": task.precision,
         "rig": dataclasses.asdict(task.rig),
         **({"calibration": dataclasses.asdict(task.calibration)} if task.calibration else {}),
+        **({} if task.weight == "published" else {"weight": task.weight}),
     }
 
 

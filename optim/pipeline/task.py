@@ -10,16 +10,19 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.search import METHODS, build_method, default_settings
 from robots.calibration import Properties, load_calibration, robot_of
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
-from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import BY_HAND, InflatableDesign, common_pressure, kilopascals
+from robots.inflatable.kind import InflatableKind
 from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, nearest, number, positive, whole_number
 from taichi_sim.base.files import why_unread
 
+KIND = InflatableKind()
 LEAST_RUNS = 2
-PLAIN = ("geometry", "runs", "stretch", "seed", "precision", "frames")  # keys whose values are taken as they are
+# Keys whose values are taken as they are.
+PLAIN = ("geometry", "weight", "runs", "stretch", "seed", "precision", "frames")
 PROBLEM = ("encoding", "columns", "repeats", "steps", "warm_up", "stages", "effort")  # keys of [search] about gaits
 
 
@@ -66,6 +69,7 @@ class PipelineTask:
     limits: Limits = field(default_factory=Limits)  # what gaits and changes of shape must keep to
     rig: PneumaticRig = field(default_factory=PneumaticRig)  # that plays the package
     calibration: Properties | None = None  # properties of the robot on that rig; None is the published robot
+    weight: str = "published"  # of bladders, or physical
 
     def __post_init__(self) -> None:
         names = [terrain.name for terrain in self.terrains]
@@ -74,6 +78,7 @@ class PipelineTask:
         if not self.gaits and self.search is None:
             raise ValueError("gaits: none given, and no search; give gaits to try, or [search]")
         choice("geometry", self.geometry, NAMED_GEOMETRIES)
+        choice("weight", self.weight, WEIGHTS)
         if NAMED_GEOMETRIES[self.geometry].cores > 1:
             raise ValueError(f"geometry: {self.geometry!r} is not allowed; the tables of a package have one core")
         if self.calibration is not None:
@@ -95,7 +100,7 @@ class PipelineTask:
     @property
     def robot(self) -> dict[str, Any]:
         """Geometry and actuation, as options of simulations."""
-        geometry, actuation = robot_of(self.geometry, "published", self.calibration)
+        geometry, actuation = robot_of(self.geometry, self.weight, self.calibration)
         return {"geometry": geometry, "actuation": actuation}
 
     def refusal(self, design: InflatableDesign) -> str:
@@ -111,6 +116,7 @@ class PipelineTask:
         assert self.search is not None
         given = {
             "geometry": self.geometry,
+            "weight": self.weight,
             "precision": self.precision,
             "properties": self.calibration,
             **self.search.problem,
@@ -142,7 +148,7 @@ def read_task(path: Path) -> PipelineTask:
         given = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {path} cannot be read ({why_unread(error)})") from None
-    _check_keys(path, "", given, [each.name for each in fields(PipelineTask)])
+    _check_keys(path, "", given, [*(each.name for each in fields(PipelineTask)), *KIND.ground_options])
     if "terrains" not in given:
         raise ValueError(f"task: {path} has no terrains; give some, such as terrains = ['flat', 'hill:15']")
     terrains = _names("terrains", given["terrains"], "give names, such as ['flat', 'hill:15']")
@@ -150,7 +156,7 @@ def read_task(path: Path) -> PipelineTask:
     calibration, geometry = load_calibration(beside) if beside else (None, "published")
     rig = _file("rig", given, path, "give the name of a rig, or its file")
     return PipelineTask(
-        tuple(map(Terrain.parse, terrains)),
+        _grounds([Terrain.parse(name) for name in terrains], given),
         _gaits(path, given.get("gaits", [])),
         _search(path, given["search"]) if "search" in given else None,
         limits=_limits(path, given.get("limits", {}), calibration),
@@ -158,6 +164,15 @@ def read_task(path: Path) -> PipelineTask:
         calibration=calibration,
         **{"geometry": geometry, **{name: given[name] for name in PLAIN if name in given}},
     )
+
+
+def _grounds(terrains: list[Terrain], given: Mapping[str, Any]) -> tuple[Terrain, ...]:
+    """The terrains with the friction that a task gives, which is of those with a ground."""
+    own = {name: given[name] for name in KIND.ground_options if name in given}
+    if "friction" in own and not (isinstance(own["friction"], list) and len(own["friction"]) == 2):
+        raise ValueError(f"friction: {own['friction']!r} is not allowed; give that of sliding and of gripping feet")
+    dry = [terrain for terrain in terrains if not terrain.is_fluid] or terrains
+    return tuple(KIND.on_ground(each, own) if own and each in dry else each for each in terrains)
 
 
 def _check_keys(path: Path, table: str, given: Any, known: list[str]) -> None:

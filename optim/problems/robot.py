@@ -310,7 +310,7 @@ class JudgedRobot(RobotDesigning):
             *self.offered.facts(),
             (
                 f"{KINDS[self.offered.kind].world_option.capitalize()}s",
-                ", ".join(world.name for world in self.tried_in),
+                ", ".join(KINDS[self.offered.kind].world_told(world) for world in self.tried_in),
             ),
             ("Objective", told),
             ("Free", ", ".join(self.space.names)),

@@ -31,6 +31,7 @@ from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.options import flag_of, spelled
 
 
 @dataclass(frozen=True)
@@ -141,20 +142,21 @@ class RobotSubject(Subject):
         self, robot: Robot, point: Floats, last: Generation, replays: Sequence[Replay]
     ) -> tuple[Html, dict[str, Any]]:
         """A row for each world: what the log says, and what came of it here."""
-        worlds, option = self.problem.tried_in, KINDS[robot.kind].world_option
+        worlds, kind = self.problem.tried_in, KINDS[robot.kind]
         logged = self.problem.logged(point, last.best, last.best_details or {})
         known = [measure for measure in robot.measures if any(measure.name in row for row in logged)]
         again = robot.measures if replays else ()
         labels = {m.name: Objective(m.name.replace("_", " ").capitalize(), m.unit).label for m in robot.measures}
-        header = [option.capitalize(), *(labels[measure.name] for measure in known)]
+        header = [kind.world_option.capitalize(), *(labels[measure.name] for measure in known)]
         header += [f"{labels[measure.name]}, replayed here" for measure in again]
         rows, told = [], []
         for n, world in enumerate(worlds):
             found = {m.name: _finite(float(replays[n].outcome.measures[m.name][0])) for m in again}
             shown = [*(logged[n].get(measure.name) for measure in known), *found.values()]
             rows.append([world.spoken or world.name, *map(number, shown)])
-            told.append({option: world.name, **found, **logged[n], "replayed": found.get(robot.measures[0].name)})
-        return table("The best design", header, rows), {f"{option}s": told}
+            about = {**kind.world_values(world), **found, **logged[n]}
+            told.append({**about, "replayed": found.get(robot.measures[0].name)})
+        return table("The best design", header, rows), {f"{kind.world_option}s": told}
 
     def _pictures(self, robot: Robot, replays: Sequence[Replay]) -> list[Html]:
         """The robot's own pictures; prints show poses above a chart instead of the player."""
@@ -181,9 +183,10 @@ class RobotSubject(Subject):
         found = [("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}")]
         named = {**problem.command_options(folder), "precision": problem.precision, "device": problem.device}
         options = " ".join(f"--{name} {shlex.quote(str(value))}" for name, value in named.items() if value is not None)
-        option = KINDS[problem.robot_kind].world_option
+        kind = KINDS[problem.robot_kind]
         for world in problem.tried_in:
-            line = f"morpholab simulate --gait {file} --{option} {world.name} {options}"
+            places = " ".join(f"{flag_of(n)} {shlex.quote(spelled(v))}" for n, v in kind.world_values(world).items())
+            line = f"morpholab simulate --gait {file} {places} {options}"
             found.append((f"Simulate the best design {world.spoken}".strip(), line))
         found.append(("Watch it", f"morpholab view {where} --out best.html"))
         if best is not None and problem.robot_of(best).exportable:

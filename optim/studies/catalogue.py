@@ -27,6 +27,7 @@ STUDIES: Registry[Study] = Registry(
         "gait-climb": "optim.studies.beyond.gait_hunt.climb:STUDY",
         "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",
         "friction-sweeps": "optim.studies.chapter5.friction:STUDY",
+        "hardware-friction": "optim.studies.chapter5.hardware_friction:STUDY",
         "slope-sweep": "optim.studies.chapter5.slopes:STUDY",
         "hand-gait-sensitivity": "optim.studies.chapter5.sensitivity:STUDY",
         "soft-robot-metrics": "optim.studies.chapter5.metrics:STUDY",

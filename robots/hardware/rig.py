@@ -38,6 +38,7 @@ class Channel:
         valve_delay_s: from the command until the pressure begins to change [s].
         lag_s: time constant with which the bladder behind the line follows it, as a first-order system [s]; 0 is none.
             Tables are made without it; ``simulate --table`` plays them with it.
+        resolution_kpa: steps in which its regulator takes commands [kPa]; 0 is none. Tables are made without it, too.
     """
 
     rise_s: Positive
@@ -47,6 +48,7 @@ class Channel:
     slew_kpa_per_s: Positive
     valve_delay_s: NotNegative = 0.0
     lag_s: NotNegative = 0.0
+    resolution_kpa: NotNegative = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -6,6 +6,7 @@ is a second of the simulation.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Unpack
 
 import numpy as np
@@ -14,7 +15,7 @@ from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
 from robots.hardware.rig_response import WHOLE_RESPONSE, Response, line_pressures
 from robots.hardware.table import GaitTable
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, FOOT_SEAM, PUBLISHED, InflatableGeometry, skin_regions
+from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, PUBLISHED, InflatableGeometry, skin_regions
 from robots.inflatable.body import SKIN_REGIONS as SKIN
 from robots.inflatable.numbers import Numbers
 from robots.inflatable.program import WHOLE, RobotEvents
@@ -72,11 +73,39 @@ def check_strokes(table: GaitTable) -> None:
             raise ValueError(f"rig: 'ideal' plays strokes at one rate, but {name}: {found}; name a rig")
 
 
+@dataclass(frozen=True)
+class Play:
+    """A table as one robot of a batch plays it.
+
+    Attributes:
+        table: that is played.
+        rig: that plays it.
+        terrain: on which the robot moves.
+        response: which parts of the rig's pneumatics act.
+        copy: number of the start's noise; equal numbers have equal starts.
+    """
+
+    table: GaitTable
+    rig: PneumaticRig
+    terrain: Terrain = field(default_factory=Terrain)
+    response: Response = WHOLE_RESPONSE
+    copy: int = 0
+
+
 def play_table(
     table: GaitTable,
     rig: PneumaticRig,
     terrain: Terrain | None = None,
     responses: Sequence[Response] = (WHOLE_RESPONSE,),
+    **settings: Any,
+) -> InflatableResult:
+    """Simulate the robot while a rig plays a table, once for each of several responses; see :func:`play_tables`."""
+    ground = Terrain() if terrain is None else terrain
+    return play_tables([Play(table, rig, ground, response) for response in responses], **settings)
+
+
+def play_tables(
+    plays: Sequence[Play],
     *,
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
@@ -86,35 +115,42 @@ def play_table(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> InflatableResult:
-    """Simulate the robot while a rig plays a table, once for each of several responses.
+    """Simulate robots while rigs play their tables, as one batch.
 
-    Distance counts from the end of the table's state 0, which shapes the body, to the end of its last loop;
-    ``speed_simulated`` divides by that time of the rig.
+    Distance counts from the end of a table's state 0, which shapes the body, to the end of its last loop;
+    ``speed_simulated`` divides by that time of the rig. Poses are recorded only of tables that last equally long.
 
     Raises:
         ValueError: if an argument is not allowed.
     """
-    ground = Terrain() if terrain is None else terrain
-    dt, builder = geometry.time_step, ProgramBuilder(len(responses))
-    times, commands, shaped, first = commanded(table)
-    begin, end = round(shaped / dt), round(float(times[-1]) / dt)
-    marks = [begin, end, *(range(begin, end + 1, record_every) if record_every else ())]
-    steps = np.arange(0, end + SAMPLE_STEPS, SAMPLE_STEPS)
-    for robot, response in enumerate(responses):
-        lines = line_pressures(times, commands, rig, np.asarray(steps * dt, np.float64), response)
-        events = _events(builder, robot, table, ground, actuation, geometry)
-        events.initialise(begin, inflate=False)
-        _follow(events, table, lines, steps, begin, dt)
-        seam = events.skin(FOOT_SEAM)
-        for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
-            builder.set(quantity, events.actuation.high_friction, regions=seam, step=round(first / dt), robots=robot)
-    program = builder.build([end] * len(responses), np.array([marks] * len(responses)))
-    designs = [table.design] * len(responses)
-    engine = engine_of(len(responses), geometry, ground, Compute.given(compute), designs)
+    builder = ProgramBuilder(len(plays))
+    spans = [_write_play(builder, robot, play, actuation, geometry) for robot, play in enumerate(plays)]
+    marks = [[*span, *(range(span[0], span[1] + 1, record_every) if record_every else ())] for span in spans]
+    if len({len(each) for each in marks}) > 1:
+        raise ValueError(f"record_every: {record_every} is not allowed for tables of different lengths; leave it out")
+    program = builder.build([end for _, end in spans], np.array(marks))
+    designs = [play.table.design for play in plays]
+    engine = engine_of(len(plays), geometry, plays[0].terrain, Compute.given(compute), designs)
     if perturbation > 0:
-        engine.set_positions(geometry.body.scattered(perturbation, seed, np.zeros(len(responses), int)))
+        engine.set_positions(geometry.body.scattered(perturbation, seed, [play.copy for play in plays]))
     run = engine.run(program, progress)
     return summarise(run, program, designs, geometry, actuation, WHOLE, record_every)
+
+
+def _write_play(
+    builder: ProgramBuilder, robot: int, play: Play, actuation: InflatableActuation, geometry: InflatableGeometry
+) -> tuple[int, int]:
+    """Write what a robot feels; returns the steps at which its body is shaped and its gait ends."""
+    table, dt = play.table, geometry.time_step
+    times, commands, shaped, first = commanded(table)
+    begin, end = round(shaped / dt), round(float(times[-1]) / dt)
+    steps = np.arange(0, end + SAMPLE_STEPS, SAMPLE_STEPS)
+    lines = line_pressures(times, commands, play.rig, np.asarray(steps * dt, np.float64), play.response)
+    events = _events(builder, robot, table, play.terrain, actuation, geometry)
+    events.initialise(begin, inflate=False)
+    _follow(events, table, lines, steps, begin, dt)
+    events.set_foot_seams(events.actuation.high_friction, round(first / dt))
+    return begin, end
 
 
 def _events(

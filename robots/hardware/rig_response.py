@@ -1,11 +1,11 @@
-"""What the lines of a rig do when they are told pressures: limits, delay, slew limit and first-order lag.
+"""What the lines of a rig do when they are told pressures: resolution, limits, delay, slew limit and first-order lag.
 
-A command goes through the regulator, which cuts it to the channel's limits and reacts after the valve's delay; the
-line then changes no faster than its slew limit, and the bladder behind it follows as a first-order system does,
-lag * dp/dt = line - p.
+A command goes through the regulator, which takes it in steps of its resolution, cuts it to the channel's limits and
+reacts after the valve's delay; the line then changes no faster than its slew limit, and the bladder behind it follows
+as a first-order system does, lag * dp/dt = line - p.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -18,15 +18,32 @@ class Response:
     """Which parts of a rig's pneumatics act; limits of pressure always do.
 
     Attributes:
-        valves: delays of valves and limits of rate.
+        delay: of valves.
+        slew: limits of rate.
+        resolution: of regulators.
         lag: the first-order lag of lines.
     """
 
-    valves: bool = True
+    delay: bool = True
+    slew: bool = True
+    resolution: bool = True
     lag: bool = True
 
 
 WHOLE_RESPONSE = Response()
+CAUSES = tuple(field.name for field in fields(Response))
+STRETCHED = Response(**dict.fromkeys(CAUSES, False))  # the table's times alone
+
+
+def causes_of(rig: PneumaticRig) -> tuple[str, ...]:
+    """Those of ``CAUSES`` that a rig has; limits of rate every one."""
+    has = {
+        "delay": any(channel.valve_delay_s for channel in rig.channels),
+        "slew": True,
+        "resolution": any(channel.resolution_kpa for channel in rig.channels),
+        "lag": any(channel.lag_s for channel in rig.channels),
+    }
+    return tuple(cause for cause in CAUSES if has[cause])
 
 
 def line_pressures(
@@ -46,10 +63,12 @@ def line_pressures(
     """
     found = np.empty((len(at), commands.shape[1]))
     for place, channel in enumerate(rig.channels):
-        delay = channel.valve_delay_s if response.valves else 0.0
+        delay = channel.valve_delay_s if response.delay else 0.0
         told = np.interp(at - delay, times, commands[:, place])
+        if response.resolution and channel.resolution_kpa > 0:
+            told = np.round(told / channel.resolution_kpa) * channel.resolution_kpa
         line = np.clip(told, channel.minimum_kpa, channel.maximum_kpa)
-        if response.valves:
+        if response.slew:
             line = slew_limited(line, at, channel.slew_kpa_per_s)
         found[:, place] = lagged(line, at, channel.lag_s) if response.lag else line
     return found

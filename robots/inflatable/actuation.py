@@ -4,11 +4,12 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
 
-from robots.world import Terrain
+from robots.world import FRICTION_FIELDS, Terrain
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, whole_number
 
 WEIGHTS = ("published", "physical")
@@ -21,7 +22,8 @@ class InflatableActuation:
     """How the robot is driven. The defaults are those of the published experiment.
 
     Attributes:
-        high_friction: of skin, seams and gripping feet, static and kinetic; bladders have a third of it.
+        high_friction: of gripping feet, static and kinetic; of skin, seams and bladders as far as they have none of
+            their own.
         low_friction: of sliding feet.
         deflated, inflated: thickness of a bladder, in voxels per voxel.
         inflation_rate: change of that thickness per time step.
@@ -40,6 +42,10 @@ class InflatableActuation:
         moving_damping, settling_damping: damping ratio against the world while bladders move, and between.
         weight: "published": bladders have no weight while they move or stay inflated, a quirk of the experiment;
             "physical": they always have it.
+        bladder_friction: of bladders; None is a third of ``high_friction``, as published.
+        skin_friction: of skin beside seams and feet; None is ``high_friction``.
+        seam_friction: of seams, within feet too; None is ``high_friction``, but those within feet slide as feet do
+            until the first column has ended, as published.
     """
 
     high_friction: NotNegative = 2.0
@@ -58,6 +64,9 @@ class InflatableActuation:
     settling_damping: NotNegative = 0.01
     weight: Annotated[str, partial(choice, names=WEIGHTS)] = "published"
     ramp_steps: Annotated[int, partial(whole_number, low=1)] | None = None
+    bladder_friction: NotNegative | None = None
+    skin_friction: NotNegative | None = None
+    seam_friction: NotNegative | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -66,10 +75,15 @@ class InflatableActuation:
 
     def on(self, terrain: Terrain) -> "InflatableActuation":
         """This actuation with the friction of a terrain; in a fluid, only the fluid resists motion."""
-        given: dict[str, Any] = {"high_friction": terrain.high_friction, "low_friction": terrain.low_friction}
+        given: dict[str, Any] = {name: getattr(terrain, name) for name in FRICTION_FIELDS}
         if terrain.is_fluid:
             given |= {"moving_damping": 0.0, "settling_damping": 0.0}
         return replace(self, **{name: value for name, value in given.items() if value is not None})
+
+    @property
+    def friction_of_bladders(self) -> float:
+        """Coulomb coefficient of the bladders."""
+        return self.high_friction / 3 if self.bladder_friction is None else self.bladder_friction
 
     def initial_steps(self, pressure: float) -> int:
         """Steps of the initialisation: a ramp to a core pressure [Pa], the highest of several, then a hold."""
@@ -78,3 +92,16 @@ class InflatableActuation:
 
 
 ACTUATION = InflatableActuation()
+
+
+def each_actuation(given: InflatableActuation | Sequence[InflatableActuation], count: int) -> list[InflatableActuation]:
+    """The actuation of each of ``count`` robots of a batch: one for all, or one each.
+
+    Raises:
+        ValueError: for another number of them.
+    """
+    if isinstance(given, InflatableActuation):
+        return [given] * count
+    if len(given) != count:
+        raise ValueError(f"actuation: {len(given)} are not allowed for {count} designs; give one, or one each")
+    return list(given)

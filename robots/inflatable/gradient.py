@@ -14,7 +14,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_actuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.numbers import Numbers, numbers_of
@@ -89,7 +89,7 @@ class GradientOptions(ComputeOptions, total=False):
     """Keyword arguments of :func:`differentiate`, for functions that pass them on."""
 
     geometry: InflatableGeometry
-    actuation: InflatableActuation
+    actuation: InflatableActuation | Sequence[InflatableActuation]
     counting: Counting
     memory: float
     perturbation: float
@@ -102,7 +102,7 @@ def differentiate(
     terrain: Terrain | Sequence[Terrain] | None = None,
     *,
     geometry: InflatableGeometry = PUBLISHED,
-    actuation: InflatableActuation = ACTUATION,
+    actuation: InflatableActuation | Sequence[InflatableActuation] = ACTUATION,
     counting: Counting = WHOLE,
     memory: float = 1e9,
     perturbation: float = 0.0,
@@ -124,7 +124,7 @@ def differentiate(
             of columns, a pace, friction and so on.
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
-        actuation: timing, friction and rates.
+        actuation: timing, friction and rates; one for all designs, or one for each.
         counting: which part of a gait counts, its stages, and the window.
         memory: bound for what is kept of the way there [B]. On a CPU, robots are differentiated in groups of
             ``ROBOTS_PER_THREAD`` a thread, one after the other.
@@ -139,6 +139,7 @@ def differentiate(
     designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
     way = _Way(counting, memory, perturbation, checked_seeds(seed, len(designs)))
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
+    drives = each_actuation(actuation, len(designs))
     check_alike(designs)
     where = Compute.given(compute)
     running = runtime.start(where.device, where.precision, where.threads)
@@ -151,7 +152,7 @@ def differentiate(
             report(min((start + fraction * size) / len(designs), 1.0))
 
         part = replace(way, first=start)
-        result, found = _side_by_side(designs[group], terrains[group], geometry, actuation, where, part, tick)
+        result, found = _side_by_side(designs[group], terrains[group], geometry, drives[group], where, part, tick)
         results.append(result)
         slopes.extend(found)
     joined: dict[str, Any] = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
@@ -174,13 +175,13 @@ def _side_by_side(
     designs: list[InflatableDesign],
     terrains: list[Terrain],
     geometry: InflatableGeometry,
-    actuation: InflatableActuation,
+    drives: list[InflatableActuation],
     compute: Compute,
     way: _Way,
     progress: Callable[[float], None],
 ) -> tuple[InflatableResult, list[dict[str, Floats]]]:
     """Results of robots that run as one batch, and the derivatives of each one's distance by its numbers, by name."""
-    program = build_program(designs, terrains, actuation, None, geometry, way.counting)
+    program = build_program(designs, terrains, drives, None, geometry, way.counting)
     engine = engine_of(len(designs), geometry, terrains[0], compute, designs)
     if way.perturbation > 0:
         robots = way.first + np.arange(len(designs))
@@ -191,7 +192,7 @@ def _side_by_side(
     early = engine.run(before) if begins.any() else None
     tape = engine.record(rest.program, memory=way.memory, progress=lambda f: progress(RECORDING * f))
     run = tape.result if early is None else _joined(early, tape.result, program.snapshots >= begins[:, None])
-    result = summarise(run, program, designs, geometry, actuation, way.counting)
+    result = summarise(run, program, designs, geometry, drives, way.counting)
     headings = np.array([design.orientation for design in designs])
     weights = _window_weights(program.snapshots) if way.counting.window else worst_stages(result)
     *seeds, by_headings = distance_cotangents(geometry.body, run, headings, weights)
@@ -202,9 +203,9 @@ def _side_by_side(
     back = tape.pull_back(**cotangents, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
     values, rates = rest.gather(back.values, back.rates)
     slopes = []
-    for robot, (design, terrain) in enumerate(zip(designs, terrains, strict=True)):
+    for robot, (design, terrain, drive) in enumerate(zip(designs, terrains, drives, strict=True)):
         mine = program.events["robot"] == robot
-        each = pull_back(design, terrain, actuation, geometry, values[mine], rates[mine])
+        each = pull_back(design, terrain, drive, geometry, values[mine], rates[mine])
         each["orientation"] = each["orientation"] + by_headings[robot]
         if design.materials is not None and design.materials.modulus is not None:
             moduli = [material.youngs_modulus for material in engine.bodies[robot].materials]

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.actuation import WEIGHTS
+from robots.inflatable.actuation import ACTUATION, WEIGHTS
 from robots.inflatable.design import (
     BY_HAND,
     FORMATS,
@@ -23,6 +23,7 @@ from robots.inflatable.design import (
     load_design,
     save_design,
 )
+from robots.inflatable.schedule import BLADDERS
 from robots.outcome import recorded
 from robots.robot import (
     HERE,
@@ -39,11 +40,11 @@ from robots.robot import (
     Trial,
     World,
 )
-from robots.world import FLOORS, Terrain, TerrainKind, terrain_of
+from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.options import checked, number, numbers, value_of, whole
+from taichi_sim.base.options import checked, number, numbers, spelled, value_of, whole
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import InflatableGeometry
     from robots.inflatable.simulation import InflatableResult
+    from robots.uncertainty import Perturbation
     from robots.view.motion import Motion
 
 GAITS = tuple(BY_HAND)
@@ -86,7 +88,7 @@ class InflatableKind(TerrainKind):
     title = "inflatable robot"
     designs = GAITS
     search_precision = "f32"
-    ground_options = ("friction", "floor")
+    ground_options = ("friction", "floor", *FRICTION_OF_PARTS)
     options = (
         Option("geometry", "the robot's body (default: published, of a run its own)", choices=GEOMETRIES),
         Option("columns", "columns of the gait that are played (default: all)", whole(1), "T"),
@@ -139,34 +141,53 @@ class InflatableKind(TerrainKind):
             *super().world_options,
             Option("friction", "of sliding and of gripping feet (default: 0.0001,2)", numbers(2), "SLIDING,GRIPPING"),
             Option("floor", "whose measured friction feet have; instead of --friction", metavar="wood|acrylic"),
+            Option("bladder_friction", "of bladders (default: a third of that of gripping feet)", number(0.0), "X"),
+            Option(
+                "skin_friction", "of the skin beside seams and feet (default: that of gripping feet)", number(0.0), "X"
+            ),
+            Option(
+                "seam_friction",
+                "of seams (default: that of gripping feet, but within feet that of sliding feet in the first column)",
+                number(0.0),
+                "X",
+            ),
         )
 
     def chosen_world(self, options: Mapping[str, Any]) -> World | None:
-        """The terrain of a name or a slope, flat by default, with the friction of feet that is given.
+        """The terrain of a name or a slope, flat by default, with the friction that is given.
 
         Raises:
             ValueError: for a friction and a floor, an unknown floor, and friction that is not allowed.
         """
-        world, friction, floor = super().chosen_world(options), options.get("friction"), options.get("floor")
-        if floor is not None:
-            if friction is not None:
-                raise ValueError(f"floor: {floor} is not allowed beside --friction; give one of them")
-            if floor == "gravel":
-                raise ValueError("floor: gravel is not allowed, as no friction on it was published; give --friction")
-            friction = FLOORS[checks.choice("floor", floor, FLOORS)]
-        if friction is None:
+        world = super().chosen_world(options)
+        if all(options.get(name) is None for name in self.ground_options):
             return world
-        sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
-        if sliding > gripping:
-            raise ValueError(
-                f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
-            )
-        terrain = Terrain() if world is None else terrain_of(world)
+        return self.on_ground(Terrain() if world is None else terrain_of(world), options)
+
+    def on_ground(self, terrain: Terrain, options: Mapping[str, Any]) -> Terrain:
+        """A terrain with the friction that values of :attr:`ground_options` give.
+
+        Raises:
+            ValueError: as :meth:`chosen_world` does.
+        """
+        own = {name: options[name] for name in FRICTION_OF_PARTS if options.get(name) is not None}
+        friction = _friction_of_feet(options)
+        if friction is not None:
+            own |= {"low_friction": friction[0], "high_friction": friction[1]}
         if terrain.is_fluid:
-            raise ValueError(
-                f"friction: {sliding:g},{gripping:g} is not allowed in a fluid, which has no ground; leave it out"
-            )
-        return dataclasses.replace(terrain, low_friction=sliding, high_friction=gripping)
+            name, told = ("friction", spelled(friction)) if friction else next(iter(own.items()))
+            raise ValueError(f"{name}: {told} is not allowed in a fluid, which has no ground; leave it out")
+        return dataclasses.replace(terrain, **own)
+
+    def world_values(self, world: World) -> dict[str, Any]:
+        """A terrain by its name, and the friction on it that is not the robot's own."""
+        terrain, usual = terrain_of(world), ACTUATION
+        found, feet = super().world_values(terrain), (terrain.low_friction, terrain.high_friction)
+        if feet != (None, None):
+            pairs = zip(feet, (usual.low_friction, usual.high_friction), strict=True)
+            found["friction"] = tuple(own if given is None else given for given, own in pairs)
+        parts = {name: getattr(terrain, name) for name in FRICTION_OF_PARTS}
+        return {**found, **{name: value for name, value in parts.items() if value is not None}}
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a known gait, of a design file, or of a gait table; by default inching."""
@@ -223,6 +244,7 @@ class InflatableRobot(Robot):
 
     kind = "inflatable"
     measures = MEASURES
+    actuators = BLADDERS
     worlds = (Terrain(),)
     pictured = True
 
@@ -270,19 +292,31 @@ class InflatableRobot(Robot):
         return self._play(terrain_of(trial.world), len(points), trial)
 
     def simulate_in(
-        self, worlds: Sequence[World], *, compute: Compute = HERE, progress: Progress | None = None
+        self,
+        worlds: Sequence[World],
+        *,
+        draws: "Sequence[Perturbation]" = (),
+        compute: Compute = HERE,
+        progress: Progress | None = None,
     ) -> list[Outcome]:
-        """Play the gait on several terrains, as one batch."""
+        """Play the gait on several terrains, as one batch; with draws, as bladders then play it."""
         terrains = [terrain_of(world) for world in worlds]
-        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress))
+        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress), draws)
         return [
             Outcome({name: values[n : n + 1] for name, values in found.measures.items()}, found.status[n : n + 1])
             for n in range(len(worlds))
         ]
 
-    def _play(self, terrain: Terrain | Sequence[Terrain], count: int, trial: Trial) -> Outcome:
+    def _play(
+        self,
+        terrain: Terrain | Sequence[Terrain],
+        count: int,
+        trial: Trial,
+        draws: "Sequence[Perturbation]" = (),
+    ) -> Outcome:
         """Play the gait so often, on a terrain or one each; or the table on the rig, once."""
         from robots.inflatable import simulation
+        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
 
         more: dict[str, Floats] = {}
         if self.rig is not None:
@@ -292,10 +326,10 @@ class InflatableRobot(Robot):
         else:
             geometry, actuation = self.parts
             result = simulation.simulate(
-                [self.gait] * count,
+                [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * count,
                 terrain,
                 geometry=geometry,
-                actuation=actuation,
+                actuation=[perturbed_drive(actuation, drawn) for drawn in draws] or actuation,
                 **trial.compute.options,
                 record_every=trial.record_every,
                 perturbation=self.perturbation,
@@ -406,25 +440,17 @@ class InflatableRobot(Robot):
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
     ) -> Judgement:
-        """Mean speed of runs with noise, what remains of it under harder conditions, and how far feet slip."""
+        """Mean speed of runs with noise, what remains of it under other conditions, and how far its parts slip."""
         from robots.inflatable.robustness import judge_gait
 
-        for name in ("weight", "perturbation"):
-            if (value := getattr(self, name)) not in ("published", 0.0):
-                raise ValueError(f"{name}: {value} is not allowed with --judge, which plays both weights with noise")
+        if self.perturbation:
+            raise ValueError(
+                f"perturbation: {self.perturbation} is not allowed with --judge, which plays with noise of its own"
+            )
         geometry, drive = self.parts
         more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
-        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, **more)
-        if found.diverged:
-            return Judgement("; ".join(found.faults), found.to_document(), True)
-        usual, hard = (
-            f"{s.mean():.4f} BL/s, standard deviation {s.std(ddof=1):.4f}" for s in (found.speeds, found.hard_speeds)
-        )
-        text = f"{usual}, {len(found.speeds)} runs\nharder conditions: {hard}"
-        slip = f"{found.slip_ratio:.2f} of the way while they grip, standard deviation {found.slip_deviation:.2f}"
-        text += f"\nfeet slip {slip}; {found.steps:,} steps\n"
-        text += "physical" if found.physical else "not physical: " + "; ".join(found.faults)
-        return Judgement(text, found.to_document())
+        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, closely=True, **more)
+        return Judgement(found.spoken, found.to_document(), found.diverged)
 
     def table(self, **settings: Any) -> Any:
         """Pressures of a rig's lines over time, see ``robots.hardware.gait_table``."""
@@ -448,6 +474,25 @@ class InflatableRobot(Robot):
         picture.save_motion_picture(
             self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
         )
+
+
+def _friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
+    """Friction of feet that slide and that grip, from ``friction`` or ``floor``; None if neither is given."""
+    friction, floor = options.get("friction"), options.get("floor")
+    if floor is not None:
+        if friction is not None:
+            raise ValueError(f"floor: {floor} is not allowed beside --friction; give one of them")
+        if floor == "gravel":
+            raise ValueError("floor: gravel is not allowed, as no friction on it was published; give --friction")
+        friction = FLOORS[checks.choice("floor", floor, FLOORS)]
+    if friction is None:
+        return None
+    sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
+    if sliding > gripping:
+        raise ValueError(
+            f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"
+        )
+    return sliding, gripping
 
 
 def load_gait(text: str, from_rows: bool = False) -> InflatableDesign:

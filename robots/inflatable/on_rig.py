@@ -1,7 +1,7 @@
 """The inflatable robot on a modelled rig: reads the gait table that the rig plays, and simulates what comes of it."""
 
-import dataclasses
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_play import check_strokes, play_table
-from robots.hardware.rig_response import Response
+from robots.hardware.rig_response import STRETCHED, WHOLE_RESPONSE, causes_of
 from robots.hardware.table import GaitTable, read_csv
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.simulation import InflatableResult, reordered
+from robots.inflatable.simulation import InflatableResult, reordered, simulate
 from robots.robot import Trial
 from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from robots.inflatable.kind import InflatableRobot
 
 IDEAL = "ideal"
-RESPONSES = (Response(), Response(lag=False), Response(valves=False, lag=False))
+SOURCES = {"delay": "delays of valves", "slew": "limits of rate", "resolution": "regulators", "lag": "lag"}
 
 
 def gait_of_table(
@@ -45,30 +45,46 @@ def gait_of_table(
 
 
 def played_by_rig(robot: "InflatableRobot", trial: Trial) -> tuple[InflatableResult, dict[str, Floats]]:
-    """What becomes of a robot whose rig plays its table, and speeds without lag, and without delays and limits too."""
+    """What becomes of a robot whose rig plays its table, and speeds by what of the rig acts.
+
+    ``speed_designed`` is that of the gait in the simulator's own time; ``speed_without_valves`` has the table's longer
+    strokes alone, and ``speed_with_lag`` and the like one cause besides.
+    """
     assert robot.rig is not None and robot.rig_table is not None
     geometry, actuation = robot.parts
-    played = play_table(
-        dataclasses.replace(robot.rig_table, design=robot.gait),
-        robot.rig,
-        terrain_of(trial.world),
-        RESPONSES,
-        geometry=geometry,
-        actuation=actuation,
+    causes = causes_of(robot.rig)
+    alone = [replace(STRETCHED, **{cause: True}) for cause in causes]
+    settings: dict[str, Any] = {
         **trial.compute.options,
+        "geometry": geometry,
+        "actuation": actuation,
+        "perturbation": robot.perturbation,
+        "seed": robot.seed,
+    }
+    ground, told = terrain_of(trial.world), trial.progress
+    designed = simulate([robot.gait], ground, **settings, progress=told and (lambda done: told(done / 2)))
+    played = play_table(
+        replace(robot.rig_table, design=robot.gait),
+        robot.rig,
+        ground,
+        (WHOLE_RESPONSE, replace(WHOLE_RESPONSE, lag=False), STRETCHED, *alone),
+        **settings,
         record_every=trial.record_every,
-        perturbation=robot.perturbation,
-        seed=robot.seed,
-        progress=trial.progress,
+        progress=told and (lambda done: told((1 + done) / 2)),
     )
-    speeds = played.speed_simulated
-    return reordered(played, np.array([0])), {"speed_without_lag": speeds[1:2], "speed_without_valves": speeds[2:]}
+    names = ("speed_without_lag", "speed_without_valves", *(f"speed_with_{cause}" for cause in causes))
+    speeds = {name: played.speed_simulated[n : n + 1] for n, name in enumerate(names, start=1)}
+    return reordered(played, np.array([0])), {"speed_designed": designed.speed_simulated, **speeds}
 
 
 def told(rig: PneumaticRig, numbers: Mapping[str, float]) -> str:
-    """What people are told of speeds on a rig, as a line."""
+    """What people are told of speeds on a rig, as two lines."""
+    designed, stretched = numbers["speed_designed"], numbers["speed_without_valves"]
+    lost = {SOURCES[cause]: stretched - numbers[f"speed_with_{cause}"] for cause in causes_of(rig)}
     return (
         f"on the rig {rig.name}, in its time: {numbers['speed_simulated']:.4f} BL/s; "
         f"without lag {numbers['speed_without_lag']:.4f}, "
-        f"nor delays and limits of rate {numbers['speed_without_valves']:.4f}"
+        f"nor delays and limits of rate {stretched:.4f}\n"
+        f"designed {designed:.4f}; of it the rig's longer strokes take {designed - stretched:.4f}, then each alone: "
+        + ", ".join(f"{cause} {loss:.4f}" for cause, loss in lost.items())
     )

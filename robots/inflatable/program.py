@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_actuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
     BLADDER_REGIONS,
@@ -20,6 +20,8 @@ from robots.inflatable.body import (
     FOOT_SEAM,
     PUBLISHED,
     REGION_COUNT,
+    SEAM,
+    SKIN,
     SKIN_REGIONS,
     InflatableGeometry,
     skin_regions,
@@ -60,12 +62,12 @@ WHOLE = Counting()
 def build_program(
     designs: Sequence[InflatableDesign],
     terrain: Terrain | Sequence[Terrain],
-    actuation: InflatableActuation = ACTUATION,
+    actuation: InflatableActuation | Sequence[InflatableActuation] = ACTUATION,
     record_every: int | None = None,
     geometry: InflatableGeometry = PUBLISHED,
     counting: Counting = WHOLE,
 ) -> LatticeProgram:
-    """The program of a batch of designs on a terrain, or on one each.
+    """The program of a batch of designs on a terrain, or on one each; all with one actuation, or one each.
 
     Snapshot 0 is the end of the initialisation and of the warm-up, snapshot 1 the end of the gait; the ends of all
     stages but the last follow; then the beginning of the window, if there is one; with ``record_every``, the poses
@@ -75,8 +77,9 @@ def build_program(
         ValueError: if a gait is not longer than the warm-up.
     """
     builder, lengths, marks = ProgramBuilder(len(designs)), [], []
-    for robot, (design, ground) in enumerate(zip(designs, one_each(terrain, len(designs)), strict=True)):
-        begin, columns, steps = write_gait(builder, robot, design, ground, actuation, geometry)
+    each = zip(designs, one_each(terrain, len(designs)), each_actuation(actuation, len(designs)), strict=True)
+    for robot, (design, ground, drive) in enumerate(each):
+        begin, columns, steps = write_gait(builder, robot, design, ground, drive, geometry)
         if counting.warm_up >= steps:
             raise ValueError(f"warm_up: {counting.warm_up} is not allowed; a gait takes {steps} steps")
         starts = [column.start for column in columns[:: design.schedule.columns]]
@@ -222,9 +225,9 @@ class RobotEvents:
         self._set(Quantity.SCALE + 2, a.deflated, BLADDER_REGIONS)
         if inflate:
             self._inflate_cores(end - a.hold_steps)
-        self._set_friction(a.high_friction, skin, 0)
-        self._set_friction(a.low_friction, self.skin(FOOT_SEAM), 0)
-        self._set_friction(a.high_friction / 3, BLADDER_REGIONS, 0)
+        self._set_friction_of_skin(0)
+        self.set_foot_seams(a.low_friction, 0)
+        self._set_friction(a.friction_of_bladders, BLADDER_REGIONS, 0)
         if self.friction is not None:
             self._set_feet(self.friction[0], 0)
         if self.skin_sizes is not None and self.bladder_sizes is not None:
@@ -250,11 +253,11 @@ class RobotEvents:
             self._set_bladder_weights(column, step)
         settle = step + column.motion_steps
         self._set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.everywhere, settle)
-        if self.friction is None:
+        if self.friction is None and a.seam_friction is None:
             self._set_friction(a.high_friction, self.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
         else:
-            self._set_friction(a.high_friction, self.skin(FOOT_SEAM), settle)
-            self._set_feet(self.friction[0], settle)
+            self.set_foot_seams(a.high_friction, settle)
+            self._set_feet(a.high_friction if self.friction is None else self.friction[0], settle)
 
     def tilt_skin(self, step: int) -> None:
         """Have the skin feel the terrain's slope from a step on."""
@@ -265,14 +268,19 @@ class RobotEvents:
 
         Bladders carry a part of their weight, shape (8,). Friction of feet is up to the columns.
         """
-        a, tilted, skin = self.actuation, self.gravity[1], self.skin(SKIN_REGIONS)
-        self._set_weight(tilted, skin, step)
+        a, tilted = self.actuation, self.gravity[1]
+        self._set_weight(tilted, self.skin(SKIN_REGIONS), step)
         share = np.ones(BLADDER_COUNT) if a.weight == "physical" else carried
         self._set_weight(_times(share, tilted), BLADDER_REGIONS, step)
-        self._set_friction(a.high_friction, skin, step)
-        self._set_friction(a.high_friction / 3, BLADDER_REGIONS, step)
+        self._set_friction_of_skin(step)
+        self._set_friction(a.friction_of_bladders, BLADDER_REGIONS, step)
         if self.friction is not None:
             self._set_feet(self.friction[0], step)
+
+    def set_foot_seams(self, value: float, step: int) -> None:
+        """Give seams within feet a friction, unless seams have one of their own."""
+        own = self.actuation.seam_friction
+        self._set_friction(value if own is None else own, self.skin(FOOT_SEAM), step)
 
     def _set(self, quantity: int, value: Any, regions: ArrayLike, step: ArrayLike = 0, rate: Any = 0.0) -> None:
         self.builder.set(quantity, value, regions=regions, step=step, rate=rate, robots=self.robot)
@@ -280,6 +288,14 @@ class RobotEvents:
     def _set_friction(self, value: Any, regions: ArrayLike, step: int) -> None:
         for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
             self._set(quantity, value, regions, step)
+
+    def _set_friction_of_skin(self, step: int) -> None:
+        """Give all skin the friction of gripping feet, or skin and seams that of their own."""
+        a = self.actuation
+        self._set_friction(a.high_friction, self.skin(SKIN_REGIONS), step)
+        for own, kinds in ((a.skin_friction, [SKIN]), (a.seam_friction, [SEAM, FOOT_SEAM])):
+            if own is not None:
+                self._set_friction(own, self.skin(kinds), step)
 
     def _set_feet(self, value: Any, step: int) -> None:
         """Give the two feet a friction each, in all cores."""
@@ -307,7 +323,7 @@ class RobotEvents:
         self._set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.everywhere, step)
         high, low = (a.high_friction, a.low_friction) if self.friction is None else self.friction
         self._set_feet((1.0 - column.grip) * low + column.grip * high, step)
-        self._set_friction(a.low_friction if first else a.high_friction, self.skin(FOOT_SEAM), step)
+        self.set_foot_seams(a.low_friction if first else a.high_friction, step)
         if column.pressures:
             before, after = column.pressures
             rate, settle = (after - before) / column.motion_steps, step + column.motion_steps

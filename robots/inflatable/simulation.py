@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.frames import Frames, frames_of
-from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_actuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.program import WHOLE, Counting, build_program
@@ -62,7 +62,7 @@ def simulate(
     terrain: Terrain | Sequence[Terrain] | None = None,
     *,
     geometry: InflatableGeometry = PUBLISHED,
-    actuation: InflatableActuation = ACTUATION,
+    actuation: InflatableActuation | Sequence[InflatableActuation] = ACTUATION,
     counting: Counting = WHOLE,
     record_every: int | None = None,
     perturbation: float = 0.0,
@@ -76,7 +76,7 @@ def simulate(
         designs: one design or several; one is a batch of one.
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
-        actuation: timing, friction and rates.
+        actuation: timing, friction and rates; one for all designs, or one for each.
         counting: which part of a gait counts; all of it by default. The speeds divide by the time of all of it.
         record_every: record the poses every so many time steps from the end of the initialisation on.
         perturbation: standard deviation of noise on the start positions [m]; contact makes long runs chaotic, so a
@@ -91,19 +91,20 @@ def simulate(
         ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
     designs = checked_designs(designs, geometry, actuation)
+    drives = each_actuation(actuation, len(designs))
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     seeds = checked_seeds(seed, len(designs))
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     # Robots of a block wait for its slowest: put those of like length together.
-    order = np.argsort([predicted_steps(d, actuation) for d in designs], kind="stable")
-    sorted_designs, grounds = [designs[i] for i in order], [terrains[i] for i in order]
-    program = build_program(sorted_designs, grounds, actuation, record_every, geometry, counting)
+    order = np.argsort([predicted_steps(*each) for each in zip(designs, drives, strict=True)], kind="stable")
+    sorted_designs, grounds, drives = ([each[i] for i in order] for each in (designs, terrains, drives))
+    program = build_program(sorted_designs, grounds, drives, record_every, geometry, counting)
     engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute), sorted_designs)
     if perturbation > 0:
         engine.set_positions(geometry.body.scattered(perturbation, seeds, order))
     run = engine.run(program, progress)
-    found = summarise(run, program, sorted_designs, geometry, actuation, counting, record_every)
+    found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every)
     return reordered(found, np.argsort(order))
 
 
@@ -120,13 +121,18 @@ def checked_designs(
         raise ValueError("designs: give at least one InflatableDesign")
     for name, value, kind, example in (
         ("geometry", geometry, InflatableGeometry, "NAMED_GEOMETRIES['small']"),
-        ("actuation", actuation, InflatableActuation, "ACTUATION"),
+        *(("actuation", each, InflatableActuation, "ACTUATION") for each in _listed(actuation)),
     ):
         if not isinstance(value, kind):
             raise ValueError(f"{name}: {value!r} is not allowed; give an {kind.__name__}, such as {example}")
     for design in listed:
         check_body(design, geometry)  # type: ignore[arg-type]
     return listed
+
+
+def _listed(given: object) -> list[object]:
+    """What is given, one or several, as a list."""
+    return list(given) if isinstance(given, list | tuple) else [given]
 
 
 def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
@@ -210,7 +216,7 @@ def summarise(
     program: LatticeProgram,
     designs: Sequence[InflatableDesign],
     geometry: InflatableGeometry,
-    actuation: InflatableActuation,
+    actuation: InflatableActuation | Sequence[InflatableActuation],
     counting: Counting = WHOLE,
     record_every: int | None = None,
 ) -> InflatableResult:
@@ -218,7 +224,8 @@ def summarise(
     dt, (begin, end) = geometry.time_step, program.snapshots[:, :2].T
     middle, frames = read_poses(run, geometry, counting.stages + 1 + (counting.window > 0), record_every)
     headings = travel_directions(np.array([d.orientation for d in designs]))
-    nominal = np.array([counted_steps(d.schedule, actuation) for d in designs])
+    drives = each_actuation(actuation, len(designs))
+    nominal = np.array([counted_steps(d.schedule, drive) for d, drive in zip(designs, drives, strict=True)])
     way = (middle[..., :2] * headings[:, None]).sum(axis=-1)
     ok = run.status == "ok"
     parts = np.where(ok[:, None], np.diff(way[:, stage_order(counting.stages)], axis=1), np.nan)

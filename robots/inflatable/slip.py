@@ -7,7 +7,8 @@ Coulomb's law a foot that grips either sticks or slides, so slip is a property o
 import numpy as np
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import FOOT_REGIONS, kinds_of
+from robots.inflatable.body import FOOT_REGIONS
+from robots.inflatable.contact import Contact
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, FEET
 from robots.inflatable.simulation import InflatableResult
@@ -33,18 +34,12 @@ def slip_under_load(
     Raises:
         ValueError: for a result without frames.
     """
-    if result.frames is None:
-        raise ValueError("frames: nothing was recorded; simulate with record_every")
-    frames, body = result.frames, result.body
-    kept = np.isfinite(frames.positions[:, robot, 0, 0])
-    places, sizes = frames.positions[kept, robot], frames.sizes[kept, robot]
-    depth = np.maximum(sizes.mean(axis=-1) / 2 - body.voxel_size / 2 - places[..., 2], 0.0)
-    load = np.where((depth[1:] > 0) & (depth[:-1] > 0), (depth[1:] + depth[:-1]) / 2, 0.0)
-    way = np.linalg.norm(np.diff(places[..., :2], axis=0), axis=-1)
-    gripping = _gripping(design, actuation, frames.times[kept] / result.time_step)
+    contact = Contact.of(result, robot)
+    load, way = contact.load, contact.way
+    gripping = _gripping(design, actuation, contact.times / result.time_step)
     slip = np.zeros(FEET)
     for foot, region in enumerate(FOOT_REGIONS):
-        mine = kinds_of(np.asarray(body.regions)) == region
+        mine = contact.kinds == region
         borne = load[:, mine].sum(axis=1)
         mean = np.divide((load * way)[:, mine].sum(axis=1), borne, out=np.zeros_like(borne), where=borne > 0)
         slip[foot] = mean @ gripping[:, foot]

@@ -44,7 +44,7 @@ class Option:
     @property
     def flag(self) -> str:
         """The option as the command line spells it, such as ``--name``."""
-        return "--" + self.name.replace("_", "-")
+        return flag_of(self.name)
 
     def add(self, parser: Any) -> None:
         """Declare the option to a parser or group."""
@@ -67,6 +67,16 @@ class Option:
         """Declare the option to a parser that will refuse it: the help leaves it out, and any text is a value."""
         kind = {"action": "store_true", "default": None} if self.type is None else {}
         parser.add_argument(self.flag, dest=self.name, help=argparse.SUPPRESS, **kind)
+
+
+def flag_of(name: str) -> str:
+    """How the command line spells the name of an option, such as ``--name``."""
+    return "--" + name.replace("_", "-")
+
+
+def spelled(value: Any) -> str:
+    """A value as the command line spells it: numbers in full, with commas between several."""
+    return ",".join(map(spelled, value)) if isinstance(value, tuple) else str(value)
 
 
 def flag(name: str, told: str) -> Option:

@@ -1,10 +1,12 @@
 import math
+from dataclasses import fields
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.world import Terrain
+from robots.robot import KINDS
+from robots.world import FLOORS, Terrain
 
 
 def test_names_of_terrains():
@@ -29,6 +31,20 @@ def test_an_unknown_name_is_refused(text):
 def test_a_slope_out_of_range_is_refused(slope):
     with pytest.raises(ValueError, match=r"^slope: .* is not allowed; .* from -45 to 45 degrees$"):
         Terrain(slope)
+
+
+def test_friction_is_told_where_a_terrain_is():
+    wood = Terrain(15.0, *reversed(FLOORS["wood"]), seam_friction=0.25)
+    assert wood.where == "on hill:15, friction 0.56,0.7 (wood), seam friction 0.25"
+    assert wood.spoken == "up a slope of 15°, friction 0.56,0.7 (wood), seam friction 0.25"
+    assert wood.name == "hill:15" and Terrain(high_friction=0.5).where == "on flat, friction 0.5"
+    kind = KINDS["inflatable"]
+    assert kind.world_told(wood) == "hill:15 with friction 0.56,0.7 with seam friction 0.25"
+    for terrain in (wood, Terrain(), Terrain.water(), Terrain(-3.0, skin_friction=0.0)):
+        values = kind.world_values(terrain)
+        assert kind.chosen_world({**values, "terrain": Terrain.parse(values["terrain"])}) == terrain
+        assert Terrain(**terrain.document) == terrain
+    assert list(Terrain().document) == [field.name for field in fields(Terrain)][:6]
 
 
 def test_friction_must_be_a_number_and_low_the_lower():

@@ -10,12 +10,14 @@ from robots.world import Terrain
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("mud=1", "uncertain: 'mud' is unknown; choose from friction, sliding, gripping, slope"),
+        ("mud=1", "uncertain: 'mud' is unknown; choose from friction, sliding, gripping, slope, levels, timing"),
         ("friction=-5%", "uncertain: friction=-5% is not allowed; give 0% to 100%"),
         ("sliding=120%", "uncertain: sliding=120% is not allowed; give 0% to 100%"),
         ("slope=-1", "uncertain: slope=-1 is not allowed; give 0 to 45 degrees"),
         ("slope=nan", "uncertain: slope=nan is not allowed; give 0 to 45 degrees"),
         ("slope=1,slope=2", "uncertain: slope is given twice; give it once"),
+        ("levels=101%", "uncertain: levels=101% is not allowed; give 0% to 100%"),
+        ("timing=60%", "uncertain: timing=60% is not allowed; give 0% to 50%"),
         ("friction=much", "uncertain: 'friction=much' is not allowed; give such as friction=20%"),
     ],
 )
@@ -43,6 +45,17 @@ def test_draws_are_common_within_bounds_and_disjoint_from_held_out_ones():
     assert all(0.8 <= one.sliding == one.gripping <= 1.2 and abs(one.slope) <= 1 for one in drawn)
     apart = Uncertainty(sliding=0.2).draw(8)
     assert all(one.gripping == 1 and one.slope == 0 for one in apart) and len({one.sliding for one in apart}) == 8
+
+
+def test_actuators_are_drawn_each_and_leave_the_ground_as_it_was():
+    ground, both = Uncertainty(friction=0.2), Uncertainty(friction=0.2, levels=0.05, timing=0.1)
+    drawn = both.draw(16, actuators=8)
+    assert [(one.sliding, one.gripping) for one in drawn] == [(one.sliding, one.gripping) for one in ground.draw(16)]
+    assert all(one.levels == () and one.timing == 1 for one in ground.draw(16, actuators=8))
+    assert len({level for one in drawn for level in one.levels}) == 16 * 8
+    assert all(0.95 <= level <= 1.05 for one in drawn for level in one.levels)
+    assert all(0.9 <= one.timing <= 1.1 for one in drawn) and len({one.timing for one in drawn}) == 16
+    assert Uncertainty.parse(both.text) == both
 
 
 def test_a_terrain_takes_what_is_drawn():

@@ -89,7 +89,8 @@ OPTIONS = (
     Option(
         "uncertain",
         "what is not known exactly, such as friction=20%%,slope=1 (degrees): every gait is judged over --draws of it; "
-        "friction scales the pair, sliding and gripping one of them; repeat it for more",
+        "friction scales the pair, sliding and gripping one of them, levels the inflation of every bladder, timing "
+        "strokes and waits; repeat it for more",
         metavar="QUANTITY=WIDTH,...",
         several=True,
     ),

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,31 @@ from optim.problem import OK
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.materials import MOST_FRICTION
-from robots.uncertainty import Risk, Uncertainty
+from robots.inflatable.perturbed import level_slopes, perturbed_design, perturbed_drive
+from robots.inflatable.schedule import BLADDERS
+from robots.inflatable.timing import predicted_steps
+from robots.uncertainty import Perturbation, Risk, Uncertainty
 from robots.world import Terrain
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """What is simulated of N designs over K draws: N K robots, those of a design in a row.
+
+    Attributes:
+        designs: one for each copy.
+        terrains: of all, or of each.
+        drives: how all are driven, or each is.
+        friction: by which that of each design was multiplied, shape (N K,).
+        by_level: derivatives of the levels of the copies by those of the designs, shape (N K, 10, T), or of all.
+    """
+
+    designs: list[InflatableDesign]
+    terrains: Terrain | list[Terrain]
+    drives: InflatableActuation | list[InflatableActuation]
+    friction: Floats
+    by_level: Floats | float = 1.0
 
 
 @dataclass(frozen=True)
@@ -36,27 +59,31 @@ class Draws:
         """By which the friction of each copy is multiplied, shape (K,)."""
         return np.asarray((1.0 + self.spread) ** np.linspace(-1, 1, self.count) if self.count > 1 else np.ones(1))
 
-    def robots(
-        self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation
-    ) -> tuple[list[InflatableDesign], Terrain | list[Terrain]]:
-        """The copies of N designs, N K of them, those of a design in a row, and the terrain of all or of each."""
+    def copies(self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation) -> Copies:
+        """The copies of N designs on a terrain."""
+        factors = np.tile(self.frictions, len(designs))
+        copies = [design for design in designs for _ in range(self.count)]
         if not self.spread or terrain.is_fluid:
-            return [design for design in designs for _ in range(self.count)], terrain
-        own, copies, terrains = actuation.on(terrain), [], []
-        for design in designs:
-            for factor in self.frictions.tolist():
-                high, low = own.high_friction * factor, own.low_friction * factor
-                terrains.append(dataclasses.replace(terrain, high_friction=high, low_friction=low))
-                copies.append(_with_friction(design, factor))
-        return copies, terrains
+            return Copies(copies, terrain, actuation, factors)
+        own, made, terrains = actuation.on(terrain), [], []
+        for design, factor in zip(copies, factors.tolist(), strict=True):
+            high, low = own.high_friction * factor, own.low_friction * factor
+            terrains.append(dataclasses.replace(terrain, high_friction=high, low_friction=low))
+            made.append(_with_friction(design, factor))
+        return Copies(made, terrains, actuation, factors)
 
     def noise_of(self, count: int) -> dict[str, Any]:
         """The noise of the copies of so many designs, as options of a simulation."""
         return {"perturbation": self.noise, "seed": tuple(range(self.count)) * count} if self.noise else {}
 
-    def mean(self, values: Floats) -> Floats:
-        """Means over the copies of each design, shape (N, ...), of values of shape (N K, ...)."""
-        return values.reshape(len(values) // self.count, self.count, *values.shape[1:]).mean(axis=1)
+    def steps(self, designs: Sequence[InflatableDesign], actuation: InflatableActuation) -> Ints:
+        """Time steps of the copies of each design, together, shape (N,)."""
+        return self.count * np.array([predicted_steps(design, actuation) for design in designs])
+
+    def judged(self, speeds: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+        """Speeds of N K copies and their derivatives, shape (N K, D), as those of N robots: their means."""
+        count = len(speeds) // self.count
+        return speeds.reshape(count, -1).mean(axis=1), slopes.reshape(count, self.count, -1).mean(axis=1)
 
     def first_failure(self, status: NDArray[Any]) -> NDArray[Any]:
         """The first status of a copy that is not ok, or ok, shape (N,)."""
@@ -65,23 +92,41 @@ class Draws:
 
 
 @dataclass(frozen=True)
-class UncertainDraws:
-    """Copies of robots on ground that is not known exactly, the same ones for every robot.
+class UncertainDraws(Draws):
+    """Copies of robots of which, or of whose ground, something is not known exactly: the same draws for every robot.
 
     Attributes:
         uncertainty: what is drawn.
         risk: how scores over the draws become one.
-        count: K, draws.
     """
 
+    _: dataclasses.KW_ONLY
     uncertainty: Uncertainty
     risk: Risk
-    count: int
 
-    def terrains(self, robots: int, terrain: Terrain, actuation: InflatableActuation) -> list[Terrain]:
-        """The ground of K copies of so many robots, those of a robot in a row."""
-        own = actuation.high_friction, actuation.low_friction
-        return [one.on(terrain, *own) for one in self.uncertainty.draw(self.count)] * robots
+    @cached_property
+    def drawn(self) -> list[Perturbation]:
+        """What is drawn, one for each copy of a robot."""
+        return self.uncertainty.draw(self.count, actuators=BLADDERS)
+
+    def copies(self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation) -> Copies:
+        """The copies of N designs on a terrain, as drawn."""
+        own, count = (actuation.high_friction, actuation.low_friction), len(designs)
+        return Copies(
+            [perturbed_design(design, one) for design in designs for one in self.drawn],
+            [one.on(terrain, *own) for one in self.drawn] * count,
+            [perturbed_drive(actuation, one) for one in self.drawn] * count if self.uncertainty.timing else actuation,
+            np.ones(count * self.count),
+            np.array([level_slopes(design, one) for design in designs for one in self.drawn]),
+        )
+
+    def steps(self, designs: Sequence[InflatableDesign], actuation: InflatableActuation) -> Ints:
+        """Time steps of the copies of each design, together, shape (N,); strokes and waits differ by what is drawn."""
+        if not self.uncertainty.drives:
+            return super().steps(designs, actuation)
+        drives = [(one, perturbed_drive(actuation, one)) for one in self.drawn]
+        each = [[predicted_steps(perturbed_design(design, one), drive) for one, drive in drives] for design in designs]
+        return np.array(each).sum(axis=1)
 
     def judged(self, speeds: Floats, slopes: Floats) -> tuple[Floats, Floats]:
         """Speeds of N K copies and their derivatives, shape (N K, D), as those of N robots under risk."""

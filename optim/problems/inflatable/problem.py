@@ -5,7 +5,6 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 """
 
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation
-from optim.problems.inflatable.draws import Draws, UncertainDraws, eased
+from optim.problems.held_out import held_out_products
+from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
@@ -25,7 +25,7 @@ from optim.problems.robot import subject_of
 from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
-from robots.inflatable.actuation import InflatableActuation
+from robots.inflatable.actuation import InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, Pressure, each_pressure, save_design
 from robots.inflatable.kind import InflatableRobot, kilopascals
 from robots.inflatable.materials import RegionMaterials
@@ -33,12 +33,10 @@ from robots.inflatable.program import Counting
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
-from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps, predicted_steps
+from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps
 from robots.robot import Robot, part_of
-from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
-from robots.world import Terrain
+from robots.uncertainty import Risk, Uncertainty
 from taichi_sim.base.arrays import Floats, Indices, Ints
-from taichi_sim.base.files import write_text
 
 HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
@@ -209,33 +207,34 @@ class GaitProblem(GaitSettings):
         schedule = self._control.relaxed(self._genes(point), sharpness)
         return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
 
-    def _slopes(
-        self, run: gradient.InflatableGradient, points: Floats, sharpness: float, friction: ArrayLike
-    ) -> Floats:
+    def _slopes(self, run: gradient.InflatableGradient, points: Floats, sharpness: float, copies: Copies) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``.
 
         Args:
             run: the derivatives of the distances.
             points: shape (N, D).
             sharpness: with which they were judged.
-            friction: by which that of each robot was multiplied, shape (N,).
+            copies: of robots that were simulated, one for each point.
         """
         tables = {name: getattr(run, name) for name in self._control.more_tables}
         genes = []
-        for robot, (point, slope) in enumerate(zip(points, run.levels, strict=True)):
+        for robot, (point, slope) in enumerate(zip(points, run.levels * copies.by_level, strict=True)):
             own = {name: np.reshape(table[robot], (-1, table.shape[-1])) for name, table in tables.items()}
             genes.append(self._control.slopes(self._genes(point), sharpness, slope, **own))
-        slopes = [self.shape.slopes(run, points), self.made_of.slopes(run, friction), np.array(genes)]
-        seconds = self._counted(run.result)[:, None] * self.body.time_step
+        slopes = [self.shape.slopes(run, points), self.made_of.slopes(run, copies.friction), np.array(genes)]
+        seconds = self._counted(run.result, copies.drives)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 
-    def _counted(self, result: InflatableResult) -> Ints:
+    def _counted(
+        self, result: InflatableResult, drives: InflatableActuation | Sequence[InflatableActuation] | None = None
+    ) -> Ints:
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
         if self.warm_up:  # whole cycles that follow it
             return result.steps
         if self._timed:
             return np.maximum(result.steps, self.most_steps)
-        return np.full(len(result.status), nominal_steps(self.columns * self.repeats, self.actuation))
+        each = each_actuation(self.actuation if drives is None else drives, len(result.status))
+        return np.array([nominal_steps(self.columns * self.repeats, drive) for drive in each])
 
     def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
@@ -303,54 +302,29 @@ class GaitProblem(GaitSettings):
             actuation = dataclasses.replace(actuation, ramp_steps=self._relaxed_actuation.ramp_steps)
         settings: dict[str, Any] = {
             "geometry": self.body,
-            "actuation": actuation,
             "counting": Counting(self.warm_up, self.stages),
             **self.compute.options,
             "progress": part_of(self.progress, number, len(self.conditions)),
         }
-        if self.uncertain:
-            return self._risked(designs, eased(condition.terrain, sharpness, self.gentle), settings, points, sharpness)
-        if not relaxed:
-            result = simulation.simulate(designs, condition.terrain, **settings)
-            return self.speeds(result), result.status, np.zeros((len(designs), 0))
-        drawn = Draws(self.draws, self.noise, self.friction_spread)
-        copies, terrains = drawn.robots(designs, eased(condition.terrain, sharpness, self.gentle), actuation)
-        settings |= drawn.noise_of(len(designs))
+        drawn = self._draws(relaxed)
+        copies = drawn.copies(designs, eased(condition.terrain, sharpness, self.gentle), actuation)
+        settings |= {"actuation": copies.drives, **drawn.noise_of(len(designs))}
         if points is None:
-            result = simulation.simulate(copies, terrains, **settings)
-            speeds, slopes = self.speeds(result), np.zeros((len(copies), 0))
+            result = simulation.simulate(copies.designs, copies.terrains, **settings)
+            speeds, slopes = self.speeds(result), np.zeros((len(copies.designs), 0))
         else:
             settings["counting"] = dataclasses.replace(settings["counting"], window=self.window)
-            run = gradient.differentiate(copies, terrains, **settings)
-            each = np.repeat(points, self.draws, axis=0)
-            friction = np.tile(drawn.frictions, len(designs))
+            run = gradient.differentiate(copies.designs, copies.terrains, **settings)
             result, speeds = run.result, self.speeds(run.result)
-            slopes = self._slopes(run, each, sharpness, friction)
-        return drawn.mean(speeds), drawn.first_failure(result.status), drawn.mean(slopes)
+            slopes = self._slopes(run, np.repeat(points, drawn.count, axis=0), sharpness, copies)
+        judged, by_points = drawn.judged(speeds, slopes)
+        return judged, drawn.first_failure(result.status), by_points
 
-    def _risked(
-        self,
-        designs: Sequence[InflatableDesign],
-        terrain: Terrain,
-        settings: dict[str, Any],
-        points: Floats | None,
-        sharpness: float,
-    ) -> tuple[Floats, NDArray[Any], Floats]:
-        """Speeds, status and slopes by the measure of risk, over draws that all designs share, as one batch."""
-        drawn = UncertainDraws(Uncertainty.parse(self.uncertain), Risk.parse(self.risk), self.draws)
-        copies = [design for design in designs for _ in range(self.draws)]
-        terrains = drawn.terrains(len(designs), terrain, settings["actuation"])
-        if points is None:
-            result = simulation.simulate(copies, terrains, **settings)
-            slopes = np.zeros((len(copies), 0))
-        else:
-            settings["counting"] = dataclasses.replace(settings["counting"], window=self.window)
-            run = gradient.differentiate(copies, terrains, **settings)
-            result = run.result
-            each = np.repeat(points, self.draws, axis=0)
-            slopes = self._slopes(run, each, sharpness, np.ones(len(copies)))
-        speeds, slopes = drawn.judged(self.speeds(result), slopes)
-        return speeds, Draws(self.draws).first_failure(result.status), slopes
+    def _draws(self, relaxed: bool) -> Draws:
+        """Over which gaits are judged."""
+        if self.uncertain:
+            return UncertainDraws(self.draws, uncertainty=Uncertainty.parse(self.uncertain), risk=Risk.parse(self.risk))
+        return Draws(self.draws, self.noise, self.friction_spread) if relaxed else Draws()
 
     def robot_steps(
         self, points: ArrayLike, judged: Evaluation, *, relaxed: bool = False, sharpness: float = 0.0
@@ -365,10 +339,8 @@ class GaitProblem(GaitSettings):
         """
         points = np.atleast_2d(points)
         designs = [self.relaxed_design(p, sharpness) if relaxed else self.design(p) for p in points]
-        drive = self._relaxed_actuation if relaxed else self.actuation
-        draws = self.draws if relaxed or self.uncertain else 1
-        each = np.array([predicted_steps(design, drive) for design in designs])
-        return draws * each * np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
+        simulated = np.sum([condition.simulated(judged.details) for condition in self.conditions], axis=0)
+        return self._draws(relaxed).steps(designs, self._relaxed_actuation if relaxed else self.actuation) * simulated
 
     def robot_of(self, point: ArrayLike) -> Robot:
         """The inflatable robot with the gait of a point, shape (D,); its speeds are counted as the search counts."""
@@ -384,17 +356,7 @@ class GaitProblem(GaitSettings):
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
         """How the best gait does over draws that the search has not seen, where something is uncertain."""
-
-        def write(path: Path) -> None:
-            unknown, risk = Uncertainty.parse(self.uncertain), Risk.parse(self.risk)
-            judged = partial(judge_uncertain, self.robot_of(point), compute=self.compute)
-            found = {
-                terrain.name: judged(terrain, uncertainty=unknown, risk=risk, draws=JUDGED_DRAWS).document
-                for terrain in self.terrains
-            }
-            write_text(path, json.dumps({"risk": self.risk, "terrains": found}, indent=1) + "\n")
-
-        return {"robust.json": write} if self.uncertain else {}
+        return held_out_products(partial(self.robot_of, point), self.terrains, self.uncertain, self.risk, self.compute)
 
     @property
     def subject(self) -> str:

@@ -20,7 +20,7 @@ from robots.inflatable.design import Pressure, checked_pressure, each_pressure
 from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
-from robots.robot import Facts, World
+from robots.robot import KINDS, Facts, World
 from robots.uncertainty import Risk, Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.checks import NotNegative, check_fields, choice, number, whole_number
@@ -264,7 +264,7 @@ class GaitSettings(RobotDesigning):
         often = f"as often as {self.most_steps:,} time steps allow" if self.graded else times
         return [
             ("Robot", f"inflatable shape-changing robot, {self.geometry} geometry, {geometry.body_length:g} m long"),
-            ("Terrains", ", ".join(_described(terrain) for terrain in self.terrains)),
+            ("Terrains", ", ".join(KINDS[self.robot_kind].world_told(terrain) for terrain in self.terrains)),
             (
                 "Objective",
                 f"{aim if len(self.terrains) > 1 else 'speed'}, in body lengths a second {convention} (BL/s)",
@@ -323,9 +323,3 @@ class GaitSettings(RobotDesigning):
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
-
-
-def _described(terrain: Terrain) -> str:
-    friction = {"gripping": terrain.high_friction, "sliding": terrain.low_friction}
-    given = [f"friction {name} {value:g}" for name, value in friction.items() if value is not None]
-    return " with ".join([terrain.name, *given])

@@ -18,6 +18,7 @@ from robots.inflatable.robustness import GaitJudgement
 from robots.inflatable.timing import gait_timeline
 from robots.view import scene
 from robots.view.drawing import draw_schedule
+from robots.world import Terrain
 
 SEARCH = "--terrain flat --encoding graded --columns 2 --climbers 3 --generations 3 --geometry small --seed 2 --quiet"
 SMALL = "--geometry small"
@@ -168,9 +169,28 @@ def test_a_judgement_tells_what_a_gait_is_worth(morpholab, monkeypatch, brief, s
     assert known == code and document["physical"] == (speed == 0.03) and document["steps"] == 1000
 
 
+def test_a_judgement_is_of_the_world_and_the_weight_given(morpholab, monkeypatch, brief):
+    runs, calls = np.full(8, 0.03), []
+
+    def stand_in(design, terrain, **options):
+        calls.append((terrain, options["actuation"].weight, options["closely"]))
+        return GaitJudgement(runs, runs, np.full((8, 2), 0.03), runs / 0.3, 1000)
+
+    monkeypatch.setattr("robots.inflatable.robustness.judge_gait", stand_in)
+    for options, expected in (
+        ("--slope 5 --floor wood --weight physical", (Terrain(5.0, 0.70, 0.56), "physical", True)),
+        ("--friction 0.1,1 --weight published", (Terrain(0.0, 1.0, 0.1), "published", True)),
+    ):
+        assert morpholab(f"simulate --gait {brief} {options} --judge")[0] == 0
+        assert calls[-1] == expected
+    code, _, error = morpholab(f"simulate --gait {brief} --perturbation 1e-6 --judge")
+    assert code == 2 and "perturbation: 1e-06 is not allowed with --judge, which plays with noise of its own" in error
+
+
 @pytest.mark.kernels
 def test_a_small_robot_is_judged(morpholab, brief):
     code, out, _ = morpholab(f"simulate --gait {brief} {SMALL} --slope 5 --judge --precision f32 --threads 1 --json")
     document = json.loads(out)
     assert code == 0 and document["runs"] == 8 and document["speed"] != document["hard_speed"]
     assert document["slip_deviation"] >= 0 and document["terrain"] == "hill:5"
+    assert document["kept"]["half the time step"] is not None and document["part_slip"]["all"] > 0

@@ -62,6 +62,13 @@ def test_simulate_tells_mean_deviation_tail_and_worst(morpholab, simulator):
     assert code == 1 and json.loads(out)["failed"] > 0 and "mean" not in json.loads(out)
 
 
+def test_levels_and_timing_of_bladders_are_drawn(morpholab, simulator):
+    code, _, _ = morpholab("simulate --gait rolling --uncertain levels=5%,timing=5% --draws 8")
+    (call,) = simulator.calls
+    levels = {float(level) for design in call.designs for level in design.schedule.inflation.ravel() if level}
+    assert code == 0 and len(levels) > 8 and all(0.95 <= level <= 1 for level in levels)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -79,3 +86,5 @@ def test_bad_options_of_a_simulation_get_one_line(morpholab, simulator, options,
 def test_a_robot_without_the_quantity_is_refused_in_one_line(morpholab):
     code, _, error = morpholab("simulate --robot walker --uncertain friction=10% --draws 3")
     assert code == 2 and "walker has no friction to draw" in error and error.count("\n") == 1
+    code, _, error = morpholab("simulate --robot walker --uncertain levels=10% --draws 3")
+    assert code == 2 and "walker has no actuators to draw" in error and error.count("\n") == 1

@@ -100,6 +100,9 @@ def test_the_best_of_a_run_of_gaits(morpholab, tmp_path):
         assert morpholab(f"codesign --out runs/a --terrain hill:7 {search}")[0] == 0
     code, out, _ = morpholab("view runs/a --frames 20 --columns 1 --repeats 1 --threads 1 --quiet --out page.html")
     assert code == 0 and out.startswith("a on hill:7: 736 parts")
+    quick = "--frames 20 --columns 1 --repeats 1 --threads 1 --quiet"
+    code, out, _ = morpholab(f"view runs/a --floor wood {quick} --out wood.html")
+    assert code == 0 and out.startswith("a on hill:7, friction 0.56,0.7 (wood): 736 parts")
     code, _, error = morpholab("view runs/a --member 99 --quiet --out other.html")
     assert code == 2 and "member: 99 is not allowed; runs/a keeps 4 designs" in error
 

@@ -22,6 +22,7 @@ from robots.calibration import Properties, load_calibration, save_properties
 from robots.hardware import export_csv, read_csv
 from robots.inflatable import ACTUATION, INCHING, NAMED_GEOMETRIES, PUBLISHED, ROLLING, SMALL, transition
 from robots.inflatable.design import InflatableDesign, save_design
+from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 
 TIMES = (11.5, 4.7)
@@ -80,6 +81,21 @@ def test_a_task_for_a_rig_has_its_robot(tmp_path, given, most):
     assert named.robot["geometry"] == PUBLISHED
 
 
+def test_a_task_says_what_the_ground_is_and_what_bladders_weigh(tmp_path):
+    text = "terrains = ['flat', 'hill:5', 'water']\ngaits = ['rolling']\n"
+    task = task_of(tmp_path, f"{text}floor = 'acrylic'\nbladder_friction = 0.3\nweight = 'physical'")
+    own = {"high_friction": 0.51, "low_friction": 0.38, "bladder_friction": 0.3}
+    assert task.terrains == (Terrain(**own), Terrain(5.0, **own), Terrain.water())
+    assert task_of(tmp_path, f"{text}friction = [0.38, 0.51]").terrains[1] == Terrain(5.0, 0.51, 0.38)
+    assert task.robot["actuation"].weight == "physical"
+    usual, asked = (pipeline_run.settings_of(each) for each in (task_of(tmp_path, text), task))
+    assert "weight" not in usual and usual["terrains"][0] == Terrain().document
+    assert asked["weight"] == "physical" and asked["terrains"][1]["bladder_friction"] == 0.3
+    searched = task_of(tmp_path, "terrains = ['flat']\nweight = 'physical'\nfloor = 'wood'\n[search]\ngenerations = 1")
+    problem = searched.problem(searched.terrains[0])
+    assert problem.weight == "physical" and problem.terrains == (Terrain(0.0, 0.7, 0.56),)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -105,6 +121,13 @@ def test_a_task_for_a_rig_has_its_robot(tmp_path, given, most):
         ("terrains = ['flat']\n[search]\npopulation = 1", "population: 1 is not allowed"),
         ("terrains = ['flat']\ngaits = ['rolling']\ncalibration = 3", "calibration: 3 is not allowed; give the"),
         ("terrains = ['flat']\ngaits = ['rolling']\ncalibration = 'gone.json'", "gone.json: cannot be read"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nfloor = 'gravel'", "floor: gravel is not allowed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nfloor = 3", "floor: 3 is"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nfriction = 0.5", "friction: 0.5 is not allowed; give that of"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nfriction = [0.5, 'x']", "friction: 'x' is not allowed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nseam_friction = 'x'", "seam_friction: 'x' is not allowed"),
+        ("terrains = ['flat']\ngaits = ['rolling']\nweight = 'heavy'", "weight: 'heavy' is unknown"),
+        ("terrains = ['water']\ngaits = ['rolling']\nfloor = 'wood'", "friction: 0.56,0.7 is not allowed in a fluid"),
         ("terrains = [", "task: .* cannot be read"),
     ],
 )
@@ -257,7 +280,8 @@ def test_a_package_of_a_rig(task, tmp_path, morpholab):
     """Its robot is in every simulation, in the package, and in what replays it."""
     fitted = Properties(friction=1.2, low_friction=0.3, modulus=330e3, inflation_rate=2.0)
     save_properties(fitted, "small", tmp_path / "fit.json")
-    task.write_text('calibration = "fit.json"\n' + TASK.replace('geometry = "small"\n', "").replace("hill:5", "hill:3"))
+    ground = 'calibration = "fit.json"\nweight = "physical"\nfloor = "wood"\n'
+    task.write_text(ground + TASK.replace('geometry = "small"\n', "").replace("hill:5", "hill:3"))
     package = tmp_path / "out/package"
     code, text, error = morpholab(f"pipeline {task} --out {tmp_path / 'out'} --quiet --json --threads 1")
     assert code in (0, 1) and "calibration.json" in json.loads(text)["files"], error
@@ -269,7 +293,11 @@ def test_a_package_of_a_rig(task, tmp_path, morpholab):
         "runs": 2,
         "seed": 0,
         "properties": vars(fitted),
+        "weight": "physical",
     }
+    assert all(state["terrain"]["low_friction"] == 0.56 for state in machine["states"])
+    page = (package / "report.html").read_text()
+    assert "flat: friction 0.56,0.7 (wood); hill:3: friction" in page and "weight of bladders: physical" in page
     replay = f"pipeline --replay {package} --quiet --json --threads 1"
     speeds = [(state["replayed"], state["designed"]) for state in json.loads(morpholab(replay)[1])["states"]]
     assert all(replayed == pytest.approx(designed, rel=1e-3) for replayed, designed in speeds)

@@ -7,6 +7,7 @@ import pytest
 from linear_robot import Linear
 
 from optim.problems.inflatable.problem import GaitProblem
+from robots.inflatable.perturbed import perturbed_design, perturbed_drive
 from robots.uncertainty import Uncertainty
 from robots.world import Terrain
 
@@ -38,9 +39,10 @@ def test_all_gaits_share_the_draws_in_one_batch(linear):
     assert np.array_equal(made.evaluate(points[1:]).objectives, together.objectives[1:])
 
 
+@pytest.mark.parametrize("unknown", [UNKNOWN, "levels=30%,timing=10%,slope=1"])
 @pytest.mark.parametrize("risk", ["mean", "cvar:0.5", "worst"])
-def test_risk_has_exact_gradients(linear, risk):
-    made = problem(risk=risk, warm_up=1000)  # counts the same steps on both sides of a difference
+def test_risk_has_exact_gradients(linear, risk, unknown):
+    made = problem(uncertain=unknown, risk=risk, warm_up=1000)  # counts the same steps on both sides of a difference
     points = made.space.relaxed().sample(np.random.default_rng(3), 2)
     exact = made.evaluate_relaxed(points, 2.0, gradients=True)
     assert exact.objectives == pytest.approx(made.evaluate_relaxed(points, 2.0, gradients=False).objectives)
@@ -51,6 +53,18 @@ def test_risk_has_exact_gradients(linear, risk):
         up, down = (made.evaluate_relaxed(points + s, 2.0, gradients=False) for s in (step, -step))
         slope = (up.objectives - down.objectives)[:, 0] / (2 * reach)
         assert exact.gradients[:, number] == pytest.approx(slope, rel=1e-5, abs=1e-9), made.space.names[number]
+
+
+@pytest.mark.parametrize("settings", [{}, {"encoding": "codes", "steps": None}, {"encoding": "bits", "steps": None}])
+def test_levels_and_timing_of_all_gaits_are_drawn(linear, monkeypatch, settings):
+    monkeypatch.setattr(GaitProblem, "speeds", lambda self, result: result.distance)
+    made = problem(uncertain="levels=5%,timing=5%", **settings)
+    points = made.space.sample(np.random.default_rng(0), 2)
+    made.evaluate(points)
+    (call,) = linear.calls
+    drawn = Uncertainty.parse("levels=5%,timing=5%").draw(5, actuators=8)
+    assert call.designs == [perturbed_design(made.design(point), one) for point in points for one in drawn]
+    assert call.actuation == [perturbed_drive(made.actuation, one) for _ in points for one in drawn]
 
 
 def test_the_worst_counts_no_more_than_cvar_and_the_mean(linear):

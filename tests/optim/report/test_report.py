@@ -22,6 +22,7 @@ from robots.inflatable import NAMED_GEOMETRIES, load_design
 from robots.inflatable.timing import nominal_steps
 from robots.lattice_robot import load_robot
 from robots.lattice_robot.walker import WalkerActuation
+from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -143,6 +144,22 @@ def test_a_page_says_what_the_files_say(morpholab, reported, tmp_path):
     assert f"numpy {about['versions']['numpy']}" in page.text
     files = {path.name for path in (tmp_path / "runs/a").iterdir() if not path.name.startswith(".")}
     assert all(name in page.text for name in files)
+
+
+def test_a_copied_command_has_the_friction_of_the_run(morpholab, simulator, reported):
+    ground = "--floor wood --bladder-friction 0.3 --weight physical"
+    design(morpholab, "a", f"--climbers 2 {ground}", "--terrain hill:15", 1)
+    page, document = reported("a")
+    (line,) = re.findall(r"morpholab (simulate --gait \S+ --terrain .*?) Watch it", page.text)
+    assert "--terrain hill:15 --friction 0.56,0.7 --bladder-friction 0.3 " in line and "--weight physical" in line
+    assert "up a slope of 15°, friction 0.56,0.7 (wood), bladder friction 0.3" in page.text
+    assert "Terrains hill:15 with friction 0.56,0.7 with bladder friction 0.3" in page.text
+    (terrain,) = document["design"]["terrains"]
+    assert (terrain["terrain"], terrain["friction"], terrain["bladder_friction"]) == ("hill:15", [0.56, 0.7], 0.3)
+    code, out, _ = morpholab(f"{line} --json")
+    assert code == 0 and json.loads(out)["friction"] == [0.56, 0.7]
+    assert simulator.calls[-1].terrain == Terrain(15.0, 0.7, 0.56, bladder_friction=0.3)
+    assert simulator.calls[-1].actuation.weight == "physical"
 
 
 @pytest.mark.usefixtures("simulator")

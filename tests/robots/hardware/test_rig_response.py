@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from robots.hardware import LineMap, PneumaticRig, export_csv, gait_table, read_csv
-from robots.hardware.rig_play import check_strokes, commanded, play_table
-from robots.hardware.rig_response import Response, lagged, line_pressures, slew_limited
-from robots.inflatable import INCHING, NAMED_GEOMETRIES
+from robots.hardware.rig_play import Play, check_strokes, commanded, play_table, play_tables
+from robots.hardware.rig_response import STRETCHED, Response, causes_of, lagged, line_pressures, slew_limited
+from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.world import Terrain
 
 AT = np.arange(0.0, 10.0, 0.01)
 SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 2))
@@ -47,8 +48,24 @@ def test_a_valve_delays_and_a_regulator_limits():
     rows = np.repeat(np.array([[0.0], [20.0]]), 11, axis=1)
     found = line_pressures(np.array([0.0, 4.0]), rows, rig, AT)
     assert np.allclose(found[:, 1], np.minimum(np.clip((AT - 0.5) / 4.0, 0, 1) * 20.0, 15.0))
-    without = line_pressures(np.array([0.0, 4.0]), rows, rig, AT, Response(valves=False))
+    without = line_pressures(np.array([0.0, 4.0]), rows, rig, AT, Response(delay=False, slew=False))
     assert np.allclose(without[:, 1], np.minimum(AT / 4.0 * 20.0, 15.0))
+
+
+def test_a_regulator_takes_commands_in_steps():
+    rig = rig_with(resolution_kpa=2.0, slew_kpa_per_s=1e6)
+    rows = np.repeat(np.array([[0.0], [20.0]]), 11, axis=1)
+    found = line_pressures(np.array([0.0, 8.0]), rows, rig, AT)[:, 1]
+    ramp = np.minimum(AT / 8.0 * 20.0, 20.0)
+    assert set(np.round(found, 9)) == set(np.arange(0.0, 21.0, 2.0)) and np.abs(found - ramp).max() <= 1.0 + 1e-9
+    smooth = line_pressures(np.array([0.0, 8.0]), rows, rig, AT, Response(resolution=False))[:, 1]
+    assert np.allclose(smooth, ramp)
+
+
+def test_the_causes_of_a_rig_are_those_that_it_has():
+    assert causes_of(PneumaticRig()) == ("slew",)
+    assert causes_of(rig_with(valve_delay_s=0.1, resolution_kpa=1.0)) == ("delay", "slew", "resolution")
+    assert causes_of(PneumaticRig.load("dissertation-lag")) == ("slew", "lag")
 
 
 def test_commands_are_the_prefix_and_every_loop():
@@ -90,10 +107,28 @@ def test_a_lag_of_nothing_changes_no_bit_and_lags_change_the_way():
     small = NAMED_GEOMETRIES["small"]
     short = replace(SHORT, schedule=SHORT.schedule.cut(2, 1))
     rig = rig_with(lag_s=0.3)
-    responses = (Response(), Response(lag=False), Response(valves=False, lag=False))
+    responses = (Response(), Response(lag=False), STRETCHED)
     played = play_table(gait_table(short), rig, None, responses, geometry=small, precision="f32")
     assert list(played.status) == ["ok"] * 3
     assert played.distance[1] == played.distance[2] != played.distance[0]
+
+
+@pytest.mark.kernels
+def test_tables_of_a_batch_are_played_as_alone():
+    """Other lengths, grounds, rigs and starts beside each other change no bit."""
+    small, rig = NAMED_GEOMETRIES["small"], PneumaticRig()
+    gaits = zip((INCHING, ROLLING), (1, 2), strict=True)
+    tables = [gait_table(replace(gait, schedule=gait.schedule.cut(columns, 1))) for gait, columns in gaits]
+    plays = [
+        Play(tables[0], rig, copy=1),
+        Play(tables[1], PneumaticRig.load("dissertation-lag"), Terrain(5.0, 0.7, 0.56)),
+    ]
+    settings = {"geometry": small, "precision": "f32", "perturbation": 1e-6}
+    both = play_tables(plays, **settings)
+    alone = [play_tables([play], **settings) for play in plays]
+    assert list(both.distance) == [one.distance[0] for one in alone] and len(set(both.steps)) == 2
+    with pytest.raises(ValueError, match="record_every: 100 is not allowed for tables of different lengths"):
+        play_tables(plays, record_every=100, **settings)
 
 
 @pytest.mark.kernels
@@ -106,6 +141,9 @@ def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path):
     found = json.loads(out)
     assert code == 0 and found["rig"] == "dissertation-lag"
     assert {"speed_without_lag", "speed_without_valves"} <= set(found)
+    designed = json.loads(outs[0])["speed_simulated"]
+    assert found["speed_designed"] == designed and found["speed_with_slew"] == found["speed_without_valves"]
+    assert found["speed_with_lag"] == found["speed_simulated"] and "speed_with_delay" not in found
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
@@ -111,7 +111,7 @@ def cached_finalists(
     found = [last_bests(history, problem, settings.finalists) for history in histories]
     listed = [each for one in found for each in one]
     bests = [[generation.best_point for generation in history.generations] for history in histories]
-    world = {"problem": problem.describe(), "terrain": asdict(settings.terrain), "noise": NOISE}
+    world = {"problem": problem.describe(), "terrain": settings.terrain.document, "noise": NOISE}
     conditions = {**world, "friction": HARD_FRICTION, "precision": where["precision"], "device": where.get("device")}
     of = {"bests": sha256(json.dumps(bests).encode()), "count": settings.finalists, "runs": settings.runs}
     of["conditions"] = sha256(json.dumps(conditions, sort_keys=True).encode())

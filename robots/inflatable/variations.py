@@ -1,0 +1,105 @@
+"""Changed conditions under which a gait is tried again: measured floors, other friction, half the time step.
+
+Every one is a change of the conditions given, whatever they are.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from robots.inflatable.actuation import InflatableActuation
+from robots.inflatable.body import InflatableGeometry
+from robots.inflatable.design import InflatableDesign
+from robots.inflatable.materials import MOST_FRICTION
+from robots.inflatable.schedule import LONGEST_COLUMN
+from robots.world import FLOORS, Terrain
+
+HALF_STEP = "half the time step"
+FRICTION_PARTS = (0.8, 1.2)  # of the coefficients of the whole robot
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """All that decides how fast a gait is.
+
+    Attributes:
+        design: what the robot does.
+        terrain: where.
+        geometry: of the robot.
+        actuation: how it is driven.
+    """
+
+    design: InflatableDesign
+    terrain: Terrain
+    geometry: InflatableGeometry
+    actuation: InflatableActuation
+
+    @property
+    def friction(self) -> tuple[float, float]:
+        """Of sliding and of gripping feet."""
+        own = self.actuation.on(self.terrain)
+        return own.low_friction, own.high_friction
+
+
+def on_floor(conditions: Conditions, floor: str) -> Conditions:
+    """On a floor on which friction was measured, with bladders that keep their weight."""
+    low, high = FLOORS[floor]
+    return replace(
+        conditions,
+        design=_with_feet(conditions.design, None),
+        terrain=replace(conditions.terrain, low_friction=low, high_friction=high),
+        actuation=replace(conditions.actuation, weight="physical"),
+    )
+
+
+def with_friction(conditions: Conditions, part: float) -> Conditions:
+    """With a part of all coefficients of friction."""
+    low, high = conditions.friction
+    return replace(
+        conditions,
+        design=_with_feet(conditions.design, part),
+        terrain=replace(conditions.terrain, low_friction=part * low, high_friction=part * high),
+    )
+
+
+def _with_feet(design: InflatableDesign, part: float | None) -> InflatableDesign:
+    """A design with a part of the friction that its feet have of their own, if any; None takes it away."""
+    made = design.materials
+    if made is None or made.friction is None:
+        return design
+    rows: Any = None
+    if part is not None:
+        rows = np.minimum(part * np.array(made.friction), MOST_FRICTION).tolist()
+    return replace(design, materials=replace(made, friction=rows))
+
+
+def at_half_step(conditions: Conditions) -> Conditions:
+    """In steps half as long: twice as many of them, each with half the change."""
+    drive, gait = conditions.actuation, conditions.design.schedule
+    ramp = drive.ramp_steps
+    slower = replace(
+        drive,
+        inflation_rate=drive.inflation_rate / 2,
+        pressure_ramp=drive.pressure_ramp / 2,
+        ramp_steps=None if ramp is None else 2 * ramp,
+        hold_steps=2 * drive.hold_steps,
+        settle_steps=2 * drive.settle_steps,
+    )
+    motion, settle = (None if own is None else 2 * own for own in (gait.motion_steps, gait.settle_steps))
+    geometry = conditions.geometry
+    return replace(
+        conditions,
+        design=replace(conditions.design, schedule=replace(gait, motion_steps=motion, settle_steps=settle)),
+        geometry=replace(geometry, time_step_safety=2 * geometry.time_step_safety),
+        actuation=slower,
+    )
+
+
+def variations_of(conditions: Conditions) -> dict[str, Conditions]:
+    """Changed conditions by their names; half the time step is left out where columns would be too long for it."""
+    found = {floor: on_floor(conditions, floor) for floor in FLOORS}
+    found |= {f"{part:g} of the friction": with_friction(conditions, part) for part in FRICTION_PARTS}
+    gait = conditions.design.schedule
+    longest = max((int(own.max()) for own in (gait.motion_steps, gait.settle_steps) if own is not None), default=0)
+    return found if 2 * longest > LONGEST_COLUMN else {**found, HALF_STEP: at_half_step(conditions)}

@@ -1,0 +1,114 @@
+"""The study of measured speeds: conditions, sets of parameters, factors, and what its page tells."""
+
+import csv
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from optim.studies.chapter5 import hardware_friction
+from optim.studies.chapter5.gaits import Robot
+from optim.studies.chapter5.hardware_friction import MEASURED, SIMULATOR, HardwareFriction, rows_of, sets_of, verdict
+
+FEW = HardwareFriction(Robot(precision="f32", copies=2), inflations=(0.5, 1.0), pressures=(8e3, 12e3), rigs=())
+
+
+def copies_of(ratios, **parameters):
+    """Two copies of each condition, near so many times the measured speed."""
+    about = {"weight": "physical", "inflation": 1.0, "timing": SIMULATOR, **parameters}
+    return [
+        {
+            **about,
+            "condition": measured.name,
+            "pressure": about.get("pressure", 12e3) if measured.gait.pressure else 0.0,
+            "measured": measured.speed,
+            "speed": ratio * measured.speed * nearly,
+        }
+        for measured, ratio in zip(MEASURED, ratios, strict=True)
+        for nearly in (0.99, 1.01)
+    ]
+
+
+def test_the_measured_conditions_are_simulated_on_their_floors_for_all_parameters(simulator, tmp_path):
+    summary = hardware_friction.study(tmp_path / "a", FEW)
+    assert len(simulator.calls) == 4  # weights times strokes, all conditions beside each other
+    drives = [(call.actuation.weight, round(call.actuation.inflated, 9)) for call in simulator.calls]
+    assert drives == [("published", 1.35), ("published", 2.5), ("physical", 1.35), ("physical", 2.5)]
+    played = simulator.calls[0]
+    feet = [(terrain.slope, terrain.low_friction, terrain.high_friction) for terrain in played.terrain[::2]]
+    assert feet == [(0, 0.56, 0.7), (0, 0.38, 0.51), (0, 0.56, 0.7), (0, 0.56, 0.7), (14, 0.56, 0.7)]
+    assert [design.pressure for design in played.designs[::2]] == [0, 0, 8e3, 12e3, 0]
+    assert len(summary["rows"]) == 4 * 5 and len(summary["sets"]) == 4 * 2
+    for name in hardware_friction.STUDY.writes:
+        assert (tmp_path / "a" / name).stat().st_size > 100, name
+    with open(tmp_path / "a/copies.csv") as file:
+        copies = list(csv.DictReader(file))
+    assert len(copies) == 4 * 5 * 2 and {row["copy"] for row in copies} == {"0", "1"}
+    simulator.calls.clear()
+    assert hardware_friction.study(tmp_path / "a", FEW) == summary and not simulator.calls
+
+
+def test_rigs_play_the_gaits_once_as_tables(simulator, tmp_path, monkeypatch):
+    calls = []
+
+    def play_tables(plays, **settings):
+        calls.append((plays, settings["actuation"].weight))
+        return SimpleNamespace(speed_simulated=[0.01 + 0.001 * play.copy for play in plays])
+
+    monkeypatch.setattr("robots.hardware.rig_play.play_tables", play_tables)
+    rigs = ("dissertation", "dissertation-lag")
+    summary = hardware_friction.study(tmp_path / "a", replace(FEW, rigs=rigs))
+    assert [weight for _, weight in calls] == ["published", "physical"]
+    plays = calls[0][0]
+    assert len(plays) == 2 * 4 * 2 and [play.copy for play in plays[:2]] == [0, 1]
+    assert [play.rig.name for play in plays[::8]] == list(rigs) and {play.table.loops for play in plays} == {0}
+    assert [(play.terrain.slope, play.terrain.low_friction) for play in plays[:8:2]] == [
+        *((0, 0.56), (0, 0.38), (0, 0.56)),
+        (14, 0.56),
+    ]
+    timings = [one["timing"] for one in summary["sets"]]
+    assert {name: timings.count(name) for name in rigs} == dict.fromkeys(rigs, 2) and len(timings) == 12
+
+
+def test_rows_have_means_intervals_and_ratios():
+    row = rows_of(copies_of([1.2, 1.0, 1.0, 1.0]))[0]
+    assert (row["condition"], row["n"]) == ("inching, wood", 2) and row["mean"] == pytest.approx(0.012)
+    assert row["low"] < 0.012 < row["high"] and row["ratio"] == pytest.approx(1.2)
+    lost = [{**copy, "speed": math.nan} for copy in copies_of([1.0] * 4)]
+    assert [rows_of(lost)[0][name] for name in ("n", "mean", "low", "ratio")] == [0, None, None, None]
+
+
+def test_the_factor_is_the_largest_on_flat_ground_and_a_stretch_of_all_times_is_taken_out():
+    (one,) = sets_of(rows_of(copies_of([1.0, 4.0, 2.0, -9.0])))
+    assert one["factor"] == pytest.approx(4.0)
+    assert (one["stretch"], one["factor_rescaled"]) == (pytest.approx(2.0), pytest.approx(2.0))
+    (backwards,) = sets_of(rows_of(copies_of([-1.0, 1.0, 1.0, 1.0])))
+    assert backwards["factor"] is backwards["stretch"] is backwards["factor_rescaled"] is None
+
+
+def test_sets_are_sorted_and_the_verdict_counts_those_that_agree():
+    copies = copies_of([3.0, 3.0, 3.0, -1.0]) + copies_of([1.1, 1.4, 0.9, 1.0], weight="published")
+    sets = sets_of(rows_of(copies + copies_of([-1.0] * 4, inflation=0.5)))
+    assert [one["weight"] for one in sets] == ["published", "physical", "physical"]
+    text = verdict(sets)
+    assert "As simulated, 1 of 3 sets are within a factor of 1.5" in text and "is within 1.40." in text
+    assert "With all times stretched alike, 2 of 3" in text and text.endswith("Up the slope 1 of 3 go forward.")
+    assert "No set of parameters goes forward" in verdict(sets[2:])
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"weights": ("heavy",)}, "weights: 'heavy' is unknown; choose one of published, physical"),
+        ({"inflations": (0.0,)}, "inflations: 0.0 is not allowed; give a number from 0.1 to 1"),
+        ({"inflations": (1.0, 1.0)}, "inflations: .* is not allowed; give one or more different values"),
+        ({"pressures": ()}, "pressures: .* is not allowed; give one or more different values"),
+        ({"rigs": ("bench",)}, "rigs: 'bench' is unknown; choose one of dissertation, "),
+        ({"pressures": (2e4,)}, "pressures: 20000.0 is not allowed; give a number from 1 to 15000 Pa"),
+    ],
+)
+def test_bad_settings_are_one_line(setting, message):
+    with pytest.raises(ValueError, match=message) as error:
+        HardwareFriction(**setting)
+    assert "\n" not in str(error.value)
