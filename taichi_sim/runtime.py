@@ -318,8 +318,9 @@ def kernel_of(body: Any, *types: Any) -> Callable[..., None]:
 
     Args:
         body: what the kernel does, a ``ti.func`` whose parameters are all ``ti.template()``.
-        types: of each parameter: a type of Taichi, or a named tuple of such types, of constants (whole numbers,
-            truth values and tuples of them) and of None. Where it has a constant or None, so has the body, whatever the kernel is given.
+        types: of each parameter: a type of Taichi, or a named tuple of such types, of constants (whole
+            numbers, truth values and tuples of them) and of None. Where it has a constant or None, so has the body,
+            whatever the kernel is given.
 
     Returns:
         The kernel; it takes an argument for each parameter of the body, named tuples where ``types`` has some.

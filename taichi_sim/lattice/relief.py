@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from taichi_sim.base.checks import number
 from taichi_sim.lattice.laws.relief import ground
-from taichi_sim.lattice.stages.relief import CELL, FRAME, ORIGIN_X, ORIGIN_Y, PER_CELL, STEEPNESS, TOP, WIDTH
+from taichi_sim.lattice.stages.relief import CELL, ORIGIN, PER_CELL, SHARED, STEEPNESS, TOP, WIDTH
 
 MOST_NODES = 4_000_000
 STEEPEST = 80.0  # degrees; walls are what they are on the grid, no steeper
@@ -60,16 +61,33 @@ class Relief:
 
     def height(self, x: Any, y: Any) -> np.ndarray:
         """Height over the floor at places [m], as the simulation has it."""
+        return self._below(np.asarray(x, float), np.asarray(y, float))[0]
+
+    def _below(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Height and third component of the normal at places."""
         found = []
         for place, start, nodes in zip((x, y), self.origin, self.heights.shape, strict=True):
-            at = (np.asarray(place, float) - start) / self.spacing
-            found.append((np.clip(np.floor(at), 0, nodes - 2).astype(int), start))
+            found.append((np.clip(np.floor((place - start) / self.spacing), 0, nodes - 2).astype(int), start))
         (i, _), (j, _) = found
         corners = (start + cell * self.spacing for cell, start in found)
-        height: np.ndarray = ground(x, y, *corners, *np.moveaxis(self.cells[i, j], -1, 0), 1 / self.spacing)[0]
-        return height
+        height, _, _, nz, _ = ground(x, y, *corners, *np.moveaxis(self.cells[i, j], -1, 0), 1 / self.spacing)
+        return height, nz
 
-    @property
+    def rise(self, centres: Any, edge: float) -> float:
+        """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m]."""
+        x, y, z = np.moveaxis(np.asarray(centres, float), -1, 0)
+        height, nz = self._below(x, y)
+        return float((height + 0.5 * edge * (1 / nz - 1) - z).max())
+
+    def widened(self, x: int, y: int) -> "Relief":
+        """The same ground with so many nodes, those beyond the present ones as at the edge."""
+        if self.heights.shape == (x, y):
+            return self
+        more = [(0, count - had) for count, had in zip((x, y), self.heights.shape, strict=True)]
+        friction = None if self.friction is None else np.pad(self.friction, more, mode="edge")
+        return Relief(np.pad(self.heights, more, mode="edge"), self.spacing, self.origin, friction)
+
+    @cached_property
     def cells(self) -> np.ndarray:
         """What kernels read of every cell, shape (X - 1, Y - 1, 10): see ``laws.relief.ground``."""
         friction = np.ones(self.heights.shape) if self.friction is None else self.friction
@@ -96,8 +114,8 @@ class GroundTables:
     """The grids of a batch as kernels read them.
 
     Attributes:
-        relief: numbers that all grids share, then the cells of each that is different, flat.
-        grid: slot of the first cell of each robot's, shape (B,).
+        relief: numbers that all grids share, then each that is different, flat.
+        grid: where each robot's begins, shape (B,).
         counts: cells of every grid along x and y.
     """
 
@@ -109,19 +127,21 @@ class GroundTables:
 def ground_tables(reliefs: Sequence[Relief]) -> GroundTables:
     """The tables of each robot's ground; robots with the same object share one.
 
+    Smaller grids go on as at their edge, so that all have as many cells.
+
     Raises:
-        ValueError: if the grids differ in shape, spacing or origin.
+        ValueError: if the grids differ in their spacing.
     """
     first, different = reliefs[0], {id(one): one for one in reliefs}
-    for one in different.values():
-        if (one.heights.shape, one.spacing, one.origin) != (first.heights.shape, first.spacing, first.origin):
-            raise ValueError("relief: grids of one batch must have the same shape, spacing and origin")
-    x, y = (count - 1 for count in first.heights.shape)
-    slots = {key: FRAME + number * x * y * CELL for number, key in enumerate(different)}
-    frame = np.zeros(FRAME)
-    frame[[ORIGIN_X, ORIGIN_Y]] = first.origin
-    frame[WIDTH], frame[PER_CELL] = first.spacing, 1 / first.spacing
-    frame[TOP] = max(one.heights.max() for one in different.values())
-    frame[STEEPNESS] = max(one.steepness for one in different.values())
-    relief = np.concatenate([frame, *(one.cells.ravel() for one in different.values())])
-    return GroundTables(relief, np.array([slots[id(one)] for one in reliefs], np.int32), (x, y))
+    if any(one.spacing != first.spacing for one in different.values()):
+        raise ValueError("floor: the spacing of nodes must be the same for all robots of a batch")
+    x, y = (max(one.heights.shape[axis] for one in different.values()) - 1 for axis in (0, 1))
+    shared = np.zeros(SHARED)
+    shared[WIDTH], shared[PER_CELL] = first.spacing, 1 / first.spacing
+    shared[TOP] = max(one.heights.max() for one in different.values())
+    shared[STEEPNESS] = max(one.steepness for one in different.values())
+    parts, slots = [shared], {}
+    for place, (key, one) in enumerate(different.items()):
+        slots[key] = SHARED + place * (ORIGIN + x * y * CELL)
+        parts += [np.array(one.origin), one.widened(x + 1, y + 1).cells.ravel()]
+    return GroundTables(np.concatenate(parts), np.array([slots[id(one)] for one in reliefs], np.int32), (x, y))

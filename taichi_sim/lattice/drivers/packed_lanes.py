@@ -1,6 +1,5 @@
 """Voxels in vector lanes, as kernels see them: where lanes find what they need of neighbours, and how they get it."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, store, variables, vector

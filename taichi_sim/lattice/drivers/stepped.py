@@ -209,7 +209,7 @@ class SteppedDriver(Driver):
         return 2 * self.layout.slots * self.memory.itemsize + lists
 
     def kind(self, at_least: int = 0) -> tuple[Real, Medium, int | None]:
-        """What its kernels are compiled for: real, surroundings and threads, enough for so many items of a robot at least."""
+        """What its kernels are compiled for: real, surroundings, and threads for so many items of a robot at least."""
         counts = (memory.VOXELS, memory.LINKS, memory.SURFACE, memory.SQUARES)
         items = self.batch * max(at_least, 1, *(int(self.plan[count]) for count in counts))
         return self.real, self.tables.medium, None if self._on_cpu else threads_for(items)

@@ -67,6 +67,9 @@ class Medium(NamedTuple):
     relief: bool = False
 
 
+ON_A_FLOOR = Medium()
+
+
 class Shared(NamedTuple):
     """What kernels hand to stages in one piece; a kernel fills in what its stages read.
 
@@ -105,7 +108,7 @@ class Shared(NamedTuple):
     transverse: Any = None
 
 
-def shared_types(real: Real, medium: Medium = Medium(), reads: Sequence[str] = Shared._fields[:12]) -> Shared:
+def shared_types(real: Real, medium: Medium = ON_A_FLOOR, reads: Sequence[str] = Shared._fields[:12]) -> Shared:
     """Types of what a kernel is given of these fields and the plan, which is all that its stages may read."""
     flat, table, scalar = ints(1), ints(2), real.scalar
     numbers = (scalar, scalar, scalar, real.scalars(1))

@@ -12,9 +12,11 @@ from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.runtime import element, emit, ti
 
 CELL = 10  # reals of a cell: height at its first corner and along four sides, and friction likewise
-# Places of what they share: where the grids begin [m], width of a cell and its inverse, the highest and steepest ground.
-ORIGIN_X, ORIGIN_Y, WIDTH, PER_CELL, TOP, STEEPNESS = range(6)
-FRAME = 6
+# Places of what they share: width of a cell and its inverse, the highest and steepest ground.
+WIDTH, PER_CELL, TOP, STEEPNESS = range(4)
+SHARED = 4
+ORIGIN_X, ORIGIN_Y = range(2)  # places of what comes before the cells of a grid: where it begins [m]
+ORIGIN = 2
 
 
 @ti.func
@@ -49,9 +51,10 @@ def table_of(x: Any, y: Any, first: Any, t: columns.Shared) -> tuple[Any, ...]:
 def place_of(x, y, first, t: ti.template()):
     """Slot of the cell under a voxel, and its first corner."""
     width, inverse = t.relief[WIDTH], t.relief[PER_CELL]
-    i = ti.cast(ti.floor((x - t.relief[ORIGIN_X]) * inverse), ti.i32)
-    j = ti.cast(ti.floor((y - t.relief[ORIGIN_Y]) * inverse), ti.i32)
+    x0, y0 = t.relief[first + ORIGIN_X], t.relief[first + ORIGIN_Y]
+    i = ti.cast(ti.floor((x - x0) * inverse), ti.i32)
+    j = ti.cast(ti.floor((y - y0) * inverse), ti.i32)
     i = ti.max(0, ti.min(i, t.plan[memory.CELLS_X] - 1))
     j = ti.max(0, ti.min(j, t.plan[memory.CELLS_Y] - 1))
-    slot = first + (i * t.plan[memory.CELLS_Y] + j) * CELL
-    return slot, t.relief[ORIGIN_X] + i * width, t.relief[ORIGIN_Y] + j * width
+    slot = first + ORIGIN + (i * t.plan[memory.CELLS_Y] + j) * CELL
+    return slot, x0 + i * width, y0 + j * width
