@@ -5,12 +5,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Self, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
 
+import numpy as np
+
+from robots.ground import Ground
+from robots.ground import level as level_ground
 from robots.robot import Option, RobotKind, World
 from taichi_sim.base.checks import NotNegative, check_fields, number
 from taichi_sim.base.options import checked
 from taichi_sim.base.options import number as number_type
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice import Relief
 
 STEEPEST = 45.0  # degrees, either way
 WATER_DENSITY = 1000.0  # kg/m^3
@@ -28,15 +35,15 @@ Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
 
 
 class Medium(TypedDict):
-    """What is around a robot, as arguments of a ``LatticeEngine``."""
+    """What is around the robots of a batch, as arguments of a ``LatticeEngine``."""
 
-    floor: bool
+    floor: "bool | list[Relief]"
     fluid: bool
 
 
 @dataclass(frozen=True)
 class Terrain:
-    """A plane, level or tilted, with the friction of the robot's own materials unless overridden; or a fluid at rest.
+    """A plane, level or tilted, or uneven ground, with the robot's own friction unless overridden; or a fluid at rest.
 
     In a fluid there is no ground, and the robot has its density: it neither sinks nor rises. The fluid resists outer
     faces as ``taichi_sim.lattice.laws.fluid`` says.
@@ -52,6 +59,7 @@ class Terrain:
             ``InflatableActuation``; None keeps what they follow from.
         static_friction, kinetic_friction: Coulomb coefficients that replace those of all materials of a lattice robot;
             None keeps them.
+        ground: uneven ground, see ``robots.ground``, such as ``"rough:0.01"``; tilted with the slope. None is a plane.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -65,15 +73,18 @@ class Terrain:
     seam_friction: NotNegative | None = None
     static_friction: NotNegative | None = None
     kinetic_friction: NotNegative | None = None
+    ground: str | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.ground is not None:
+            Ground(self.ground)
         low, high = self.low_friction, self.high_friction
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
         self._check_materials()
         if self.is_fluid:
-            for field in ("slope", *FRICTION_FIELDS, *MATERIAL_FRICTION):
+            for field in ("slope", "ground", *FRICTION_FIELDS, *MATERIAL_FRICTION):
                 if value := getattr(self, field):
                     raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
         for field in FLUID_FIELDS[1:]:
@@ -96,14 +107,9 @@ class Terrain:
 
     @property
     def document(self) -> dict[str, Any]:
-        """All fields, but friction of parts and materials only where given: as earlier versions wrote terrains."""
-        later, fields = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION), dataclasses.asdict(self)
+        """All fields, but those that came later only where they are given: as earlier versions wrote terrains."""
+        later, fields = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground"), dataclasses.asdict(self)
         return {name: fields[name] for name in fields if name not in later or fields[name] is not None}
-
-    @property
-    def medium(self) -> Medium:
-        """A floor, or a fluid."""
-        return {"floor": not self.is_fluid, "fluid": self.is_fluid}
 
     @property
     def is_fluid(self) -> bool:
@@ -112,10 +118,14 @@ class Terrain:
 
     @property
     def name(self) -> str:
-        """``"flat"``, ``"hill:15"`` or ``"water"``, as :meth:`parse` reads it; coefficients are not part of it."""
+        """``"flat"``, ``"hill:15"``, ``"hill:5+rough:0.01"`` or ``"water"``, as :meth:`parse` reads it.
+
+        Coefficients are not part of it.
+        """
         if self.is_fluid:
             return "water"
-        return f"hill:{self.slope!r}".removesuffix(".0") if self.slope else "flat"
+        hill = [f"hill:{self.slope!r}".removesuffix(".0")] if self.slope else []
+        return "+".join([*hill, *([self.ground] if self.ground else [])]) or "flat"
 
     @property
     def friction(self) -> str:
@@ -140,8 +150,9 @@ class Terrain:
         if self.is_fluid:
             return self.where
         way = "up" if self.slope > 0 else "down"
-        ground = f"{way} a slope of {abs(self.slope):g}°" if self.slope else "on flat ground"
-        return ", ".join(filter(None, [ground, self.friction]))
+        slope = f"{way} a slope of {abs(self.slope):g}°" if self.slope else ""
+        ground = f"on {Ground(self.ground).spoken}" if self.ground else "" if slope else "on flat ground"
+        return ", ".join(filter(None, [slope, ground, self.friction]))
 
     @property
     def resistance(self) -> tuple[float, float]:
@@ -158,20 +169,28 @@ class Terrain:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The terrain of a name: ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, or ``"water"``.
+        """The terrain of a name.
+
+        It is ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, ``"water"``, uneven ground such as ``"rough:0.01"``
+        (see ``robots.ground``), or that on a slope, ``"hill:5+rough:0.01"``.
 
         Raises:
             ValueError: for any other name or slope.
         """
+        hill, plus, ground = text.partition("+")
+        if plus:
+            return dataclasses.replace(cls.parse(hill), ground=ground)
         kind, _, degrees = text.partition(":")
         if text == "flat":
             return cls()
         if text == "water":
             return cls.water()
+        if kind != "hill":
+            return cls(ground=text)
         try:
-            slope = float(degrees if kind == "hill" else "")
+            slope = float(degrees)
         except ValueError:
-            raise ValueError(f'terrain: {text!r} is unknown; give "flat", "hill:15" (degrees) or "water"') from None
+            raise ValueError(f'terrain: {text!r} is unknown; give degrees, such as "hill:15"') from None
         return cls(slope)
 
 
@@ -180,7 +199,7 @@ class TerrainKind(RobotKind):
 
     world_option = "terrain"
     world_type = staticmethod(checked(Terrain.parse))
-    world_hint = "flat, hill:15 or water (default: flat, of a run its own)"
+    world_hint = "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own)"
     view_precision = "f32"
 
     @property
@@ -278,6 +297,27 @@ def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     if len({each.is_fluid for each in terrains}) > 1:
         raise ValueError("terrain: ground and a fluid are not allowed in one batch; give a batch for either")
     return terrains
+
+
+def medium_of(terrains: Sequence[Terrain], headings: Sequence[float], edge: float) -> Medium:
+    """What is around robots of voxels of an edge [m], each on a terrain and heading somewhere [degrees]."""
+    first = terrains[0]
+    if not any(terrain.ground for terrain in terrains):
+        return {"floor": not first.is_fluid, "fluid": first.is_fluid}
+    level = level_ground(edge)
+    pairs = zip(terrains, headings, strict=True)
+    floor = [Ground(one.ground).relief(heading, edge) if one.ground else level for one, heading in pairs]
+    return {"floor": floor, "fluid": False}
+
+
+def standing(centres: Any, medium: Medium, edge: float) -> Any:
+    """Voxel centres at the start [m], shape (B, V, 3), raised so that every robot just stands on its ground."""
+    if isinstance(medium["floor"], bool):
+        return centres
+    raised = np.array(centres)
+    for robot, relief in zip(raised, medium["floor"], strict=True):
+        robot[:, 2] += relief.rise(robot, edge)
+    return raised
 
 
 def gravity_vector(slope: float, orientation: Any) -> Vector:

@@ -318,8 +318,9 @@ def kernel_of(body: Any, *types: Any) -> Callable[..., None]:
 
     Args:
         body: what the kernel does, a ``ti.func`` whose parameters are all ``ti.template()``.
-        types: of each parameter: a type of Taichi, or a named tuple of such types, of constants (whole numbers and
-            truth values) and of None. Where it has a constant or None, so has the body, whatever the kernel is given.
+        types: of each parameter: a type of Taichi, or a named tuple of such types, of constants (whole
+            numbers, truth values and tuples of them) and of None. Where it has a constant or None, so has the body,
+            whatever the kernel is given.
 
     Returns:
         The kernel; it takes an argument for each parameter of the body, named tuples where ``types`` has some.
@@ -328,7 +329,7 @@ def kernel_of(body: Any, *types: Any) -> Callable[..., None]:
         (i, j)
         for i, kinds in enumerate(types)
         for j, kind in (enumerate(kinds) if isinstance(kinds, tuple) else [(None, kinds)])
-        if kind is not None and not isinstance(kind, int)
+        if kind is not None and not isinstance(kind, int | tuple)
     ]
 
     def bundled(*values: Any) -> list[Any]:

@@ -7,7 +7,7 @@ from functools import cached_property
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.world import Terrain
+from robots.world import Terrain, medium_of
 from taichi_sim.lattice import LatticeBody, LatticeEngine
 
 
@@ -58,11 +58,13 @@ class Laboratory:
 
     def engine(self, trials: Sequence[Trial], terrain: Terrain) -> tuple[LatticeBody, LatticeEngine]:
         """A body of the robots of some trials (alike but for the material) and their engine, with noise on starts."""
+        if terrain.ground:
+            raise ValueError(f"terrain: uneven ground ({terrain.ground}) is not allowed for calibrations; give a plane")
         bodies = [trial.properties.body_of(self.geometry).body for trial in trials]
         engine = LatticeEngine(
             bodies,
             time_step=self.time_step,
-            **terrain.medium,
+            **medium_of([terrain], [0.0], self.geometry.voxel_size),
             precision=self.precision,
             threads=self.threads,
         )

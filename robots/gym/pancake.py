@@ -105,7 +105,7 @@ class PancakeEnvironment(RobotEnvironment):
         if options:
             raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
         if self._engine is None:
-            self._engine = engine_of(1, self.geometry, self._terrain, self._compute)
+            self._engine = engine_of(self.geometry, [self._terrain], self._compute)
         self._levels = np.full(BLADDER_COUNT, self.actuation.deflated)
         self._grips, self._columns, self._steps = np.ones(2), 0, 0
         if self._ready is None or self._perturbation:

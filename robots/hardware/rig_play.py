@@ -131,9 +131,9 @@ def play_tables(
         raise ValueError(f"record_every: {record_every} is not allowed for tables of different lengths; leave it out")
     program = builder.build([end for _, end in spans], np.array(marks))
     designs = [play.table.design for play in plays]
-    engine = engine_of(len(plays), geometry, plays[0].terrain, Compute.given(compute), designs)
-    if perturbation > 0:
-        engine.set_positions(geometry.body.scattered(perturbation, seed, [play.copy for play in plays]))
+    copies = [play.copy for play in plays]
+    starts = geometry.body.scattered(perturbation, seed, copies) if perturbation > 0 else None
+    engine = engine_of(geometry, [play.terrain for play in plays], Compute.given(compute), designs, starts)
     run = engine.run(program, progress)
     return summarise(run, program, designs, geometry, actuation, WHOLE, record_every)
 

@@ -182,10 +182,9 @@ def _side_by_side(
 ) -> tuple[InflatableResult, list[dict[str, Floats]]]:
     """Results of robots that run as one batch, and the derivatives of each one's distance by its numbers, by name."""
     program = build_program(designs, terrains, drives, None, geometry, way.counting)
-    engine = engine_of(len(designs), geometry, terrains[0], compute, designs)
-    if way.perturbation > 0:
-        robots = way.first + np.arange(len(designs))
-        engine.set_positions(geometry.body.scattered(way.perturbation, way.seeds, robots))
+    robots = way.first + np.arange(len(designs))
+    starts = geometry.body.scattered(way.perturbation, way.seeds, robots) if way.perturbation > 0 else None
+    engine = engine_of(geometry, terrains, compute, designs, starts)
     # A window begins at the last snapshot; without one the whole program is differentiated.
     begins = program.snapshots[:, -1] if way.counting.window else np.zeros(len(designs), int)
     before, rest = program.split(begins)

@@ -116,9 +116,8 @@ def simulate_journey(
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
     program, steps = build_journey(legs, runs, actuation, geometry, record_every)
     body = geometry.body
-    engine = engine_of(runs, geometry, legs[0].terrain, Compute.given(compute))
-    if perturbation > 0:
-        engine.set_positions(body.scattered(perturbation, whole_number("seed", seed, 0), range(runs)))
+    starts = body.scattered(perturbation, whole_number("seed", seed, 0), range(runs)) if perturbation > 0 else None
+    engine = engine_of(geometry, [legs[0].terrain] * runs, Compute.given(compute), (), starts)
     run = engine.run(program, progress)
     first = len(legs) + 1
     middle, frames = read_poses(run, geometry, first, record_every)
@@ -144,6 +143,8 @@ def _check(legs: Sequence[Leg]) -> None:
     if len({leg.terrain.is_fluid for leg in legs}) > 1:
         raise ValueError("legs: ground and a fluid are not allowed in one journey; give one for either")
     for leg in legs:
+        if leg.terrain.ground:
+            raise ValueError(f"legs: uneven ground ({leg.terrain.ground}) is not allowed in a journey; give planes")
         core = leg.design.schedule.core_pressure
         if leg.design.materials is not None or (core is not None and core.ndim == 2):
             what = "core pressures of several cores" if leg.design.materials is None else "materials"

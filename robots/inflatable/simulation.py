@@ -17,7 +17,8 @@ from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.program import WHOLE, Counting, build_program
 from robots.inflatable.timing import counted_steps, predicted_steps
-from robots.world import Terrain, one_each
+from robots.world import Terrain, medium_of, one_each, standing
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
@@ -100,9 +101,8 @@ def simulate(
     order = np.argsort([predicted_steps(*each) for each in zip(designs, drives, strict=True)], kind="stable")
     sorted_designs, grounds, drives = ([each[i] for i in order] for each in (designs, terrains, drives))
     program = build_program(sorted_designs, grounds, drives, record_every, geometry, counting)
-    engine = engine_of(len(designs), geometry, terrains[0], Compute.given(compute), sorted_designs)
-    if perturbation > 0:
-        engine.set_positions(geometry.body.scattered(perturbation, seeds, order))
+    starts = geometry.body.scattered(perturbation, seeds, order) if perturbation > 0 else None
+    engine = engine_of(geometry, grounds, Compute.given(compute), sorted_designs, starts)
     run = engine.run(program, progress)
     found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every)
     return reordered(found, np.argsort(order))
@@ -151,21 +151,32 @@ def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
 
 
 def engine_of(
-    batch: int,
     geometry: InflatableGeometry,
-    terrain: Terrain,
+    terrains: Sequence[Terrain],
     compute: Compute,
     designs: Sequence[InflatableDesign] = (),
+    starts: Floats | None = None,
 ) -> LatticeEngine:
-    """An engine of so many robots of a geometry, at rest; with the moduli of their designs, if these are given."""
+    """An engine of robots of a geometry, one on each terrain, at rest.
+
+    Args:
+        geometry: of all.
+        terrains: B of them.
+        compute: device, precision and threads.
+        designs: B robots, whose moduli and headings they have; without, they have those of the geometry, and head
+            along x.
+        starts: voxel centres [m], shape (B, V, 3), as on a plane; None is at rest. On uneven ground robots are raised.
+    """
     moduli = [design.materials.modulus if design.materials else None for design in designs]
-    return LatticeEngine(
-        bodies_of(geometry, moduli),
-        batch,
-        time_step=geometry.time_step,
-        **terrain.medium,
-        compute=compute,
-    )
+    headings = [design.orientation for design in designs] or [0.0] * len(terrains)
+    medium, edge = medium_of(terrains, headings, geometry.voxel_size), geometry.voxel_size
+    step = geometry.time_step
+    engine = LatticeEngine(bodies_of(geometry, moduli), len(terrains), time_step=step, **medium, compute=compute)
+    if starts is None and medium["floor"] not in (True, False):
+        starts = np.tile(geometry.body.start_positions, (len(terrains), 1, 1))
+    if starts is not None:
+        engine.set_positions(standing(starts, medium, edge))
+    return engine
 
 
 def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:

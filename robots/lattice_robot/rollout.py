@@ -11,7 +11,7 @@ from robots.control.cyclic import FRAMES_FROM, Cycle, build_cyclic_program, cycl
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.robot import Progress
-from robots.world import Terrain
+from robots.world import Terrain, medium_of, standing
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -135,15 +135,18 @@ class Rollout:
             record_every,
         )
         same = all(body is first for body in self.bodies)
+        medium = medium_of([terrain] * len(self.bodies), [aim.heading] * len(self.bodies), first.voxel_size)
         self._engine = LatticeEngine(
             first if same else self.bodies,
             len(self.bodies),
             time_step=cycle.time_step,
-            **terrain.medium,
+            **medium,
             compute=compute,
         )
+        if starts is None and terrain.ground:
+            starts = np.tile(first.start_positions, (len(self.bodies), 1, 1))
         if starts is not None:
-            self._engine.set_positions(starts)
+            self._engine.set_positions(standing(starts, medium, first.voxel_size))
         moduli, densities = (
             np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
             for field in ("youngs_modulus", "density")

@@ -217,3 +217,9 @@ def assign_all(targets: Sequence[Any], values: Sequence[Any]) -> None:
     """Give variables new values."""
     for target, value in zip(targets, values, strict=True):
         target._assign(emit(value))
+
+
+@primitive
+def vector(values: Sequence[Any]) -> Any:
+    """A native vector of so many scalars."""
+    return emit(ti.lang.matrix.make_matrix([emit(value) for value in values]))

@@ -6,6 +6,7 @@ from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.gradient import LatticeGradient, Tape
 from taichi_sim.lattice.materials import Material
 from taichi_sim.lattice.program import LatticeProgram, ProgramBuilder, Quantity
+from taichi_sim.lattice.relief import Relief
 
 __all__ = [
     "LatticeBody",
@@ -17,6 +18,7 @@ __all__ = [
     "Material",
     "ProgramBuilder",
     "Quantity",
+    "Relief",
     "Tape",
     "body_from_array",
 ]

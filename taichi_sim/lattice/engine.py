@@ -15,6 +15,7 @@ from taichi_sim.lattice.drivers.packed import PackedDriver
 from taichi_sim.lattice.drivers.stepped import SteppedDriver
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
+from taichi_sim.lattice.relief import GroundTables, Relief, ground_tables
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, build_tables, pack_program
 
@@ -94,7 +95,7 @@ class LatticeEngine:
         batch: int | None = None,
         *,
         time_step: float | None = None,
-        floor: bool = False,
+        floor: bool | Relief | Sequence[Relief] = False,
         self_contact: bool = True,
         fluid: bool = False,
         gravity: float = 0.0,
@@ -108,7 +109,7 @@ class LatticeEngine:
             body: one body for all robots, or one per robot; they may differ in the values of their materials only.
             batch: number of robots B.
             time_step: dt [s]; by default the largest that is stable for all bodies.
-            floor: whether there is a floor at z = -h/2.
+            floor: whether there is a floor at z = -h/2; or what rises over it, for all robots or one each.
             self_contact: whether voxels of a robot collide with each other.
             fluid: whether a fluid at rest resists all outer faces, as much as ``Quantity.RESISTANCE`` says. Pressure
                 then acts on the closed surface that the voxels with pressurised faces must form, see ``enclosure``,
@@ -148,8 +149,9 @@ class LatticeEngine:
         runtime.start(self.compute)
         self.order = self.body.topology.order
         self.place = np.argsort(self.order)  # of each of the body's voxels in the engine's order
-        self.tables = build_tables(bodies, self.time_step, bool(fluid))
-        switches = (bool(floor), bool(self_contact))
+        ground = self._ground(floor, bool(fluid))
+        self.tables = build_tables(bodies, self.time_step, bool(fluid), ground)
+        switches = (ground is not None or bool(floor), bool(self_contact))
         self._driver: Driver
         if driver == "stepped" or not on_cpu:
             self._driver = SteppedDriver(self.tables, self.batch, precision, switches, on_cpu)
@@ -157,6 +159,17 @@ class LatticeEngine:
             self._driver = PackedDriver(self.tables, self.batch, precision, switches, self.body.voxels[self.order])
         self._diverged = np.zeros(self.batch, bool)
         self.reset()
+
+    def _ground(self, floor: bool | Relief | Sequence[Relief], fluid: bool) -> GroundTables | None:
+        """Tables of uneven ground, if it is given."""
+        if isinstance(floor, bool | np.bool_):
+            return None
+        reliefs = [floor] * self.batch if isinstance(floor, Relief) else list(floor)
+        if len(reliefs) != self.batch:
+            raise ValueError(f"floor: {len(reliefs)} reliefs for a batch of {self.batch}; give one, or one per robot")
+        if fluid:
+            raise ValueError("floor: uneven ground is not allowed in a fluid; leave one of them out")
+        return ground_tables(reliefs)
 
     @staticmethod
     def _check_bodies(bodies: list[LatticeBody], batch: int) -> None:

@@ -57,7 +57,7 @@ class PackedReverse(Reverse):
         driver, record = self.driver, self.record(low, high)
         while True:
             middle = max(high - STEPS_PER_REVERSE, low)
-            backwards.packed_reverse_kernel(driver.real, driver.tables.fluid)(
+            backwards.packed_reverse_kernel(driver.real, driver.tables.medium)(
                 backwards.Launch(driver.batch, self.layout.slots, driver.scalars.slots, high, middle),
                 self._memories,
                 self._shared,
@@ -124,7 +124,7 @@ class PackedRun(Run):
         driver, edge = self.driver, self.edge
         steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
         radius, distance = contact.NEIGHBOUR_RADIUS * edge, contact.REBUILD_DISTANCE * edge
-        kernel.packed_kernel(driver.real, record is not None, driver.tables.fluid)(
+        kernel.packed_kernel(driver.real, record is not None, driver.tables.medium)(
             kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, radius, distance),
             kernel.Memories(self.memory, self.memory.reshape(-1), *driver.views(driver.groups)),
             self.shared,
@@ -154,7 +154,7 @@ class PackedRun(Run):
             states = aligned((batch * room * self.driver.state_slots, real.width), real.numpy)
             groups = real.array((batch * room * self.driver.channel_slots,))
             log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)
-            kept = Record(True, first, states, states.reshape(-1), groups, groups, room, log, start)
+            kept = Record(True, first, states, states.reshape(-1), groups, groups, log, start)
             self._record = kept
         return kept._replace(first=first)
 

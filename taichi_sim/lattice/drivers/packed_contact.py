@@ -63,7 +63,6 @@ class Record(NamedTuple):
         first: step of the first state.
         states, scalar_states: shape (B * room * state slots, lanes), as reals and as scalars.
         groups, group_column: channels, shape (B * room * slots, lanes), as reals and as scalars [slot, lane].
-        room: states a robot.
         contacts: touching pairs of surface voxels, shape (B, contacts, 2).
         start: first contact of each step, shape (B, room).
     """
@@ -74,7 +73,6 @@ class Record(NamedTuple):
     scalar_states: Any = None
     groups: Any = None
     group_column: Any = None
-    room: Any = None
     contacts: Any = None
     start: Any = None
 

@@ -20,6 +20,7 @@ from taichi_sim.autodiff.lanes import (
     load_all,
     store_all,
     variables,
+    vector,
 )
 from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.lattice.drivers import marks as marking
@@ -61,14 +62,13 @@ from taichi_sim.lattice.drivers.packed_lanes import (
     plus_all,
     pose_slots,
     spread,
-    vector,
     with_lanes,
 )
 from taichi_sim.lattice.laws import enclosure
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.laws.group import rest_length as rest_law
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import shared_types
+from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot
 from taichi_sim.lattice.stages.voxel import keep_strains, share_slots, voxel_stage
@@ -334,7 +334,7 @@ def step_robot(r: ti.template(), log: ti.template()):
 def keep(r: ti.template(), step, log: ti.template()):
     """Copy a robot's state before a step to its place in the record."""
     i, k, h, m, g, t, tg, pairs = ti.static((r.i, r.k, r.h, r.m, r.g, r.t, r.tg, r.pairs))
-    row = i * log.room + step - log.first
+    row = i * log.start.shape[1] + step - log.first
     for slot in range(t.plan[memory.STATE_SLOTS]):
         log.states[row * t.plan[memory.STATE_SLOTS] + slot] = m[k + slot]
     count = tg.plan[memory.GROUPS] * columns.CHANNELS_PER_GROUP
@@ -344,8 +344,8 @@ def keep(r: ti.template(), step, log: ti.template()):
 
 
 @lru_cache
-def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
-    """The kernel for one kind of real, on the ground or in a fluid; all else that differs is an argument.
+def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
+    """The kernel for one kind of real and of surroundings; all else that differs is an argument.
 
     With ``recording`` it keeps the state before every step from the record's first on, and the contacts of each.
     """
@@ -365,9 +365,9 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         info = ti.static(pairs.info)
         for n in range(GRAIN * launch.robots):
             if n % GRAIN == 0:
-                t = ti.static(with_lanes(given, p, ms))
-                tg = ti.static(of_groups(groups, t))
                 i = n // GRAIN
+                t = ti.static(with_lanes(given, p, ms, i))
+                tg = ti.static(of_groups(groups, t))
                 k, h = i * launch.slots, i * launch.group_slots
                 r = ti.static(Robot(i, k, h, m, ms, g, gs, g2, t, tg, p, pairs))
                 left = launch.steps
@@ -402,10 +402,10 @@ def packed_kernel(real: Real, recording: bool, fluid: bool) -> Any:
         run,
         Launch(i32, i32, i32, i32, i32, scalar, scalar),
         Memories(real.memory, flat, real.memory, flat, real.scalars(2)),
-        shared_types(real, fluid, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity")),
-        shared_types(real, fluid, ("link", "rest")),
+        shared_types(real, medium, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity", "relief")),
+        shared_types(real, medium, ("link", "rest")),
         lane_types(real),
         Pairs(ints(3), ints(3), *(real.memory,) * 2, flat, real.memory, real.memory, table, table, table),
         mark_types(real),
-        Record(True, i32, real.memory, None, real.memory, None, i32, ints(3), table) if recording else Record(),
+        Record(True, i32, real.memory, None, real.memory, None, ints(3), table) if recording else Record(),
     )

@@ -1,13 +1,12 @@
 """Voxels in vector lanes, as kernels see them: where lanes find what they need of neighbours, and how they get it."""
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, store, variables
+from taichi_sim.autodiff.lanes import Real, assign_all, ints, load, load_all, store, variables, vector
 from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.lattice.drivers.packs import ALIGNED, GATHER, NEXT
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import Shared, in_variables, plan_in_variables
+from taichi_sim.lattice.stages.columns import Shared, grid_of, in_variables, plan_in_variables
 from taichi_sim.lattice.stages.link import link_axes
 from taichi_sim.runtime import element, emit, ti
 
@@ -105,16 +104,12 @@ class Robot(NamedTuple):
 
 
 @primitive
-def with_lanes(shared: Shared, lanes: Lanes, scalars: Any) -> Shared:
-    """What stages are given of robots whose voxels lie in lanes; ``scalars`` are of the memory that links read."""
+def with_lanes(shared: Shared, lanes: Lanes, scalars: Any, robot: Any) -> Shared:
+    """What stages are given of a robot whose voxels lie in lanes; ``scalars`` are of the memory that links read."""
     t = in_variables(shared)._replace(shape=lanes.shape, packed=True, lanes=lanes)
+    if t.medium.relief:
+        t = t._replace(grid=grid_of(robot, shared.plan))
     return t._replace(transverse=lambda m, k, l: transverse(m, scalars, k, l, t, lanes))
-
-
-@primitive
-def vector(values: Sequence[Any]) -> Any:
-    """A native vector of so many scalars."""
-    return emit(ti.lang.matrix.make_matrix([emit(value) for value in values]))
 
 
 @primitive

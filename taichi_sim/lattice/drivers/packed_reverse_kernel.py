@@ -17,6 +17,7 @@ from taichi_sim.autodiff.lanes import (
     load,
     load_all,
     store_all,
+    vector,
 )
 from taichi_sim.autodiff.tracing import Condition, primitive, pull_back, select
 from taichi_sim.lattice import materials
@@ -41,14 +42,13 @@ from taichi_sim.lattice.drivers.packed_lanes import (
     plus_all,
     pose_slots,
     spread,
-    vector,
     with_lanes,
 )
 from taichi_sim.lattice.laws import contact, enclosure
 from taichi_sim.lattice.laws import group as group_laws
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import shared_types
+from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import (
     axial_slots,
@@ -454,8 +454,8 @@ def receive(b: ti.template(), robot, snapshot, step, marks: ti.template()):
 
 
 @lru_cache
-def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
-    """The kernel for one kind of real, on the ground or in a fluid."""
+def packed_reverse_kernel(real: Real, medium: Medium) -> Any:
+    """The kernel for one kind of real and of surroundings."""
 
     @ti.func
     def undo(
@@ -469,13 +469,13 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
     ):
         for n in range(GRAIN * launch.robots):
             if n % GRAIN == 0:
-                t = ti.static(with_lanes(given, p, log.scalar_states))
-                tg = ti.static(of_groups(groups, t))
                 i = n // GRAIN
+                t = ti.static(with_lanes(given, p, log.scalar_states, i))
+                tg = ti.static(of_groups(groups, t))
                 k, h = i * launch.slots, i * launch.group_slots
-                r = i * log.room * t.plan[memory.STATE_SLOTS]
+                r = i * log.start.shape[1] * t.plan[memory.STATE_SLOTS]
                 channels = tg.plan[memory.GROUPS] * columns.CHANNELS_PER_GROUP
-                rg = i * log.room * channels - tg.plan[memory.CHANNEL]
+                rg = i * log.start.shape[1] * channels - tg.plan[memory.CHANNEL]
                 for back in range(launch.high - launch.low + 1):
                     step = launch.high - back
                     row = step - log.first
@@ -504,9 +504,9 @@ def packed_reverse_kernel(real: Real, fluid: bool) -> Any:
         undo,
         Launch(i32, i32, i32, i32, i32),
         Memories(*both, *both, *both, *both, *both, table, *both, table, ints(1)),
-        shared_types(real, fluid, ("link", "voxel", "start", "time_step", "edge", "gravity")),
-        shared_types(real, fluid, ("link", "rest")),
+        shared_types(real, medium, ("link", "voxel", "start", "time_step", "edge", "gravity", "relief")),
+        shared_types(real, medium, ("link", "rest")),
         lane_types(real)._replace(group=None, outer=None, gives=ints(1), masks=real.memory),
-        Record(True, i32, real.memory, flat, real.memory, table, i32, ints(3), ints(2)),
+        Record(True, i32, real.memory, flat, real.memory, table, ints(3), ints(2)),
         mark_types(real, back=True),
     )

@@ -12,6 +12,7 @@ from taichi_sim.lattice.drivers.stepped_kernels import Near, Record, stepped_ker
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
+from taichi_sim.lattice.stages.columns import Medium
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
 from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.runtime import ti
@@ -207,11 +208,11 @@ class SteppedDriver(Driver):
         lists = (1 + int(self.plan[memory.PAIRS])) * len(self.tables.surface_voxels) * 4
         return 2 * self.layout.slots * self.memory.itemsize + lists
 
-    def kind(self, at_least: int = 0) -> tuple[Real, bool, int | None]:
-        """What its kernels are compiled for: real, fluid and threads, enough for so many items of a robot at least."""
+    def kind(self, at_least: int = 0) -> tuple[Real, Medium, int | None]:
+        """What its kernels are compiled for: real, surroundings, and threads for so many items of a robot at least."""
         counts = (memory.VOXELS, memory.LINKS, memory.SURFACE, memory.SQUARES)
         items = self.batch * max(at_least, 1, *(int(self.plan[count]) for count in counts))
-        return self.real, self.tables.fluid, None if self._on_cpu else threads_for(items)
+        return self.real, self.tables.medium, None if self._on_cpu else threads_for(items)
 
     def put(self, array: np.ndarray) -> Any:
         """The array where the kernels run."""

@@ -14,7 +14,7 @@ from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.columns import shared_types
+from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.contact import contact_force, listed_slots, place_slots, squared_move, surface_place
 from taichi_sim.lattice.stages.enclosure import add_pressure, square_stage
 from taichi_sim.lattice.stages.groups import group_stage
@@ -292,14 +292,14 @@ class SteppedKernels:
 
 
 @lru_cache
-def stepped_kernels(real: Real, fluid: bool, threads: int | None) -> SteppedKernels:
-    """Kernels for one precision, on the ground or in a fluid, and so many threads (see ``threads_for``)."""
+def stepped_kernels(real: Real, medium: Medium, threads: int | None) -> SteppedKernels:
+    """Kernels for one precision and kind of surroundings, and so many threads (see ``threads_for``)."""
     m, i32, lanes = real.scalars(2), ti.i32, ints(3)
     near, marks = Near(ints(3), ints(2), ints(1)), mark_types(real)
     kept, logged = Record(None, m, None, ints(2)), Record(None, None, ints(4), ints(2))
 
     def reading(*names: str) -> columns.Shared:
-        return shared_types(real, fluid, names)
+        return shared_types(real, medium, names)
 
     def spreading(stages: Any, *types: Any) -> Any:
         return partial(kernel_of(stages, threads, *types), threads)
@@ -315,5 +315,5 @@ def stepped_kernels(real: Real, fluid: bool, threads: int | None) -> SteppedKern
         spreading(collide, i32, m, reading("surface"), lanes, near._replace(full=None), logged),
         over(LINKS, link_forces, "link", "voxel", "edge"),
         over(SQUARES, square_stage, "square", "voxel"),
-        over(memory.VOXELS, move_voxel, "link", "voxel", "corner", "start", "time_step", "edge"),
+        over(memory.VOXELS, move_voxel, "link", "voxel", "corner", "start", "time_step", "edge", "relief"),
     )

@@ -13,7 +13,7 @@ from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types, meet_events_back
 from taichi_sim.lattice.drivers.stepped_kernels import Record, spread
 from taichi_sim.lattice.stages import columns
-from taichi_sim.lattice.stages.columns import Shared, shared_types
+from taichi_sim.lattice.stages.columns import Medium, Shared, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
@@ -122,8 +122,8 @@ class ReverseKernels:
 
 
 @lru_cache
-def reverse_kernels(real: Real, fluid: bool, threads: int | None) -> ReverseKernels:
-    """Kernels for one precision, on the ground or in a fluid, and so many threads (see ``threads_for``).
+def reverse_kernels(real: Real, medium: Medium, threads: int | None) -> ReverseKernels:
+    """Kernels for one precision and kind of surroundings, and so many threads (see ``threads_for``).
 
     The first number that they are given is the place in the record before the step.
     """
@@ -131,7 +131,7 @@ def reverse_kernels(real: Real, fluid: bool, threads: int | None) -> ReverseKern
     memories = Undo(memory, None, memory, None, memory, None, None)
 
     def reading(*names: str) -> Shared:
-        return shared_types(real, fluid, names)
+        return shared_types(real, medium, names)
 
     def spreading(stages: Any, *types: Any) -> Any:
         return partial(kernel_of(stages, threads, *types), threads)
@@ -142,7 +142,7 @@ def reverse_kernels(real: Real, fluid: bool, threads: int | None) -> ReverseKern
     grouped = reading("rest", "edge", "gravity")
     return ReverseKernels(
         spreading(recall, i32, memories._replace(a=None), grouped),
-        over(VOXELS, undo_voxel, "link", "voxel", "time_step", "edge"),
+        over(VOXELS, undo_voxel, "link", "voxel", "time_step", "edge", "relief"),
         over(LINKS, link_adjoint, "link", "voxel", "edge"),
         over(SQUARES, square_adjoint, "square", "voxel"),
         spreading(contacts, i32, memories, reading("surface"), lanes, Record(None, None, ints(4), ints(2))),

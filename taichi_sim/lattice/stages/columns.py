@@ -55,6 +55,21 @@ RESISTANCE = channels(Quantity.RESISTANCE, count=2)
 )
 
 
+class Medium(NamedTuple):
+    """What surrounds the robots of a batch.
+
+    Attributes:
+        fluid: a fluid at rest.
+        relief: ground that is not level.
+    """
+
+    fluid: bool = False
+    relief: bool = False
+
+
+ON_A_FLOOR = Medium()
+
+
 class Shared(NamedTuple):
     """What kernels hand to stages in one piece; a kernel fills in what its stages read.
 
@@ -62,11 +77,13 @@ class Shared(NamedTuple):
         plan: where sections lie, how many items there are, what is switched on (see ``memory``).
         link, voxel, rest, square, corner, surface, excluded: the integer tables (see ``tables.Tables``).
         start: start positions [m].
+        relief: uneven ground: numbers of all grids, then their cells (see ``stages.relief``).
         time_step, edge, gravity: dt [s], edge h of a voxel [m], acceleration along -z [m/s^2].
-        fluid: whether there is a fluid, known when the kernel is compiled.
+        medium: what surrounds the robots, known when the kernel is compiled.
         shape: where voxels lie in lanes: what the table of voxels says of them, as reals by pack (see above).
         packed: whether they do.
         lanes: where such voxels find what they need, see ``packed_kernel.Lanes``.
+        grid: where the ground of the robot begins in ``relief`` whose voxels lie in lanes.
         transverse: gives the transverse strains at both ends of links between such voxels.
     """
 
@@ -82,18 +99,22 @@ class Shared(NamedTuple):
     time_step: Any = None
     edge: Any = None
     gravity: Any = None
-    fluid: bool = False
+    relief: Any = None
+    medium: Medium = Medium()
     shape: Any = None
     packed: bool = False
     lanes: Any = None
+    grid: Any = None
     transverse: Any = None
 
 
-def shared_types(real: Real, fluid: bool = False, reads: Sequence[str] = Shared._fields[:12]) -> Shared:
+def shared_types(real: Real, medium: Medium = ON_A_FLOOR, reads: Sequence[str] = Shared._fields[:12]) -> Shared:
     """Types of what a kernel is given of these fields and the plan, which is all that its stages may read."""
     flat, table, scalar = ints(1), ints(2), real.scalar
-    every = Shared(flat, flat, flat, table, flat, flat, flat, table, real.scalars(2), scalar, scalar, scalar)
-    return Shared(**{name: getattr(every, name) for name in ("plan", *reads)}, fluid=fluid)
+    numbers = (scalar, scalar, scalar, real.scalars(1))
+    every = Shared(flat, flat, flat, table, flat, flat, flat, table, real.scalars(2), *numbers)
+    read = [name for name in ("plan", *reads) if medium.relief or name != "relief"]
+    return Shared(**{name: getattr(every, name) for name in read}, medium=medium)
 
 
 @primitive
@@ -101,6 +122,12 @@ def in_variables(shared: Shared) -> Shared:
     """Its numbers and its plan as variables of a kernel: what a kernel is given is read again after every store."""
     numbers = {name: emit(getattr(shared, name)) for name in ("time_step", "edge", "gravity")}
     return shared._replace(plan=plan_in_variables(shared.plan), **numbers)
+
+
+@primitive
+def grid_of(robot: Any, plan: Any) -> Any:
+    """Where the ground of a robot begins in ``relief``; a plan ends with that of each robot where it is uneven."""
+    return emit(element(plan, emit(robot + PLAN_LENGTH)))
 
 
 @primitive

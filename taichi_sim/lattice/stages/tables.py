@@ -19,6 +19,7 @@ from taichi_sim.lattice.materials import (
     voxel_constants,
 )
 from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram, Quantity
+from taichi_sim.lattice.relief import GroundTables
 from taichi_sim.lattice.stages import columns, memory
 
 
@@ -46,6 +47,7 @@ class Tables:
         poisson: whether any robot has a material with Poisson's effect.
         squares: number of squares of that surface.
         fluid: whether there is a fluid around the robots.
+        ground: uneven ground, or None.
     """
 
     link: np.ndarray
@@ -69,6 +71,12 @@ class Tables:
     poisson: bool
     squares: int
     fluid: bool
+    ground: GroundTables | None = None
+
+    @property
+    def medium(self) -> columns.Medium:
+        """What surrounds the robots."""
+        return columns.Medium(self.fluid, self.ground is not None)
 
     def shared(
         self, plan: np.ndarray, constants: tuple[float, float, float], dtype: type, put: Callable[[np.ndarray], Any]
@@ -77,8 +85,10 @@ class Tables:
         names = ("link", "voxel", "rest", "square", "corner", "surface", "excluded")
         tables = {name: put(getattr(self, name)) for name in names}
         step, edge, gravity = constants
-        start = put(self.start.astype(dtype))
-        return columns.Shared(put(plan), **tables, start=start, time_step=step, edge=edge, gravity=gravity)
+        tables["start"] = put(self.start.astype(dtype))
+        if self.ground is not None:
+            tables["relief"] = put(self.ground.relief.astype(dtype))
+        return columns.Shared(put(plan), **tables, time_step=step, edge=edge, gravity=gravity)
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:
         """The memory of a robot of these tables; items and width of FORCE are the driver's choice."""
@@ -110,11 +120,14 @@ class Tables:
         counts = [len(a) for a in (self.group, self.link_ends, self.group_region, self.rest, self.surface_voxels)]
         switches = floor, self_contact, self.poisson, self.fluid
         # In the order of their places in ``memory``.
-        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, *switches, self.squares]
+        ground = (*self.ground.counts, *self.ground.grid) if self.ground else (0, 0)
+        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, *switches, self.squares, *ground]
         return np.array(plan, np.int32)
 
 
-def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = False) -> Tables:
+def build_tables(
+    bodies: Sequence[LatticeBody], time_step: float, fluid: bool = False, ground: GroundTables | None = None
+) -> Tables:
     """Tables of robots whose bodies share voxels, links, regions and material indices but not material values."""
     body = bodies[0]
     topology, order = body.topology, body.topology.order
@@ -163,6 +176,7 @@ def build_tables(bodies: Sequence[LatticeBody], time_step: float, fluid: bool = 
         poisson=_has_poisson(bodies),
         squares=len(squares),
         fluid=fluid,
+        ground=ground,
     )
 
 

@@ -10,7 +10,8 @@ from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.laws import relief as uneven
+from taichi_sim.lattice.stages import columns, memory, relief
 from taichi_sim.lattice.stages.groups import channels_of
 from taichi_sim.lattice.stages.link import beam_slot, rest_slot
 from taichi_sim.runtime import element, emit, ti
@@ -101,7 +102,11 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
     ax, ay, az = load_all(m, k, consecutive(g.current + memory.PUSH, 3))
     inverse_mass, drag = load_all(m, k, momentum_slots(g))
     fx, fy, fz = motion.damped_force(fx + ax, fy + ay, fz + az, px, py, pz, inverse_mass, drag, cx, cy, cz)
-    px, py, pz = push(m, k, voxel + memory.STICKS, px, py, pz, fx, fy, fz, z, inverse_mass, g, t)
+    sticking = voxel + memory.STICKS
+    if ti.static(t.medium.relief):
+        px, py, pz = push_on_relief(m, k, sticking, (x, y, z), (px, py, pz), (fx, fy, fz), inverse_mass, g, t)
+    else:
+        px, py, pz = push(m, k, sticking, (px, py, pz), (fx, fy, fz), z, inverse_mass, g, t)
     lx, ly, lz = load_all(m, k, consecutive(voxel + memory.ANGULAR_MOMENTUM, 3))
     ax, ay, az = load_all(m, k, slots_at(g.channels, columns.MOMENT))
     inverse_inertia, drag = load_all(m, k, rotation_slots(g))
@@ -128,29 +133,91 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
 
 
 @ti.func
-def push(m: ti.template(), k, sticking, px, py, pz, fx, fy, fz, z, inverse_mass, g: ti.template(), t: ti.template()):
+def push(
+    m: ti.template(),
+    k,
+    sticking,
+    p: ti.template(),
+    f: ti.template(),
+    z,
+    inverse_mass,
+    g: ti.template(),
+    t: ti.template(),
+):
     """Momentum after a step under force F of a voxel at height z; the floor, and whether it sticks there (a slot)."""
-    dt = t.time_step
+    px, py, pz = p
     depth = floor.penetration(load(m, k, g.current + memory.MEAN_SIZE), t.edge, z)
     stuck = 0.0 * inverse_mass
     on_floor = t.plan[memory.FLOOR_ON] != 0
     if on_floor:
         on_floor = any_lane(depth >= 0.0)
     if on_floor:
-        _, stiffness, damping, friction = load_all(m, k, floor_slots(g))
-        vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
-        sticks = load(m, k, sticking)
-        fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
-        holds = load(m, k, g.channels + columns.STATIC_FRICTION)
-        loose = floor.breaks_loose(fx, fy, holds, normal)
-        rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
-        px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
-        step = dt * inverse_mass
-        rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
-        stuck = select(depth >= 0.0, select(rests, 1.0, select(loose, 0.0, sticks)), 0.0)
-        px, py = floor.stopped(px, py, stuck)
+        px, py, pz, stuck = touch(m, k, sticking, p, f, depth, 1.0 + stuck, inverse_mass, g, t)
     else:
-        px, py, pz = motion.accelerated(px, py, pz, fx, fy, fz, dt)
+        px, py, pz = motion.accelerated(px, py, pz, *f, t.time_step)
+    store(m, k, sticking, stuck)
+    return px, py, pz
+
+
+@ti.func
+def touch(
+    m: ti.template(),
+    k,
+    sticking,
+    p: ti.template(),
+    f: ti.template(),
+    depth,
+    factor,
+    inverse_mass,
+    g: ti.template(),
+    t: ti.template(),
+):
+    """Momentum p after a step under force F in axes of the ground, with it, and whether the voxel sticks there.
+
+    ``factor`` is that of both coefficients of friction.
+    """
+    px, py, pz = p
+    fx, fy, fz = f
+    _, stiffness, damping, friction = load_all(m, k, floor_slots(g))
+    vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
+    sticks = load(m, k, sticking)
+    fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
+    holds = load(m, k, g.channels + columns.STATIC_FRICTION)
+    loose = floor.breaks_loose(fx, fy, factor * holds, normal)
+    rx, ry = floor.slip_friction(vx, vy, factor * friction, normal, depth, sticks)
+    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, t.time_step)
+    step = t.time_step * inverse_mass
+    rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
+    stuck = select(depth >= 0.0, select(rests, 1.0, select(loose, 0.0, sticks)), 0.0)
+    px, py = floor.stopped(px, py, stuck)
+    return px, py, pz, stuck
+
+
+@ti.func
+def push_on_relief(
+    m: ti.template(),
+    k,
+    sticking,
+    at: ti.template(),
+    p: ti.template(),
+    f: ti.template(),
+    inverse_mass,
+    g: ti.template(),
+    t: ti.template(),
+):
+    """:func:`push` of a voxel at a place over uneven ground."""
+    px, py, pz = motion.accelerated(*p, *f, t.time_step)
+    stuck = 0.0 * inverse_mass
+    size = load(m, k, g.current + memory.MEAN_SIZE)
+    if relief.may_touch(size, at[2], t):
+        height, nx, ny, nz, factor = uneven.ground(*at[:2], *relief.cell_under(*at[:2], k, t), relief.per_cell(t))
+        depth = uneven.penetration(size, t.edge, at[2], height, nz)
+        touches = depth >= 0.0
+        if any_lane(touches):
+            turned_p, turned_f = uneven.into_plane(*p, nx, ny, nz), uneven.into_plane(*f, nx, ny, nz)
+            ax, ay, az, stuck = touch(m, k, sticking, turned_p, turned_f, depth, factor, inverse_mass, g, t)
+            bx, by, bz = uneven.out_of_plane(ax, ay, az, nx, ny, nz)
+            px, py, pz = select(touches, bx, px), select(touches, by, py), select(touches, bz, pz)
     store(m, k, sticking, stuck)
     return px, py, pz
 

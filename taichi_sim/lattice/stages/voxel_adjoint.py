@@ -11,7 +11,8 @@ from taichi_sim.autodiff.tracing import primitive, pull_back
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.laws import relief as uneven
+from taichi_sim.lattice.stages import columns, memory, relief
 from taichi_sim.lattice.stages import voxel as stage
 from taichi_sim.lattice.stages.undo import after, before, cotangents_of, give, parameters_of, reverse, take_all
 from taichi_sim.lattice.stages.voxel import held, voxel_slot
@@ -108,37 +109,94 @@ def pushed(*given: Any) -> Any:
     if on_floor:
         z, size, stiffness, damping, friction = given[8:13]
         depth = floor.penetration(size, edge, z)
-        fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
-        rx, ry = floor.slip_friction(px * inverse_mass, py * inverse_mass, friction, normal, depth, sticks)
-        fx, fy = fx + rx, fy + ry
+        return touched(
+            (px, py, pz), (fx, fy, fz), inverse_mass, depth, stiffness, damping, friction, (sticks, stuck), dt
+        )
     px, py, pz = motion.accelerated(px, py, pz, fx, fy, fz, dt)
     return *floor.stopped(px, py, stuck), pz
+
+
+@primitive
+def pushed_on_relief(*given: Any) -> Any:
+    """:func:`pushed` of a voxel that touches uneven ground; its place (3) is given instead of its height.
+
+    Before the time step come the corner and table of the cell below, and the inverse width of a cell.
+    """
+    *momentum, fx, fy, fz, inverse_mass, drag = given[:8]
+    x, y, z, size, stiffness, damping, friction = given[8:15]
+    dt, edge, sticks, stuck = given[-4:]
+    force = motion.damped_force(fx, fy, fz, *momentum, inverse_mass, drag, 0.0, 0.0, 0.0)
+    height, *normal, factor = uneven.ground(x, y, *given[15:-4])
+    depth = uneven.penetration(size, edge, z, height, normal[2])
+    momentum, force = uneven.into_plane(*momentum, *normal), uneven.into_plane(*force, *normal)
+    found = touched(momentum, force, inverse_mass, depth, stiffness, damping, factor * friction, (sticks, stuck), dt)
+    return uneven.out_of_plane(*found, *normal)
+
+
+@primitive
+def touched(
+    momentum: Any,
+    force: Any,
+    inverse_mass: Any,
+    depth: Any,
+    stiffness: Any,
+    damping: Any,
+    friction: Any,
+    stuck: Any,
+    dt: Any,
+) -> Any:
+    """New momentum of a voxel on the ground, in its axes; ``stuck`` is whether it stuck before and after."""
+    px, py, pz = momentum
+    fx, fy, fz = force
+    fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
+    rx, ry = floor.slip_friction(px * inverse_mass, py * inverse_mass, friction, normal, depth, stuck[0])
+    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
+    return *floor.stopped(px, py, stuck[1]), pz
 
 
 @ti.func
 def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template()):
     """Reverse the change of momentum, floor and friction included; gives the cotangents of the force."""
     voxel = voxel_slot(v, t)
-    z, sticks = before(u, (voxel + 2, voxel + memory.STICKS))
+    x, y, z, sticks = before(u, (voxel, voxel + 1, voxel + 2, voxel + memory.STICKS))
     (stuck,) = after(u, (voxel + memory.STICKS,))
     slots = stage.momentum_slots(g) + stage.floor_slots(g)
     values = parameters_of(u, slots)
-    touches = floor.penetration(values[2], t.edge, z) >= 0.0
-    on_floor = t.plan[memory.FLOOR_ON] != 0
-    if on_floor:
-        on_floor = any_lane(touches)
     zero = 0.0 * z
     momentum = before(u, consecutive(voxel + memory.MOMENTUM, 3))
-    inputs = momentum + (zero, zero, zero) + values[:2] + (z,) + values[2:]
-    above = ti.static(pull_back(pushed, inputs, (t.time_step, t.edge, sticks, stuck, False), seeds))
-    if on_floor:  # on the floor terms add in another order, so lanes above it keep their own
-        landed = ti.static(pull_back(pushed, inputs, (t.time_step, t.edge, sticks, stuck, True), seeds))
-        p = select_all(touches, landed, above)
-        give(u, (voxel + 2,) + slots, p[8:9] + p[6:8] + p[9:])
-        give_force(u, v, g, t, p[:6])
+    moving = momentum + (zero, zero, zero) + values[:2]
+    above = ti.static(pull_back(pushed, moving, (t.time_step, t.edge, sticks, stuck, False), seeds))
+    if ti.static(t.medium.relief):
+        cell = ti.static(relief.cell_under(x, y, u.k, t))
+        inverse = relief.per_cell(t)
+        height, _, _, steep, _ = uneven.ground(x, y, *cell, inverse)
+        touches = uneven.penetration(values[2], t.edge, z, height, steep) >= 0.0
+        if any_lane(touches):
+            inputs, fixed = moving + (x, y, z) + values[2:], cell + (inverse, t.time_step, t.edge, sticks, stuck)
+            landed = ti.static(pull_back(pushed_on_relief, inputs, fixed, seeds))
+            p = select_all(touches, landed[:8], above)
+            nothing = (zero, zero, zero, zero, zero, zero, zero)
+            q = select_all(touches, landed[8:], nothing)
+            give(u, consecutive(voxel, 3) + slots, q[:3] + p[6:8] + q[3:])
+            give_force(u, v, g, t, p[:6])
+        else:
+            give(u, slots[:2], above[6:8])
+            give_force(u, v, g, t, above[:6])
     else:
-        give(u, slots[:2], above[6:8])
-        give_force(u, v, g, t, above[:6])
+        touches = floor.penetration(values[2], t.edge, z) >= 0.0
+        on_floor = t.plan[memory.FLOOR_ON] != 0
+        if on_floor:
+            on_floor = any_lane(touches)
+        if on_floor:  # on the floor terms add in another order, so lanes above it keep their own
+            inputs = moving + (z,) + values[2:]
+            landed = ti.static(pull_back(pushed, inputs, (t.time_step, t.edge, sticks, stuck, True), seeds))
+            whole = above + (zero, zero, zero, zero, zero)
+            p = select_all(touches, landed, whole)
+            give(u, (voxel + 2,) + slots, p[8:9] + p[6:8] + p[9:])
+            give_force(u, v, g, t, p[:6])
+        else:
+            give(u, slots[:2], above[6:8])
+            give_force(u, v, g, t, above[:6])
 
 
 @ti.func

@@ -1,0 +1,268 @@
+"""Uneven ground by name: hills, stairs, blocks, ramps, gaps, waves, patches of friction, and files of heights.
+
+A ground is a function of the place, the same everywhere and for every robot; robots stand on what they need of it (a
+``Relief``). Its x axis is the direction of travel.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from taichi_sim.base.arrays import Floats
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice import Relief
+
+START = 0.3  # m: where stairs, ramps and gaps begin, before which the ground is level
+BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot; it goes on as at this edge
+MOST_NODES_ALONG = 1500
+
+Heights = Callable[[Floats, Floats], Floats]
+
+
+@dataclass(frozen=True)
+class Named:
+    """A kind of ground that is made from a few numbers.
+
+    Attributes:
+        told: what it is, for help.
+        numbers: names of its numbers, with the value of those that may be left out, else None.
+        make: height [m] at places (x, y) [m], or factor of friction there, from these numbers.
+        friction: whether it is friction that differs, not height.
+    """
+
+    told: str
+    numbers: tuple[tuple[str, float | None], ...]
+    make: Callable[..., Floats]
+    friction: bool = False
+
+
+def _drawn(i: Floats, j: Floats, seed: float) -> Floats:
+    """A number from 0 to 1 for every cell (i, j), always the same: a hash of 32 bits (after Wellons, lowbias32)."""
+    mask = np.uint64(0xFFFFFFFF)
+    cells = i.astype(np.int64).astype(np.uint64) * np.uint64(73856093)
+    cells ^= j.astype(np.int64).astype(np.uint64) * np.uint64(19349663)
+    h = (cells ^ np.uint64(int(seed) * 83492791)) & mask
+    for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
+        h = ((h ^ (h >> np.uint64(shift))) * np.uint64(factor)) & mask
+    return np.asarray((h ^ (h >> np.uint64(16))) / 2.0**32, float)
+
+
+def _rough(x: Floats, y: Floats, height: float, size: float, seed: float) -> Floats:
+    """Value noise: smooth between random heights of the corners of squares."""
+    i, j = np.floor(x / size), np.floor(y / size)
+    u, v = x / size - i, y / size - j
+    u, v = (t * t * (3 - 2 * t) for t in (u, v))
+    a, b, c, d = (_drawn(i + di, j + dj, seed) for di, dj in ((0, 0), (1, 0), (0, 1), (1, 1)))
+    return height * ((a * (1 - u) + b * u) * (1 - v) + (c * (1 - u) + d * u) * v)
+
+
+def _blocks(x: Floats, y: Floats, height: float, size: float, seed: float) -> Floats:
+    return height * _drawn(np.floor(x / size), np.floor(y / size), seed)
+
+
+def _stairs(x: Floats, y: Floats, rise: float, run: float, start: float) -> Floats:
+    return rise * np.maximum(np.floor((x - start) / run) + 1, 0.0)
+
+
+def _ramp(x: Floats, y: Floats, degrees: float, start: float) -> Floats:
+    return math.tan(math.radians(degrees)) * np.maximum(x - start, 0.0)
+
+
+def _gap(x: Floats, y: Floats, width: float, depth: float, start: float) -> Floats:
+    return np.where((x >= start) & (x < start + width), -depth, 0.0)
+
+
+def _wave(x: Floats, y: Floats, height: float, length: float) -> Floats:
+    return 0.5 * height * (1 - np.cos(2 * math.pi * x / length))
+
+
+def _patches(x: Floats, y: Floats, low: float, high: float, size: float, seed: float) -> Floats:
+    return low + (high - low) * _drawn(np.floor(x / size), np.floor(y / size), seed)
+
+
+SEED, BEGINS = ("SEED", 0.0), ("START", START)
+GROUNDS = {
+    "rough": Named("smooth random hills", (("HEIGHT", None), ("SIZE", 0.05), SEED), _rough),
+    "steps": Named("square blocks of random heights", (("HEIGHT", None), ("SIZE", 0.05), SEED), _blocks),
+    "stairs": Named("stairs", (("RISE", None), ("RUN", None), BEGINS), _stairs),
+    "ramp": Named("level, then a slope", (("DEGREES", None), BEGINS), _ramp),
+    "gap": Named("a trench across the way", (("WIDTH", None), ("DEPTH", 0.02), BEGINS), _gap),
+    "wave": Named("waves across the way", (("HEIGHT", None), ("LENGTH", None)), _wave),
+    "patches": Named(
+        "level squares whose friction counts by a random factor",
+        (("LOW", None), ("HIGH", None), ("SIZE", 0.05), SEED),
+        _patches,
+        friction=True,
+    ),
+}
+SIGNED = ("DEGREES", "START")  # numbers that may be negative
+POSITIVE = ("SIZE", "RUN", "LENGTH", "WIDTH")
+IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+FILES = (".npy", *IMAGES)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """Ground that is not level, or not alike everywhere.
+
+    Attributes:
+        text: as :meth:`parse` reads it, such as ``"rough:0.01,0.05"``, ``"stairs:0.01,0.1"`` or ``"hills.npy:0.01"``.
+    """
+
+    text: str
+
+    def __post_init__(self) -> None:
+        self._checked()
+
+    def _checked(self) -> tuple[Named | None, tuple[float, ...]]:
+        """The kind, or None for a file, and its numbers.
+
+        Raises:
+            ValueError: for any other text, numbers that are not allowed, and files that are none.
+        """
+        kind, _, given = self.text.rpartition(":")
+        if Path(kind).suffix.lower() in FILES:
+            return None, self._file_numbers(kind, given)
+        kind, _, given = self.text.partition(":")
+        if kind not in GROUNDS:
+            raise ValueError(f"terrain: {self.text!r} is unknown; give {ways()}")
+        named = GROUNDS[kind]
+        numbers = _numbers(self.text, given, len(named.numbers))
+        for name, default in named.numbers[len(numbers) :]:
+            if default is None:
+                raise ValueError(f"terrain: {self.text!r} lacks {name}; give {_way(kind)}")
+            numbers += (default,)
+        for (name, _), value in zip(named.numbers, numbers, strict=True):
+            if name not in SIGNED and (value < 0 or (value == 0 and name in POSITIVE)):
+                allowed = "more than 0" if name in POSITIVE else "at least 0"
+                raise ValueError(f"terrain: {name} {value:g} of {self.text!r} is not allowed; give {allowed}")
+        return named, numbers
+
+    def _file_numbers(self, file: str, given: str) -> tuple[float, ...]:
+        image = Path(file).suffix.lower() in IMAGES
+        numbers = _numbers(self.text, given, 2 if image else 1)
+        if len(numbers) != (2 if image else 1) or min(numbers) <= 0:
+            way = "FILE.png:HEIGHT,SPACING" if image else "FILE.npy:SPACING"
+            raise ValueError(f"terrain: {self.text!r} is not allowed; give {way}, in metres, more than 0")
+        if not Path(file).is_file():
+            raise ValueError(f"terrain: {file!r} is no file")
+        return numbers
+
+    def relief(self, heading: float, edge: float) -> "Relief":
+        """The ground around a robot of voxels of an edge [m] that heads somewhere [degrees from x towards y].
+
+        Raises:
+            ValueError: for ground that is too steep on a grid of half an edge, and files that are no heights.
+        """
+        return _relief(self.text, float(heading), float(edge))
+
+    @property
+    def spoken(self) -> str:
+        """Such as ``"rough ground (rough:0.01)"``."""
+        named, _ = self._checked()
+        told = "ground of a file" if named is None else named.told
+        return f"{told} ({self.text})"
+
+
+def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
+    """Numbers between commas.
+
+    Raises:
+        ValueError: for what is no finite number, and too many.
+    """
+    try:
+        numbers = tuple(float(part) for part in given.split(",")) if given else ()
+    except ValueError:
+        numbers = (math.nan,)
+    if len(numbers) > most or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"terrain: {given!r} of {text!r} is not allowed; give at most {most} numbers, as in 0.01,0.05")
+    return numbers
+
+
+def _way(kind: str) -> str:
+    """How a kind of ground is written, such as ``stairs:RISE,RUN[,START]``."""
+    first, *others = GROUNDS[kind].numbers
+    return f"{kind}:{first[0]}" + "".join(f",{name}" if value is None else f"[,{name}]" for name, value in others)
+
+
+def ways() -> str:
+    """How all kinds of ground are written."""
+    return ", ".join([*map(_way, GROUNDS), "FILE.npy:SPACING", "FILE.png:HEIGHT,SPACING"])
+
+
+@lru_cache(maxsize=64)
+def _relief(text: str, heading: float, edge: float) -> "Relief":
+    """:meth:`Ground.relief`; a batch shares the ground of robots that head alike."""
+    from taichi_sim.lattice import Relief
+
+    spacing = _spacing(edge)
+    angle = math.radians(heading)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    corners = [(cosine * x - sine * y, sine * x + cosine * y) for x in (-BEHIND, AHEAD) for y in (-BESIDE, BESIDE)]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    counts = np.ceil((high - low) / spacing).astype(int) + 1
+    x, y = np.meshgrid(*(first + spacing * np.arange(n) for first, n in zip(low, counts, strict=True)), indexing="ij")
+    values, friction = _values(text, x * cosine + y * sine, y * cosine - x * sine)
+    heights = np.zeros(values.shape) if friction else values
+    try:
+        return Relief(heights, spacing, (float(low[0]), float(low[1])), values if friction else None)
+    except ValueError as refused:
+        raise ValueError(f"terrain: {text!r} on a grid of {spacing:g} m: {refused}") from None
+
+
+def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, bool]:
+    """Heights [m], or factors of friction, at places, and whether it is friction."""
+    from taichi_sim.lattice import Relief
+
+    named, numbers = Ground(text)._checked()
+    if named is not None:
+        return named.make(along, across, *numbers), named.friction
+    table = _table(text.rpartition(":")[0])
+    *height, spacing = numbers
+    if height:
+        table = table * height[0]
+    given = Relief(table, spacing, tuple(-spacing * (count - 1) / 2 for count in table.shape))
+    return given.height(along, across), False
+
+
+def _table(file: str) -> Floats:
+    """The numbers of a file, rows along x: heights [m], or the brightness of an image from 0 to 1.
+
+    Raises:
+        ValueError: for a file of anything else.
+    """
+    try:
+        if Path(file).suffix.lower() == ".npy":
+            table: Any = np.load(file, allow_pickle=False)
+        else:
+            from matplotlib.image import imread
+
+            table = np.asarray(imread(file), float)
+            if table.ndim == 3:  # grey, or colours and maybe how opaque they are
+                table = table[..., :3].mean(axis=2) if table.shape[2] >= 3 else table[..., 0]
+            if table.size and table.max() > 1:
+                table = table / 255
+            table = table[::-1].T  # upwards is along y, to the right along x
+    except (OSError, ValueError, SyntaxError) as failed:
+        raise ValueError(f"terrain: {file!r} cannot be read as heights: {failed}") from None
+    if not np.issubdtype(table.dtype, np.number) or table.ndim != 2 or not np.isfinite(table).all():
+        raise ValueError(f"terrain: {file!r} is no table of finite numbers, shape (X, Y)")
+    return np.asarray(table, float)
+
+
+def level(edge: float) -> "Relief":
+    """Level ground on the grid of :meth:`Ground.relief`, for robots beside others on uneven ground."""
+    from taichi_sim.lattice import Relief
+
+    return Relief(np.zeros((2, 2)), _spacing(edge))
+
+
+def _spacing(edge: float) -> float:
+    """Of nodes, for voxels of an edge [m]."""
+    return max(edge / 2, (BEHIND + AHEAD) / MOST_NODES_ALONG)

@@ -1,0 +1,51 @@
+"""Uneven ground: its height, normal and friction under a voxel, and how forces turn into its plane and back.
+
+Ground is given on a grid of nodes; every cell is two flat triangles. A voxel touches the plane of the triangle under or
+over its centre, where the laws of the level floor hold (see ``floor``). Level ground has their very bits. As triangles
+are flat, forces on a voxel that sticks stay linear in what the others do, which the way back relies on.
+"""
+
+from taichi_sim.autodiff.lanes import larger, smaller
+from taichi_sim.autodiff.tracing import law, select, sqrt
+
+
+@law
+def ground(x, y, x0, y0, h, h_low, h_right, h_top, h_left, f, f_low, f_right, f_top, f_left, per_cell):
+    """Height [m], unit normal (3) and factor of friction at (x, y), of the cell with its first corner at (x0, y0).
+
+    The values of both are h at that corner; they grow by h_low along the lower side of the cell and then by h_right up
+    its right side, or by h_left up its left side and then by h_top along the upper side, where the diagonal parts the
+    triangles. Beyond the grid they go on as at its edge. ``per_cell`` is the inverse width of a cell [1/m].
+    """
+    u, v = (x - x0) * per_cell, (y - y0) * per_cell
+    along, across = (u >= 0.0) & (u <= 1.0), (v >= 0.0) & (v <= 1.0)
+    u, v = smaller(larger(u, 0.0 * u), 1.0 + 0.0 * u), smaller(larger(v, 0.0 * v), 1.0 + 0.0 * v)
+    below = u >= v
+    hu, hv = select(below, h_low, h_top), select(below, h_right, h_left)
+    height = h + hu * u + hv * v
+    friction = f + select(below, f_low, f_top) * u + select(below, f_right, f_left) * v
+    rise_x, rise_y = select(along, hu * per_cell, 0.0), select(across, hv * per_cell, 0.0)
+    nz = 1.0 / sqrt(1.0 + rise_x * rise_x + rise_y * rise_y)
+    return height, 0.0 - rise_x * nz, 0.0 - rise_y * nz, nz, friction
+
+
+@law
+def penetration(mean_size, edge, z, height, nz):
+    """Depth [m] of a voxel of centre height z below ground that rises by ``height`` over the floor z = -edge/2."""
+    return 0.5 * mean_size - 0.5 * edge * nz - (z - height) * nz
+
+
+@law
+def into_plane(x, y, z, nx, ny, nz):
+    """Components of a vector in axes that are turned, the shortest way, so that the third is the normal n."""
+    k = 1.0 / (1.0 + nz)
+    a, b, c = k * nx * nx, k * nx * ny, k * ny * ny
+    return (1.0 - a) * x - b * y - nx * z, (1.0 - c) * y - b * x - ny * z, nx * x + ny * y + nz * z
+
+
+@law
+def out_of_plane(x, y, z, nx, ny, nz):
+    """Inverse of :func:`into_plane`."""
+    k = 1.0 / (1.0 + nz)
+    a, b, c = k * nx * nx, k * nx * ny, k * ny * ny
+    return (1.0 - a) * x - b * y + nx * z, (1.0 - c) * y - b * x + ny * z, nz * z - nx * x - ny * y

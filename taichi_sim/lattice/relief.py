@@ -1,0 +1,147 @@
+"""Uneven ground: heights and friction on a grid of nodes, between which it is made of flat triangles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from taichi_sim.base.checks import number
+from taichi_sim.lattice.laws.relief import ground
+from taichi_sim.lattice.stages.relief import CELL, ORIGIN, PER_CELL, SHARED, STEEPNESS, TOP, WIDTH
+
+MOST_NODES = 4_000_000
+STEEPEST = 80.0  # degrees; walls are what they are on the grid, no steeper
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Ground whose height and friction differ from place to place; beyond its grid it goes on as at the edge.
+
+    Attributes:
+        heights: of the nodes over the floor z = -h/2 [m], shape (X, Y), at least 2 each way, read-only.
+        spacing: of the nodes [m].
+        origin: where node (0, 0) is [m], (x, y).
+        friction: factors by which the friction coefficients of the robot count at the nodes, shape (X, Y), read-only;
+            None is 1 everywhere.
+
+    Raises:
+        ValueError: for heights or factors that are not finite, of the wrong shape, or negative factors; ground steeper
+            than 80 degrees.
+    """
+
+    heights: np.ndarray
+    spacing: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    friction: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        heights = _nodes("heights", self.heights)
+        if min(heights.shape) < 2 or heights.size > MOST_NODES:
+            raise ValueError(f"heights: shape {heights.shape} is not allowed; give 2 by 2 to {MOST_NODES} nodes")
+        object.__setattr__(self, "heights", heights)
+        object.__setattr__(self, "spacing", number("spacing", self.spacing, 1e-9, 1e9, "m"))
+        x, y = self.origin
+        object.__setattr__(self, "origin", (number("origin", x, -1e9, 1e9, "m"), number("origin", y, -1e9, 1e9, "m")))
+        if self.friction is not None:
+            friction = _nodes("friction", self.friction)
+            if friction.shape != heights.shape or friction.min() < 0:
+                raise ValueError(f"friction: give factors of at least 0, shape {heights.shape} as heights")
+            object.__setattr__(self, "friction", friction)
+        if self.steepness > 1 / np.cos(np.radians(STEEPEST)):
+            degrees = float(np.degrees(np.arccos(1 / self.steepness)))
+            raise ValueError(f"heights: a slope of {degrees:.1f} degrees is not allowed; give at most {STEEPEST:g}")
+
+    @property
+    def steepness(self) -> float:
+        """1 / cos of the steepest slope."""
+        x, y = (np.abs(np.diff(self.heights, axis=axis)).max() / self.spacing for axis in (0, 1))
+        return float(np.sqrt(1 + x**2 + y**2))
+
+    def height(self, x: Any, y: Any) -> np.ndarray:
+        """Height over the floor at places [m], as the simulation has it."""
+        return self._below(np.asarray(x, float), np.asarray(y, float))[0]
+
+    def _below(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Height and third component of the normal at places."""
+        found = []
+        for place, start, nodes in zip((x, y), self.origin, self.heights.shape, strict=True):
+            found.append((np.clip(np.floor((place - start) / self.spacing), 0, nodes - 2).astype(int), start))
+        (i, _), (j, _) = found
+        corners = (start + cell * self.spacing for cell, start in found)
+        height, _, _, nz, _ = ground(x, y, *corners, *np.moveaxis(self.cells[i, j], -1, 0), 1 / self.spacing)
+        return height, nz
+
+    def rise(self, centres: Any, edge: float) -> float:
+        """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m]."""
+        x, y, z = np.moveaxis(np.asarray(centres, float), -1, 0)
+        height, nz = self._below(x, y)
+        return float((height + 0.5 * edge * (1 / nz - 1) - z).max())
+
+    def widened(self, x: int, y: int) -> "Relief":
+        """The same ground with so many nodes, those beyond the present ones as at the edge."""
+        if self.heights.shape == (x, y):
+            return self
+        more = [(0, count - had) for count, had in zip((x, y), self.heights.shape, strict=True)]
+        friction = None if self.friction is None else np.pad(self.friction, more, mode="edge")
+        return Relief(np.pad(self.heights, more, mode="edge"), self.spacing, self.origin, friction)
+
+    @cached_property
+    def cells(self) -> np.ndarray:
+        """What kernels read of every cell, shape (X - 1, Y - 1, 10): see ``laws.relief.ground``."""
+        friction = np.ones(self.heights.shape) if self.friction is None else self.friction
+        return np.stack([*_sides(self.heights), *_sides(friction)], axis=-1)
+
+
+def _nodes(name: str, values: Any) -> np.ndarray:
+    """A read-only table of finite numbers."""
+    table = np.array(values, float)
+    if table.ndim != 2 or not np.isfinite(table).all():
+        raise ValueError(f"{name}: give a table of finite numbers, shape (X, Y)")
+    table.setflags(write=False)
+    return table
+
+
+def _sides(nodes: np.ndarray) -> list[np.ndarray]:
+    """Of every cell the value at its first corner, and what it grows by along its lower, right, upper and left side."""
+    a, b, c, d = nodes[:-1, :-1], nodes[1:, :-1], nodes[:-1, 1:], nodes[1:, 1:]
+    return [a, b - a, d - b, d - c, c - a]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTables:
+    """The grids of a batch as kernels read them.
+
+    Attributes:
+        relief: numbers that all grids share, then each that is different, flat.
+        grid: where each robot's begins, shape (B,).
+        counts: cells of every grid along x and y.
+    """
+
+    relief: np.ndarray
+    grid: np.ndarray
+    counts: tuple[int, int]
+
+
+def ground_tables(reliefs: Sequence[Relief]) -> GroundTables:
+    """The tables of each robot's ground; robots with the same object share one.
+
+    Smaller grids go on as at their edge, so that all have as many cells.
+
+    Raises:
+        ValueError: if the grids differ in their spacing.
+    """
+    first, different = reliefs[0], {id(one): one for one in reliefs}
+    if any(one.spacing != first.spacing for one in different.values()):
+        raise ValueError("floor: the spacing of nodes must be the same for all robots of a batch")
+    x, y = (max(one.heights.shape[axis] for one in different.values()) - 1 for axis in (0, 1))
+    shared = np.zeros(SHARED)
+    shared[WIDTH], shared[PER_CELL] = first.spacing, 1 / first.spacing
+    shared[TOP] = max(one.heights.max() for one in different.values())
+    shared[STEEPNESS] = max(one.steepness for one in different.values())
+    parts, slots = [shared], {}
+    for place, (key, one) in enumerate(different.items()):
+        slots[key] = SHARED + place * (ORIGIN + x * y * CELL)
+        parts += [np.array(one.origin), one.widened(x + 1, y + 1).cells.ravel()]
+    return GroundTables(np.concatenate(parts), np.array([slots[id(one)] for one in reliefs], np.int32), (x, y))
