@@ -1,0 +1,327 @@
+"""Gaits for a real floor: measured friction, bladders that weigh, and what is not known exactly.
+
+On each slope the lab searches for a gait whose *worst* draw is fast. A draw scales the friction of the floor, how far
+every bladder goes and how long strokes last, and tilts the ground. First, every wave around the ring of bladders, with
+at most so many full ones at a time, is played once, in both directions, with and without settling (*screen*). The best
+begins a genetic search of levels, shift, feet and settling under draws (*robust*), and one of the same cost without
+(*nominal*). All that is found, and the gaits that were made by hand, are then played in double precision under the same
+draws, which no search has seen. Speeds are of the time simulated, without pneumatic lag.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import product
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from optim.experiments.figures import COLOURS, PAGE, figure
+from optim.experiments.results import Progress, computed_arrays, part_of, write_json
+from optim.experiments.study import Count, Settings, Study, Whole
+from optim.experiments.tables import MISSING, Record, cell, markdown, page, write_records
+from optim.problem import Request, judge
+from optim.problems.inflatable.problem import GaitProblem
+from optim.runs.history import read_history
+from optim.studies.beyond.gait_hunt.searches import search_within
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, load_design, save_design
+from robots.inflatable.kind import InflatableRobot
+from robots.inflatable.schedule import BLADDERS
+from robots.uncertainty import HELD_OUT, Uncertainty, summary
+from robots.world import FLOORS, STEEPEST, Terrain
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import write_text
+from taichi_sim.base.results_folder import ResultsFolder
+
+NAME = "robust-gaits"
+PRESSURE = 12e3  # of the core [Pa]
+BATCH = 8  # gaits, or draws, of a part whose results are kept
+HAND_MADE = {"inching": INCHING, "rolling": ROLLING}
+TAIL = 0.1  # of the draws, which a slope may beat
+FILES = ("table.md", "screen.csv", "speeds.csv", "draws.csv", "robust.png", "summary.json", "gaits", "runs")
+
+
+def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
+    if not isinstance(value, list | tuple) or not value or len(set(value)) < len(value):
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more different slopes")
+    return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
+
+
+@dataclass(frozen=True)
+class RobustGaits(Settings):
+    """How large the study is."""
+
+    slopes: Annotated[tuple[float, ...], _slopes] = (0.0, 9.0, 14.0)  # [degrees]
+    floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
+    geometry: str = "published"
+    uncertain: str = "friction=20%,slope=1,levels=5%,timing=5%"
+    draws: Count = 4  # that a search sees
+    held_out: Count = 64  # by which gaits are judged
+    most_full: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = 4  # bladders at a time, of waves
+    settling: tuple[float, ...] = (0.0, 1000.0)  # of screened waves, time steps after each column
+    steps: Count = 60_000  # of gaits in searches
+    warm_up: Whole = 15_000  # of these, before what counts
+    budget: float = 30e6  # of each search [robot-steps]
+    population: Count = 12
+    seed: Whole = 0
+    precision: str = "f64"  # of the judgement
+
+    @cached_property
+    def told(self) -> Uncertainty:
+        """What is not known exactly."""
+        return Uncertainty.parse(self.uncertain)
+
+    def terrain(self, slope: float) -> Terrain:
+        """The floor, tilted."""
+        low, high = FLOORS[self.floor]
+        return Terrain(slope, high, low)
+
+    def problem(self, slope: float, robust: bool, **where: Any) -> GaitProblem:
+        """The problem of a search on a slope, over draws or without."""
+        own: dict[str, Any] = {"uncertain": self.told.text, "draws": self.draws, "risk": "worst"} if robust else {}
+        return GaitProblem(
+            (self.terrain(slope),),
+            orientation=0.0,
+            pressure=PRESSURE,
+            encoding="graded-wave",
+            steps=self.steps,
+            warm_up=self.warm_up,
+            geometry=self.geometry,
+            weight="physical",
+            **own,
+            **where,
+        )
+
+
+def study(folder: Path, settings: RobustGaits, progress: Progress = None, threads: int | None = None) -> None:
+    """Write screened waves, gaits, speeds of all draws, the page and the figure."""
+    parts, where = ResultsFolder(folder, NAME, settings.describe()), {"threads": threads}
+    screened = _screen(settings, parts, where, part_of(progress, 0, 10, 3))
+    write_records(folder / "screen.csv", screened)
+    found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal", "screened")}
+    for number, (slope, robust) in enumerate(product(settings.slopes, (True, False))):
+        best = max((row for row in screened if row["slope"] == slope), key=lambda row: row["speed"])
+        share = part_of(progress, 9 + 2 * number, 30, 2)
+        found["robust" if robust else "nominal"][slope] = _refine(folder, settings, slope, robust, best, where, share)
+        found["screened"][slope] = _wave(settings.problem(slope, False, **where), best)
+    gaits = {f"{name} {slope:g}°": (design, slope) for name, each in found.items() for slope, design in each.items()}
+    gaits |= {f"{name} {s:g}°": (design, s) for name, design in HAND_MADE.items() for s in settings.slopes}
+    (folder / "gaits").mkdir(exist_ok=True)
+    for name, (design, _) in gaits.items():
+        save_design(design, folder / "gaits" / f"{_file(name)}.json")
+    judged = {
+        name: (load_design(folder / "gaits" / f"{_file(name)}.json"), slope) for name, (_, slope) in gaits.items()
+    }
+    draws = _judge(settings, parts, judged, threads, part_of(progress, 7, 10, 3))
+    write_records(folder / "draws.csv", draws)
+    report(folder, settings, screened, draws, judged)
+    if progress:
+        progress(1.0)
+
+
+def _file(name: str) -> str:
+    return name.replace(" ", "-").removesuffix("°")
+
+
+def waves(most_full: int) -> list[tuple[int, ...]]:
+    """All that a bladder can do, full (1) or empty, in the columns of a wave, of which none is another one shifted."""
+    found, seen = [], set[tuple[int, ...]]()
+    for levels in product((0, 1), repeat=BLADDERS):
+        if 0 < sum(levels) <= most_full and levels not in seen:
+            seen |= {levels[i:] + levels[:i] for i in range(BLADDERS)}
+            found.append(levels)
+    return found
+
+
+def _wave(problem: GaitProblem, row: Mapping[str, Any]) -> InflatableDesign:
+    return problem.design(_points(problem, [row])[0])
+
+
+def _points(problem: GaitProblem, rows: Sequence[Mapping[str, Any]]) -> Floats:
+    """Points of a problem for waves in records; feet slide."""
+    points = np.zeros((len(rows), problem.space.size))
+    names = problem.space.names
+    for point, row in zip(points, rows, strict=True):
+        point[[names.index(f"level_{column + 1}") for column in range(BLADDERS)]] = list(map(int, row["levels"]))
+        point[names.index("shift")], point[names.index("settle")] = row["shift"], row["settling"]
+    return points
+
+
+def _screen(
+    settings: RobustGaits, parts: ResultsFolder, where: Mapping[str, Any], progress: Progress
+) -> list[dict[str, Any]]:
+    """Speeds of all waves on all slopes, without draws."""
+    waved = product(waves(settings.most_full), (1, BLADDERS - 1), settings.settling)
+    about = [
+        {"levels": "".join(map(str, each)), "full": sum(each), "shift": shift, "settling": settling}
+        for each, shift, settling in waved
+    ]
+    groups = [about[first : first + BATCH] for first in range(0, len(about), BATCH)]
+
+    def speeds(slope: float, group: Sequence[Mapping[str, Any]], told: Progress) -> Floats:
+        problem = settings.problem(slope, False, **where)
+        speeds = judge(problem, Request(_points(problem, group), "points")).objectives[:, 0]
+        return np.where(np.isfinite(speeds), speeds, -np.inf)
+
+    tasks = {
+        f"screen_{slope:g}_{number}": partial(speeds, slope, group)
+        for slope in settings.slopes
+        for number, group in enumerate(groups)
+    }
+    found = np.concatenate(computed_arrays(parts, "speeds", tasks, progress))
+    rows = [{"slope": slope, **each} for slope in settings.slopes for each in about]
+    return [{**row, "speed": float(speed)} for row, speed in zip(rows, found, strict=True)]
+
+
+def _refine(
+    folder: Path,
+    settings: RobustGaits,
+    slope: float,
+    robust: bool,
+    best: Mapping[str, Any],
+    where: Mapping[str, Any],
+    progress: Progress,
+) -> InflatableDesign:
+    """The gait that a genetic search finds which begins with a wave."""
+    problem = settings.problem(slope, robust, **where)
+    start = dict(zip(problem.space.names, _points(problem, [best])[0].tolist(), strict=True))
+    own = {"population": settings.population, "seed": settings.seed, "start": start}
+    path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
+    search_within(problem, "genetic", own, path, settings.budget, progress)
+    found = read_history(path).generations[-1].best_point
+    assert found is not None  # the start is a gait
+    return problem.design(problem.space.from_dict(found))
+
+
+def _judge(
+    settings: RobustGaits,
+    parts: ResultsFolder,
+    gaits: Mapping[str, tuple[InflatableDesign, float]],
+    threads: int | None,
+    progress: Progress,
+) -> list[dict[str, Any]]:
+    """Speeds of all gaits under the held-out draws, and under none (draw -1)."""
+    drawn = settings.told.draw(settings.held_out, HELD_OUT, actuators=BLADDERS)
+    compute = Compute(precision=settings.precision, threads=threads)
+
+    def speeds(name: str, first: int, told: Progress) -> Floats:
+        design, slope = gaits[name]
+        robot = InflatableRobot(design, settings.geometry, "physical")
+        terrain, some = settings.terrain(slope), drawn[first : first + BATCH]
+        terrains = [one.around(robot, terrain) for one in some]
+        if first < 0:
+            some, terrains = [], [terrain]
+        outcomes = robot.simulate_in(terrains, draws=some, compute=compute, progress=told)
+        return np.array([float(outcome.measures["speed_simulated"][0]) for outcome in outcomes])
+
+    firsts = [-1, *range(0, settings.held_out, BATCH)]
+    tasks = {f"judge_{_file(name)}_{first}": partial(speeds, name, first) for name in gaits for first in firsts}
+    found = computed_arrays(parts, "speeds", tasks, progress)
+    rows, each = [], iter(found)
+    for name, (_, slope) in gaits.items():
+        for first in firsts:
+            for number, speed in enumerate(next(each)):
+                rows.append({"gait": name, "slope": slope, "draw": first + number, "speed": float(speed)})
+    return rows
+
+
+def report(
+    folder: Path,
+    settings: RobustGaits,
+    screened: Sequence[Record],
+    draws: Sequence[Record],
+    gaits: Mapping[str, tuple[InflatableDesign, float]],
+) -> None:
+    """Write what follows from the records: table, page, figure and summary."""
+    rows = [_row(name, settings, draws, gaits[name][0]) for name in gaits]
+    write_records(folder / "speeds.csv", rows)
+    best = [
+        {"slope": slope, "full": full, **max(mine, key=lambda row: row["speed"])}
+        for slope in settings.slopes
+        for full in range(1, settings.most_full + 1)
+        if (mine := [row for row in screened if row["slope"] == slope and row["full"] == full])
+    ]
+    write_json(folder / "summary.json", {**settings.describe(), "rows": rows, "screened": best})
+    write_text(folder / "table.md", text_of(settings, rows, best))
+    draw(rows, draws, folder / "robust.png")
+
+
+def _row(name: str, settings: RobustGaits, draws: Sequence[Record], design: InflatableDesign) -> dict[str, Any]:
+    """A gait in a line; a draw that diverged counts as standing still."""
+    mine = [row for row in draws if row["gait"] == name]
+    speeds = np.nan_to_num([row["speed"] for row in mine if row["draw"] >= 0])
+    (nominal,) = (row["speed"] for row in mine if row["draw"] < 0)
+    found = summary(speeds.tolist(), 0.2) if len(speeds) > 1 else {}
+    told = {key: found.get(key) for key in ("mean", "mean_low", "mean_high", "worst", "sd")}
+    full = float(design.schedule.inflation.sum(axis=0).max())
+    forward = float((speeds > 0).mean())
+    return {
+        "gait": name,
+        "slope": mine[0]["slope"],
+        "nominal": nominal,
+        **told,
+        "forward": forward,
+        "full": full,
+        "n": len(speeds),
+    }
+
+
+def text_of(settings: RobustGaits, rows: Sequence[Record], best: Sequence[Record]) -> str:
+    """The page: every gait under the held-out draws, and the best waves by how many bladders are full at a time."""
+    header = ("gait", "nominal", "mean", "95 % interval", "worst", "climb", "full bladders", "n")
+    table = [
+        (
+            row["gait"],
+            cell(row["nominal"]),
+            cell(row["mean"]),
+            MISSING if row["mean"] is None else f"{row['mean_low']:.4f} to {row['mean_high']:.4f}",
+            cell(row["worst"]),
+            f"{100 * row['forward']:.0f} %",
+            f"{row['full']:.1f}",
+            row["n"],
+        )
+        for row in rows
+    ]
+    waved = [(f"{r['slope']:g}°", r["full"], r["levels"], f"{r['settling']:g}", cell(r["speed"])) for r in best]
+    return page(
+        f"Speeds on {settings.floor} with bladders that weigh, under {settings.held_out} draws of {settings.uncertain} "
+        f"that no search has seen, in {settings.precision} [body lengths/s of the time simulated, no pneumatic lag]. "
+        "Robust: searched for the worst of draws; nominal: at the same cost without; screened: the wave that both "
+        "began with. Climb: the share of draws that go forward. Full bladders: the sum of levels, at most.",
+        markdown(header, "lrrrrrrr", table),
+        "Best waves without draws, by how many bladders are full at a time; levels of a bladder in 8 columns.",
+        markdown(("slope", "full", "levels", "settling", "speed"), "rrlrr", waved),
+    )
+
+
+def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:
+    """Draw the speed of every gait in every draw."""
+    slopes = sorted({row["slope"] for row in rows})
+    with figure(path, PAGE, 2.6, ncols=len(slopes), sharey=True) as (_, panels):
+        for axes, slope in zip(panels[0], slopes, strict=True):
+            here = [row for row in rows if row["slope"] == slope]
+            for place, row in enumerate(here):
+                each = [d["speed"] for d in draws if d["gait"] == row["gait"] and d["draw"] >= 0]
+                spread = place + 0.3 * (np.arange(len(each)) / max(len(each) - 1, 1) - 0.5)
+                axes.plot(spread, each, ".", markersize=2, color=COLOURS[place % len(COLOURS)])
+            axes.axhline(0, color="0.7", linewidth=0.6, zorder=0)
+            axes.set_xticks(range(len(here)), [row["gait"].rpartition(" ")[0] for row in here], rotation=40, ha="right")
+            axes.set_title(f"{slope:g}°")
+        panels[0, 0].set_ylabel("speed [BL/s]")
+
+
+STUDY = Study(
+    title="gaits for a real floor: fast on wood in the worst of draws of friction, slope, levels and timing",
+    source="chapter 5, transferring to a physical robot",
+    scales={
+        "small": RobustGaits((0.0,), geometry="small", draws=2, held_out=4, most_full=1, settling=(0.0,), budget=0.5e6),
+        "medium": RobustGaits(),
+        "full": RobustGaits((0.0, 5.0, 9.0, 14.0), draws=8, most_full=5, budget=600e6, population=24),
+    },
+    run=study,
+    writes=FILES,
+    cost="20 h of CPU time",
+)
