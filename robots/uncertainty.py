@@ -61,7 +61,7 @@ class Perturbation:
         if robot.foot_friction is not None:
             return self.on(terrain, *robot.foot_friction)
         own = {name: getattr(terrain, name) for name in ("high_friction", *MATERIAL_FRICTION)}
-        rubbed = {name: value * self.gripping for name, value in own.items() if value is not None}
+        rubbed: dict[str, Any] = {name: value * self.gripping for name, value in own.items() if value is not None}
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:

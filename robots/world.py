@@ -266,7 +266,7 @@ class Environment(World):
         return cls(int(text))
 
 
-def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, float]:
+def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, Any]:
     """Friction that a terrain or an actuation gives to bladders, skin and seams, times a factor; nothing of others."""
     given = {name: getattr(described, name) for name in FRICTION_OF_PARTS}
     return {name: factor * value for name, value in given.items() if value is not None}

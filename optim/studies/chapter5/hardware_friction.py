@@ -150,7 +150,7 @@ class Batch:
     weight: str
     inflation: float  # share of a bladder's full stroke
     ground: str
-    changes: Mapping[str, float]  # of the terrain
+    changes: Mapping[str, Any]  # of the terrain
     cases: tuple[tuple[Measurement, float, str], ...]  # with the pressure of the core, and a rig or the simulator
 
     @property
