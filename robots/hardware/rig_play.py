@@ -93,12 +93,23 @@ class Play:
     copy: int = 0
 
 
+class PlaySettings(ComputeOptions, total=False):
+    """Settings of :func:`play_tables`, as keywords."""
+
+    geometry: InflatableGeometry
+    actuation: InflatableActuation
+    record_every: int | None
+    perturbation: float
+    seed: int
+    progress: Callable[[float], None] | None
+
+
 def play_table(
     table: GaitTable,
     rig: PneumaticRig,
     terrain: Terrain | None = None,
     responses: Sequence[Response] = (WHOLE_RESPONSE,),
-    **settings: Any,
+    **settings: Unpack[PlaySettings],
 ) -> InflatableResult:
     """Simulate the robot while a rig plays a table, once for each of several responses; see :func:`play_tables`."""
     ground = Terrain() if terrain is None else terrain
