@@ -170,6 +170,11 @@ class Ground:
         return f"{told} ({self.text})"
 
 
+def is_ground(text: str) -> bool:
+    """Whether a name begins like that of a kind of ground, or of a file of heights."""
+    return text.partition(":")[0] in GROUNDS or Path(text.rpartition(":")[0]).suffix.lower() in FILES
+
+
 def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
     """Numbers between commas.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
 
 import numpy as np
 
-from robots.ground import Ground
+from robots.ground import Ground, is_ground, ways
 from robots.ground import level as level_ground
 from robots.robot import Option, RobotKind, World
 from taichi_sim.base.checks import NotNegative, check_fields, number
@@ -185,12 +185,13 @@ class Terrain:
             return cls()
         if text == "water":
             return cls.water()
-        if kind != "hill":
+        if is_ground(text):
             return cls(ground=text)
         try:
-            slope = float(degrees)
+            slope = float(degrees if kind == "hill" else "")
         except ValueError:
-            raise ValueError(f'terrain: {text!r} is unknown; give degrees, such as "hill:15"') from None
+            known = f'"flat", "hill:15" (degrees), "water" or uneven ground: {ways()}'
+            raise ValueError(f"terrain: {text!r} is unknown; give {known}") from None
         return cls(slope)
 
 

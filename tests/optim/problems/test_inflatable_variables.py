@@ -107,9 +107,8 @@ def test_relaxed_gaits_are_means_of_draws_and_true_ones_are_not(linear):
 
 
 def test_friction_of_parts_is_spread_with_that_of_feet():
-    grounds = Draws(3, 0.0, 0.5).robots([INCHING], Terrain(seam_friction=0.6), InflatableActuation(skin_friction=1.0))[
-        1
-    ]
+    drive = InflatableActuation(skin_friction=1.0)
+    grounds = Draws(3, 0.0, 0.5).copies([INCHING], Terrain(seam_friction=0.6), drive).terrains
     assert [t.seam_friction for t in grounds] == pytest.approx([0.4, 0.6, 0.9])
     assert [t.skin_friction for t in grounds] == pytest.approx([1 / 1.5, 1.0, 1.5])
     assert [t.bladder_friction for t in grounds] == [None] * 3

@@ -72,8 +72,9 @@ NAMES = [
 
 
 @pytest.mark.kernels
-def test_the_gradient_is_that_of_central_differences_in_everything_free():
-    robot, terrain = lopsided(), Terrain(3.0)
+@pytest.mark.parametrize("ground", [None, "rough:0.004,0.03"])
+def test_the_gradient_is_that_of_central_differences_in_everything_free(ground):
+    robot, terrain = lopsided(), Terrain(3.0, ground=ground)
     found = differentiate(robot, None, terrain, threads=1)
     assert list(robot.free) == NAMES and found.gradient.shape == (1, 11)
     span = np.array([free.high - free.low for free in robot.free.values()])

@@ -1,0 +1,154 @@
+"""Uneven ground by name, and robots that stand and move on it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robots.ground import GROUNDS, Ground
+from robots.inflatable import ROLLING, simulate
+from robots.inflatable.body import NAMED_GEOMETRIES
+from robots.inflatable.journeys import Leg, simulate_journey
+from robots.world import Terrain, medium_of, standing
+
+EDGE = 0.01
+
+
+def height(text: str, x, y, heading: float = 0.0):
+    return Ground(text).relief(heading, EDGE).height(x, y)
+
+
+def test_named_grounds_are_what_they_say():
+    """At nodes of the grid."""
+    x = np.array([0.1, 0.35, 0.45, 0.95])
+    assert np.allclose(height("stairs:0.01,0.1", x, 0.0), [0, 0.01, 0.02, 0.07])
+    assert np.allclose(height("ramp:10,0.2", x, 0.3), np.tan(np.radians(10)) * np.maximum(x - 0.2, 0))
+    assert np.allclose(height("gap:0.1,0.01", x, 0.0), [0, -0.01, 0, 0])
+    assert np.allclose(height("wave:0.02,0.2", [0.1, 0.2, 0.05], 0.0), [0.02, 0, 0.01])
+    blocks = height("steps:0.01,0.1", [0.025, 0.075, 0.125], 0.05)
+    assert blocks[0] == blocks[1] != blocks[2] and blocks.min() >= 0 and blocks.max() <= 0.01
+
+
+def test_hills_are_smooth_bounded_and_always_the_same():
+    """Another seed gives others."""
+    x, y = np.meshgrid(np.linspace(-0.5, 2, 60), np.linspace(-1, 1, 50))
+    one = height("rough:0.02,0.1", x, y)
+    assert 0 <= one.min() < 0.005 and 0.015 < one.max() <= 0.02
+    assert np.array_equal(one, height("rough:0.02,0.1,0", x, y))
+    assert np.abs(one - height("rough:0.02,0.1,1", x, y)).max() > 0.01
+    assert Ground("rough:0.02,0.1").relief(0, EDGE).steepness < 1 / np.cos(np.radians(40))
+
+
+@pytest.mark.parametrize("text", ["rough:0.01", "stairs:0.01,0.1", "wave:0.01,0.3"])
+def test_ground_turns_with_the_heading(text):
+    """What lies ahead of a robot that heads to the left lies along y."""
+    there, turned = height(text, 0.5, -0.2), height(text, 0.2, 0.5, 90.0)
+    assert np.isclose(there, turned, atol=1e-9)
+    slanted = height(text, 0.57 * np.sqrt(0.5), 0.57 * np.sqrt(0.5), 45.0)  # along the way, on another grid
+    assert np.isclose(slanted, height(text, 0.57, 0.0), atol=5e-4)
+
+
+def test_patches_change_friction_alone():
+    """Between the two factors."""
+    relief = Ground("patches:0.5,1,0.1").relief(0, EDGE)
+    assert not relief.heights.any() and relief.friction is not None
+    assert 0.5 <= relief.friction.min() < 0.6 and 0.9 < relief.friction.max() <= 1
+
+
+def test_files_of_heights(tmp_path):
+    """An array, and the brightness of an image, whose upper side is to the left."""
+    from matplotlib.image import imsave
+
+    table = np.zeros((5, 3))
+    table[4, 0] = 0.02
+    np.save(tmp_path / "hills.npy", table)
+    ground = Ground(f"{tmp_path / 'hills.npy'}:0.1").relief(0, EDGE)
+    assert np.isclose(ground.height(0.2, -0.1), 0.02) and np.isclose(ground.height(-0.2, 0.1), 0)
+    picture = np.zeros((3, 5))
+    picture[0, 4] = 1.0  # top right
+    imsave(tmp_path / "hills.png", picture, cmap="gray", vmin=0, vmax=1)
+    ground = Ground(f"{tmp_path / 'hills.png'}:0.03,0.1").relief(0, EDGE)
+    assert np.isclose(ground.height(0.2, 0.1), 0.03, rtol=0.01) and np.isclose(ground.height(0.2, -0.1), 0, atol=1e-3)
+
+
+def test_terrains_with_uneven_ground_are_written_and_read():
+    """By name and by record; earlier records stay as they were."""
+    for text in ("rough:0.01", "hill:5+stairs:0.01,0.1", "patches:0.5,1"):
+        terrain = Terrain.parse(text)
+        assert terrain.name == text and Terrain.parse(terrain.name) == terrain
+        assert Terrain(**json.loads(json.dumps(terrain.document))) == terrain
+    assert "ground" not in Terrain().document
+    assert "smooth random hills" in Terrain.parse("hill:5+rough:0.01").spoken
+    assert Terrain(5.0).spoken == "up a slope of 5°" and Terrain().spoken == "on flat ground"
+
+
+def test_every_kind_is_offered():
+    """With its help."""
+    with pytest.raises(ValueError, match="is unknown; give") as refused:
+        Terrain.parse("hills:1")
+    assert all(f"{kind}:" in str(refused.value) for kind in GROUNDS)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("rough", "'rough' lacks HEIGHT"),
+        ("rough:", "'rough:' lacks HEIGHT"),
+        ("rough:a", "'a' of 'rough:a' is not allowed"),
+        ("rough:nan", "'nan' of 'rough:nan' is not allowed"),
+        ("rough:1,2,3,4", "at most 3 numbers"),
+        ("rough:-1", "HEIGHT -1 of 'rough:-1' is not allowed; give at least 0"),
+        ("stairs:0.1,0", "RUN 0 of 'stairs:0.1,0' is not allowed; give more than 0"),
+        ("no.npy:0.1", "'no.npy' is no file"),
+        ("no.png:0.1", "'no.png:0.1' is not allowed; give FILE.png:HEIGHT,SPACING"),
+        ("water+rough:0.01", "ground: rough:0.01 is not allowed in a fluid"),
+    ],
+)
+def test_bad_input(text, message):
+    """One line."""
+    with pytest.raises(ValueError, match=message.replace("+", r"\+")):
+        Terrain.parse(text)
+
+
+def test_what_is_too_steep_or_no_table_is_refused(tmp_path):
+    """Before any work."""
+    with pytest.raises(ValueError, match=r"a slope of 89\.0 degrees is not allowed"):
+        Ground("steps:0.2,0.05").relief(0, EDGE)
+    np.save(tmp_path / "bad.npy", np.array([[0.0, np.nan]]))
+    with pytest.raises(ValueError, match="is no table of finite numbers"):
+        Ground(f"{tmp_path / 'bad.npy'}:0.1").relief(0, EDGE)
+    (tmp_path / "bad.png").write_text("no image")
+    with pytest.raises(ValueError, match="cannot be read as heights"):
+        Ground(f"{tmp_path / 'bad.png'}:0.1,0.1").relief(0, EDGE)
+
+
+def test_robots_are_raised_until_they_stand():
+    """The lowest clearance is zero; others beside them on level ground stay."""
+    terrains = [Terrain.parse("rough:0.02"), Terrain()]
+    medium = medium_of(terrains, [0.0, 0.0], EDGE)
+    centres = np.tile([[0.0, 0.0, 0.0], [0.05, 0.02, 0.0], [0.05, 0.02, 0.01]], (2, 1, 1))
+    raised = standing(centres, medium, EDGE)
+    relief = medium["floor"][0]
+    clear = raised[0, :, 2] - relief.height(raised[0, :, 0], raised[0, :, 1])
+    assert 0 <= clear.min() < 1e-3 and np.array_equal(raised[1], centres[1])
+
+
+def test_journeys_keep_to_planes():
+    """In one line."""
+    with pytest.raises(ValueError, match=r"uneven ground .* is not allowed in a journey"):
+        simulate_journey([Leg(ROLLING, Terrain.parse("rough:0.01"))])
+
+
+@pytest.mark.kernels
+def test_a_batch_of_inflatable_robots_has_ground_of_its_own():
+    """Each as it is alone: on hills, on the plane, and on hills that it crosses."""
+    gait = replace(ROLLING, schedule=ROLLING.schedule.cut(1, 1))
+    designs = [gait, gait, replace(gait, orientation=30.0)]
+    terrains = [Terrain.parse(text) for text in ("rough:0.01", "flat", "rough:0.01")]
+    options = {"geometry": NAMED_GEOMETRIES["small"], "precision": "f32"}
+    together = simulate(designs, terrains, **options)
+    alone = [simulate([design], terrain, **options) for design, terrain in zip(designs, terrains, strict=True)]
+    assert (together.status == "ok").all()
+    assert np.allclose(together.distance, [each.distance[0] for each in alone], rtol=1e-3, atol=1e-5)
+    assert np.ptp(together.distance) > 1e-3
