@@ -18,33 +18,39 @@ import numpy as np
 from robots.bench import braitenberg as vehicle_bench
 from robots.bench import quadruped as rigid_bench
 from robots.bench.rates import best_and_median, prototype_rate, rates_of_tree
+from robots.ground import Ground
 from robots.inflatable import INCHING, PUBLISHED, GaitSchedule, InflatableDesign
 from robots.inflatable.program import build_program
 from robots.inflatable.schedule import ROWS
 from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.base.compute import available_threads
-from taichi_sim.lattice import LatticeEngine, LatticeProgram
+from taichi_sim.lattice import LatticeEngine, LatticeProgram, Relief
 from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
 
 COLUMN = 11_670  # steps of a moving column of the published gaits
 GRADIENT_MEMORY = 2e9  # B
 PIECES = 8  # of a measurement
 CLIMBERS, COLUMNS, MAXIMUM_SEARCHED = 60, 8, 12e3  # of the published co-design; the core's pressure in Pa
+UNEVEN = "rough:0.005"  # hills under the robot [m]
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
 
 
 class Batch:
     """A batch of the published robot at the published inching gait, advanced piece by piece."""
 
-    def __init__(self, batch: int, precision: str, threads: int) -> None:
-        """Set up the batch and measure the time of the first step [s], compilation included."""
+    def __init__(self, batch: int, precision: str, threads: int, ground: str | None = None) -> None:
+        """Set up the batch on a floor or uneven ground; time the first step [s], compilation included."""
         self.batch, self._done = batch, 0
         self._program = build_program([INCHING] * batch, Terrain())
         runtime.start("cpu", precision, threads)
         body, time_step = PUBLISHED.body, PUBLISHED.time_step
         started = time.perf_counter()
-        self.engine = LatticeEngine(body, batch, time_step=time_step, floor=True, precision=precision, threads=threads)
+        floor = True if ground is None else Ground(ground).relief(0.0, PUBLISHED.voxel_size)
+        self.engine = LatticeEngine(body, batch, time_step=time_step, floor=floor, precision=precision, threads=threads)
+        if isinstance(floor, Relief):
+            start = body.start_positions + np.array([0, 0, floor.rise(body.start_positions, PUBLISHED.voxel_size)])
+            self.engine.set_positions(np.tile(start, (batch, 1, 1)))
         self.advance(1)
         self.first_step = time.perf_counter() - started
 
@@ -94,6 +100,7 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
         found["prototype"] = {"before": before, "after": after}
         found["ratio_to_prototype"] = rate["median"] / ((before + after) / 2)
     found["gradient"] = gradient_cost(precision, 2000 if quick else COLUMN)
+    found["uneven"] = uneven(single, precision, steps)
     found["generation"] = generation(precision, 0.02 if quick else 0.04)
     if available_threads() > 1:
         one, two = (rates(time.perf_counter, Batch(2, precision, threads), steps)["best"] for threads in (1, 2))
@@ -131,16 +138,16 @@ def _prototype_rate(path: Path, precision: str) -> float:
     return prototype_rate("prototype", path, [precision], pattern, place)
 
 
-def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
+def gradient_cost(precision: str, steps: int, ground: str | None = None) -> dict[str, Any]:
     """Measure the CPU time of a robot's gradients over ``steps`` steps, and as a multiple of forward runs.
 
     It includes the steps that the backward pass computes again.
     """
-    batch = Batch(1, precision, 1)
+    batch = Batch(1, precision, 1, ground)
     batch.differentiate(50)  # compiles
     batch.advance(WARM_UP - 51)
     gone, _ = _timed(time.process_time, batch.advance, steps)
-    again = Batch(1, precision, 1)
+    again = Batch(1, precision, 1, ground)
     again.advance(WARM_UP - 1)
     seconds, memory = _timed(time.process_time, again.differentiate, steps)
     return {
@@ -149,6 +156,16 @@ def gradient_cost(precision: str, steps: int) -> dict[str, Any]:
         "in_forward_runs": seconds / gone,
         "megabytes": memory / 1e6,
     }
+
+
+def uneven(on_a_floor: Batch, precision: str, steps: int) -> dict[str, Any]:
+    """Measure what uneven ground costs: pieces on it and on a floor take turns; and a gradient on it."""
+    uneven = Batch(1, precision, 1, UNEVEN)
+    uneven.advance(WARM_UP - 1)
+    pairs = [[_timed(time.process_time, one.advance, steps)[0] for one in (on_a_floor, uneven)] for _ in range(PIECES)]
+    ratios = [after / before for before, after in pairs]
+    gradient = gradient_cost(precision, 2000, UNEVEN)
+    return {"in_steps_on_a_floor": float(np.median(ratios)), "gradient_in_forward_runs": gradient["in_forward_runs"]}
 
 
 def _timed(clock: Callable[[], float], work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
@@ -194,6 +211,8 @@ def lines(figures: dict[str, Any], precision: str) -> list[str]:
         f"forward runs; {gradient['steps']} steps, {gradient['megabytes']:.0f} MB)",
         f"{CLIMBERS} climbers, a core      {whole['robot_steps_per_core_second']:>8.0f} robot-steps/s (a generation: "
         f"{whole['core_hours']:.3f} core-hours)",
+        f"on uneven ground         {figures['uneven']['in_steps_on_a_floor']:>8.2f} steps on a floor; a gradient "
+        f"{figures['uneven']['gradient_in_forward_runs']:.1f} forward runs",
         f"first step               {figures['first_step_s']:>8.1f} s",
         f"memory per robot         {figures['kilobytes_per_robot']:>8.0f} KB",
     ]

@@ -285,7 +285,8 @@ def text_of(settings: RobustGaits, rows: Sequence[Record], best: Sequence[Record
     return page(
         f"Speeds on {settings.floor} with bladders that weigh, under {settings.held_out} draws of {settings.uncertain} "
         f"that no search has seen, in {settings.precision} [body lengths/s of the time simulated, no pneumatic lag]. "
-        "Robust: searched for the worst of draws; nominal: at the same cost without. Climb: the share of draws that go forward. Full bladders: the sum of levels, at most.",
+        "Robust: searched for the worst of draws; nominal: at the same cost without. Climb: the share of draws that go "
+        "forward. Full bladders: the sum of levels, at most.",
         markdown(header, "lrrrrrrr", table),
         "Best waves without draws, by how many bladders are full at a time; levels of a bladder in 8 columns.",
         markdown(("slope", "full", "levels", "settling", "speed"), "rrlrr", waved),
