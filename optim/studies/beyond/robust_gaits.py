@@ -9,7 +9,7 @@ draws, which no search has seen. Speeds are of the time simulated, without pneum
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import product
 from pathlib import Path
@@ -22,6 +22,7 @@ from optim.experiments.results import Progress, computed_arrays, part_of, write_
 from optim.experiments.study import Count, Settings, Study, Whole
 from optim.experiments.tables import MISSING, Record, cell, markdown, page, write_records
 from optim.problem import Request, judge
+from optim.problems.inflatable.encoding import LEAST_MOTION, SETTLING
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
 from optim.studies.beyond.gait_hunt.searches import search_within
@@ -68,6 +69,7 @@ class RobustGaits(Settings):
     budget: float = 10e6  # of each search [robot-steps]
     population: Count = 12
     seed: Whole = 0
+    steeper: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)  # than the steepest slope, on which its gait is tried [degrees]
     precision: str = "f64"  # of the judgement
 
     @cached_property
@@ -80,14 +82,14 @@ class RobustGaits(Settings):
         low, high = FLOORS[self.floor]
         return Terrain(slope, high, low)
 
-    def problem(self, slope: float, robust: bool, threads: int | None = None) -> GaitProblem:
-        """The problem of a search on a slope, over draws or without."""
+    def problem(self, slope: float, robust: bool, threads: int | None = None, rolls: bool = True) -> GaitProblem:
+        """The problem of a search on a slope, over draws or without, for waves that roll or a flat body."""
         own: dict[str, Any] = {"uncertain": self.told.text, "draws": self.draws, "risk": "worst"} if robust else {}
         return GaitProblem(
             (self.terrain(slope),),
-            orientation=0.0,
-            pressure=PRESSURE,
-            encoding="graded-wave",
+            orientation=0.0 if rolls else None,
+            pressure=PRESSURE if rolls else 0.0,
+            encoding="graded-wave" if rolls else "graded",
             steps=self.steps,
             warm_up=self.warm_up,
             geometry=self.geometry,
@@ -107,11 +109,19 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
         best = max((row for row in screened if row["slope"] == slope), key=lambda row: row["speed"])
         share = part_of(progress, 9 + 2 * number, 30, 2)
         found["robust" if robust else "nominal"][slope] = _refine(folder, settings, slope, robust, best, threads, share)
+    if 0.0 in settings.slopes:
+        share = part_of(progress, 64, 100, 6)
+        found["flat body"] = {0.0: _walk(folder, settings, threads, share)}
     gaits = {f"{name} {slope:g}°": (design, slope) for name, each in found.items() for slope, design in each.items()}
     gaits |= {f"{name} {s:g}°": (design, s) for name, design in HAND_MADE.items() for s in settings.slopes}
     (folder / "gaits").mkdir(exist_ok=True)
     for name, (design, _) in gaits.items():
         save_design(design, folder / "gaits" / f"{_file(name)}.json")
+    steepest = max(settings.slopes)
+    gaits |= {
+        f"robust {steepest:g}° on {steepest + more:g}°": (found["robust"][steepest], steepest + more)
+        for more in settings.steeper
+    }
     judged = {
         name: (load_design(folder / "gaits" / f"{_file(name)}.json"), slope) for name, (_, slope) in gaits.items()
     }
@@ -123,7 +133,7 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
 
 
 def _file(name: str) -> str:
-    return name.replace(" ", "-").removesuffix("°")
+    return name.replace(" ", "-").replace("°", "")
 
 
 def waves(most_full: int) -> list[tuple[int, ...]]:
@@ -187,7 +197,22 @@ def _refine(
     own = {"population": settings.population, "seed": settings.seed, "start": start}
     path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
     search_within(problem, "genetic", own, path, settings.budget, progress)
-    found = read_history(path).generations[-1].best_point
+    return _best(problem, path)
+
+
+def _walk(folder: Path, settings: RobustGaits, threads: int | None, progress: Progress) -> InflatableDesign:
+    """The gait on level ground that a genetic search under draws finds from inching, of a body that cannot roll."""
+    problem, columns = settings.problem(0.0, True, threads, False), INCHING.schedule.columns
+    times: dict[str, Any] = {"motion_steps": np.full(columns, LEAST_MOTION), "settle_steps": np.full(columns, SETTLING)}
+    start = problem.start_values(replace(INCHING, schedule=replace(INCHING.schedule, repeats=1, **times)))
+    own = {"population": settings.population, "seed": settings.seed, "start": start}
+    search_within(problem, "genetic", own, folder / "runs" / "flat-body", settings.budget, progress)
+    return _best(problem, folder / "runs" / "flat-body")
+
+
+def _best(problem: GaitProblem, run: Path) -> InflatableDesign:
+    """The best gait of a run."""
+    found = read_history(run).generations[-1].best_point
     assert found is not None  # the start is a gait
     return problem.design(problem.space.from_dict(found))
 
@@ -295,6 +320,7 @@ def text_of(settings: RobustGaits, rows: Sequence[Record], best: Sequence[Record
 
 def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:
     """Draw the speed of every gait in every draw."""
+    rows = [row for row in rows if " on " not in row["gait"]]
     slopes = sorted({row["slope"] for row in rows})
     with figure(path, PAGE, 2.6, ncols=len(slopes), sharey=True) as (_, panels):
         for axes, slope in zip(panels[0], slopes, strict=True):
@@ -313,7 +339,9 @@ STUDY = Study(
     title="gaits for a real floor: fast on wood in the worst of draws of friction, slope, levels and timing",
     source="chapter 5, transferring to a physical robot",
     scales={
-        "small": RobustGaits((0.0,), geometry="small", draws=2, held_out=4, most_full=1, settling=(0.0,), budget=0.5e6),
+        "small": RobustGaits(
+            (0.0,), geometry="small", draws=2, held_out=4, most_full=1, settling=(0.0,), steeper=(), budget=0.5e6
+        ),
         "medium": RobustGaits(),
         "full": RobustGaits(
             (0.0, 5.0, 9.0, 14.0), settling=(0.0, 1000.0), draws=8, most_full=5, budget=600e6, population=24
