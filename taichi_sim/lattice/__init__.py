@@ -2,6 +2,7 @@
 
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
+from taichi_sim.lattice.feedback import Decision, Feedback, Felt
 from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.gradient import LatticeGradient, Tape
 from taichi_sim.lattice.materials import Material
@@ -9,6 +10,9 @@ from taichi_sim.lattice.program import LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.relief import Relief
 
 __all__ = [
+    "Decision",
+    "Feedback",
+    "Felt",
     "LatticeBody",
     "LatticeEngine",
     "LatticeGradient",

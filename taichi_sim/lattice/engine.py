@@ -13,6 +13,7 @@ from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.drivers.driver import Driver, Run
 from taichi_sim.lattice.drivers.packed import PackedDriver
 from taichi_sim.lattice.drivers.stepped import SteppedDriver
+from taichi_sim.lattice.feedback import Course, Feedback, check_feedback
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
 from taichi_sim.lattice.relief import GroundTables, Relief, ground_tables
@@ -242,23 +243,34 @@ class LatticeEngine:
         self._diverged[:], self.initial_channels[:] = saved.diverged, saved.initial_channels
 
     @runtime.exclusive
-    def run(self, program: LatticeProgram, progress: Callable[[float], None] | None = None) -> LatticeResult:
+    def run(
+        self,
+        program: LatticeProgram,
+        progress: Callable[[float], None] | None = None,
+        feedback: Feedback | None = None,
+    ) -> LatticeResult:
         """Advance every robot by its own number of steps; all of its state carries over to the next run.
 
         Args:
             program: what happens, steps counted from now.
             progress: called now and then with the fraction done, 0 to 1.
+            feedback: decides the values of some of the program's events on the way.
 
         Raises:
-            ValueError: if the program is for another number of robots or names unknown regions.
+            ValueError: if the program is for another number of robots or names unknown regions, or for decisions that
+                it has no room for.
         """
         run = self.begin(program)
-        run.advance(tick=progress)
+        self.course(run, program, feedback).advance(tick=progress)
         return self.finish(run)
 
     @runtime.exclusive
     def record(
-        self, program: LatticeProgram, memory: float = 1e9, progress: Callable[[float], None] | None = None
+        self,
+        program: LatticeProgram,
+        memory: float = 1e9,
+        progress: Callable[[float], None] | None = None,
+        feedback: Feedback | None = None,
     ) -> "Tape":
         """Run a program like :meth:`run`, and keep what is needed to differentiate what it did.
 
@@ -266,13 +278,20 @@ class LatticeEngine:
             program: what happens, steps counted from now.
             memory: bound [B] on what is kept now and while pulling back; the less, the more is computed again.
             progress: called now and then with the fraction done, 0 to 1.
+            feedback: decides the values of some of the program's events on the way, and takes derivatives back.
 
         Raises:
             ValueError: as :meth:`run`; or if the memory is too small.
         """
         from taichi_sim.lattice.gradient import Tape
 
-        return Tape(self, program, memory, progress)
+        return Tape(self, program, memory, progress, feedback)
+
+    def course(self, run: Run, program: LatticeProgram, feedback: Feedback | None) -> Course:
+        """A run that has begun, with the decisions of a feedback."""
+        if feedback is not None:
+            check_feedback(feedback, program)
+        return Course(run, feedback, self.place, len(self.body.topology.links))
 
     @runtime.exclusive
     def begin(self, program: LatticeProgram) -> Run:

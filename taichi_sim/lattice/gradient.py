@@ -14,6 +14,7 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.lattice.checkpoints import FORWARD, make_plan
+from taichi_sim.lattice.feedback import Feedback
 from taichi_sim.lattice.material_gradient import material_gradients
 from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
 from taichi_sim.lattice.stages import memory as places
@@ -65,6 +66,7 @@ class Tape:
         program: LatticeProgram,
         memory: float,
         progress: Callable[[float], None] | None = None,
+        feedback: Feedback | None = None,
     ) -> None:
         """Run the program; the arguments are those of ``LatticeEngine.record``."""
         if not memory > 0:
@@ -72,14 +74,15 @@ class Tape:
         self._engine, self._program = engine, program
         self._initial_channels, self._start = engine.initial_channels.copy(), engine.state()
         self._run = run = engine.begin(program)
+        self._course = course = engine.course(run, program, feedback)
         start = run.checkpoint()
         steps, kept = int(program.lengths.max()), sum(a.nbytes for a in start)
         self._plan = plan = make_plan(steps, run.state_bytes, kept, memory, run.reverse_bytes, run.most_states)
         self._checkpoints = {0: start}
         for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:
-            run.advance(mark, tick=progress)
+            course.advance(mark, tick=progress)
             self._checkpoints[mark] = run.checkpoint()
-        run.advance(tick=progress)
+        course.advance(tick=progress)
         self.result: LatticeResult = engine.finish(run)
         self.state: LatticeState = engine.state()
 
@@ -124,6 +127,7 @@ class Tape:
         now = self._run.checkpoint()
         try:
             reverse = self._run.reverse(recorded, finals)
+            self._course.take_back(reverse)
             self._undo(reverse, progress)
         finally:
             self._run.restore(now)

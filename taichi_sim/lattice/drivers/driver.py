@@ -4,7 +4,7 @@ Memories are laid out [block, slot, lane]. A driver says how many lanes a block 
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -212,6 +212,29 @@ class Reverse(ABC):
         given = {"poses": poses, "strains": strains, "sizes": sizes, "finals": ends, "by_value": driver.put(by_value)}
         self.marks = run.marks._replace(lanes=lanes, **given)
         self._contacts = CONTACTS_PER_STEP
+        self._stops: list[int] = []
+        self._at_stop: Callable[[int], None] = lambda step: None
+
+    def stop_at(self, steps: Iterable[int], called: Callable[[int], None]) -> None:
+        """Have a function called with each of some steps once the way back has come there, and met what is due."""
+        self._stops, self._at_stop = sorted(steps), called
+
+    def next_stop(self, low: int, high: int) -> int:
+        """The last stop before step ``high``, ``low`` if that comes first."""
+        return max([low, *(step for step in self._stops if step < high)])
+
+    def stop(self, step: int) -> None:
+        """Call the function if it is to be called at a step."""
+        if step in self._stops:
+            self._at_stop(step)
+
+    def add_seeds(self, snapshot: int, poses: np.ndarray, strains: np.ndarray) -> None:
+        """Add to the cotangents of a recording that is still to come, shapes (B, V, 7) and (B, L)."""
+        host, put, marks = self.driver.host, self.driver.put, self.marks
+        whole, links = host(marks.poses).copy(), host(marks.strains).copy()
+        whole[:, snapshot] += poses
+        links[:, snapshot, : strains.shape[1]] += strains
+        self.marks = marks._replace(poses=put(whole), strains=put(links))
 
     @abstractmethod
     def undo(self, low: int, high: int) -> None:

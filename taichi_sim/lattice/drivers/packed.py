@@ -56,7 +56,7 @@ class PackedReverse(Reverse):
         """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
         driver, record = self.driver, self.record(low, high)
         while True:
-            middle = max(high - STEPS_PER_REVERSE, low)
+            middle = max(high - STEPS_PER_REVERSE, self.next_stop(low, high))
             backwards.packed_reverse_kernel(driver.real, driver.tables.medium)(
                 backwards.Launch(driver.batch, self.layout.slots, driver.scalars.slots, high, middle),
                 self._memories,
@@ -66,6 +66,7 @@ class PackedReverse(Reverse):
                 record,
                 self.marks,
             )
+            self.stop(middle)
             if middle == low:
                 return
             high = middle

@@ -40,6 +40,7 @@ class SteppedReverse(Reverse):
         for step in range(high - 1, low - 1, -1):
             self._undo_step(memories, step - low, record)
             self._meet(memories, step, step - low)
+            self.stop(step)
 
     def _undo_step(self, memories: Undo, n: int, record: Record) -> None:
         """Undo the step from record n to the next."""

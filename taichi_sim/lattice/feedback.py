@@ -1,0 +1,146 @@
+"""Control in the loop: events of a program whose values are decided while it runs, from what robots feel.
+
+A decision reads robots at a step, as a snapshot records them, and says what some events hold that follow it by a step
+or more. So open-loop programs are those without decisions, and a run whose decisions are known is an open-loop one: the
+way back goes through it as through any, and stops after each decision's events to take derivatives back through it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from taichi_sim.lattice.program import LatticeProgram
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice.drivers.driver import Reverse, Run
+
+
+@dataclass(frozen=True, eq=False)
+class Felt:
+    """What a decision reads of robots, or the derivatives of a cost by it.
+
+    Attributes:
+        positions: voxel centres [m], body's voxel order, shape (B, V, 3); NaN of robots that diverged.
+        orientations: quaternions, shape (B, V, 4).
+        strains: of every link, shape (B, L).
+    """
+
+    positions: np.ndarray
+    orientations: np.ndarray
+    strains: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """When robots are read, and what is decided.
+
+    Attributes:
+        step: at which they are read; the program records a snapshot of every robot there.
+        snapshot: its place among the snapshots.
+        events: of the program whose value and rate are decided, none before the step after; any number of them.
+    """
+
+    step: int
+    snapshot: int
+    events: np.ndarray
+
+
+class Feedback(Protocol):
+    """What decides, and takes derivatives back through its decisions."""
+
+    decisions: Sequence[Decision]  # in order of time
+
+    def decide(self, number: int, felt: Felt) -> tuple[np.ndarray, np.ndarray]:
+        """Value and rate per step of every event of a decision."""
+        ...
+
+    def pull_back(self, number: int, values: np.ndarray, rates: np.ndarray) -> Felt:
+        """Derivatives of a cost by what a decision felt, from those by its values and rates; the last one first."""
+        ...
+
+
+def check_feedback(feedback: Feedback, program: LatticeProgram) -> None:
+    """Refuse decisions that a program has no room for.
+
+    Raises:
+        ValueError: for decisions out of order, without a snapshot of all robots at their step, on events that are not
+            later or of another decision, and programs whose robots run for different times.
+    """
+    lengths, taken, last = program.lengths, np.zeros(len(program.events), bool), -1
+    if len(set(lengths.tolist())) > 1:
+        raise ValueError("feedback: robots that run for different times are not allowed; give equal lengths")
+    for number, one in enumerate(feedback.decisions):
+        told = f"feedback: decision {number} at step {one.step}"
+        if not last < one.step < lengths[0] - 1:
+            raise ValueError(f"{told} is not allowed; give steps in order, before {int(lengths[0]) - 1}")
+        slots = program.snapshots.shape[1]
+        if not 0 <= one.snapshot < slots or (program.snapshots[:, one.snapshot] != one.step).any():
+            raise ValueError(f"{told} has no snapshot {one.snapshot} there")
+        events = np.asarray(one.events)
+        if taken[events].any() or len(set(events.tolist())) < len(events):
+            raise ValueError(f"{told} decides an event twice")
+        if (program.events["step"][events] <= one.step).any():
+            raise ValueError(f"{told} decides an event that is not later")
+        taken[events], last = True, one.step
+
+
+class Course:
+    """A run in which decisions are made as they are due, and its way back."""
+
+    def __init__(self, run: "Run", feedback: Feedback | None, place: np.ndarray, links: int) -> None:
+        """Begin at the start of a run; ``place`` is that of the body's voxels in the engine's order."""
+        self._run, self._feedback, self._place, self._links = run, feedback, place, links
+        self._made = 0
+        decisions = feedback.decisions if feedback else ()
+        self._rows = [self._rows_of(np.asarray(one.events)) for one in decisions]
+
+    def _rows_of(self, events: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Marks of a program that come from some events, and which of these each is."""
+        source = self._run.program.source
+        order = np.full(max(int(source.max(initial=0)), int(events.max(initial=0))) + 1, -1)
+        order[events] = np.arange(len(events))
+        found = np.where(source >= 0, order[np.maximum(source, 0)], -1)
+        (rows,) = np.nonzero(found >= 0)
+        return rows, found[rows]
+
+    def advance(self, until: int | None = None, tick: Callable[[float], None] | None = None) -> None:
+        """Go on to a step, or to the end, and decide on the way what has not been decided."""
+        decisions = self._feedback.decisions if self._feedback else ()
+        for number in range(self._made, len(decisions)):
+            step = decisions[number].step + 1
+            if until is not None and step > until:
+                break
+            self._run.advance(step, tick=tick)
+            self._decide(number)
+            self._made = number + 1
+        self._run.advance(until, tick=tick)
+
+    def _decide(self, number: int) -> None:
+        assert self._feedback is not None
+        run, driver = self._run, self._run.driver
+        slot = self._feedback.decisions[number].snapshot
+        poses = np.take(driver.host(run.marks.poses)[:, slot], self._place, axis=1).astype(float)
+        strains = driver.host(run.marks.strains)[:, slot, : self._links].astype(float)
+        values, rates = self._feedback.decide(number, Felt(poses[..., :3], poses[..., 3:], strains))
+        rows, source = self._rows[number]
+        decided = driver.host(run.marks.value).copy()
+        # Of robots that diverged nothing is known, and nothing depends on it.
+        decided[rows] = np.nan_to_num(np.stack([np.asarray(values), np.asarray(rates)], axis=1))[source]
+        run.marks = run.marks._replace(value=driver.put(decided))
+
+    def take_back(self, reverse: "Reverse") -> None:
+        """Have the way back stop after each decision's events."""
+        if self._feedback is not None:
+            numbers = {one.step + 1: number for number, one in enumerate(self._feedback.decisions)}
+            reverse.stop_at(numbers, lambda step: self._pull_back(reverse, numbers[step]))
+
+    def _pull_back(self, reverse: "Reverse", number: int) -> None:
+        assert self._feedback is not None
+        one, (rows, source) = self._feedback.decisions[number], self._rows[number]
+        by_event = np.zeros((len(one.events), 2))
+        np.add.at(by_event, source, reverse.events[rows].astype(float))
+        felt = self._feedback.pull_back(number, by_event[:, 0], by_event[:, 1])
+        poses = np.concatenate([felt.positions, felt.orientations], axis=2)
+        reverse.add_seeds(one.snapshot, poses[:, np.argsort(self._place)], felt.strains)
