@@ -164,7 +164,7 @@ def uneven(on_a_floor: Batch, precision: str, steps: int) -> dict[str, Any]:
     uneven.advance(WARM_UP - 1)
     pairs = [[_timed(time.process_time, one.advance, steps)[0] for one in (on_a_floor, uneven)] for _ in range(PIECES)]
     ratios = [after / before for before, after in pairs]
-    gradient = gradient_cost(precision, 2000, UNEVEN)
+    gradient = gradient_cost(precision, steps, UNEVEN)
     return {"in_steps_on_a_floor": float(np.median(ratios)), "gradient_in_forward_runs": gradient["in_forward_runs"]}
 
 
