@@ -23,10 +23,10 @@ class OutOfTheLab(Robot):
 
     @property
     def exportable(self) -> bool:  # type: ignore[override]
-        """Whether a rig has lines for its channels, once nothing is free."""
+        """Whether a rig has lines for its channels, once nothing is free; reflexes decide on the way."""
         from robots.lattice_robot.on_rig import unplayed
 
-        return not unplayed(self.fixed)
+        return self.fixed.reflexes is None and not unplayed(self.fixed)
 
     def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
         """Pressures of a rig's lines that play the channels.
@@ -41,6 +41,8 @@ class OutOfTheLab(Robot):
         from robots.lattice_robot.on_rig import full_scale_of, rhythm_of, waves_of
 
         rig, robot = rig or PneumaticRig(), self.fixed
+        if robot.reflexes is not None:
+            raise ValueError("robot: one with reflexes has no table of channels; it decides while it moves")
         scale = None if full_scale is None else full_scale_of(full_scale)
         return channel_table(self.fixed.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from robots.lattice_robot.drive import FIELDS, Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
+from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robot import LATER, SETTINGS, LatticeRobot
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import read_vxl_json
@@ -38,7 +39,13 @@ def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
         {int(number): Free(**free) for number, free in record["moduli"]},
         **{name: record[name] for name in SETTINGS},
         **{name: record[name] for name in LATER if name in record},
+        reflexes=_reflexes(record["reflexes"]) if "reflexes" in record else None,
     )
+
+
+def _reflexes(record: Mapping[str, Any]) -> Reflexes:
+    given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in record.items()}
+    return Reflexes(**given)
 
 
 def _drive(record: Mapping[str, Any]) -> Drive:

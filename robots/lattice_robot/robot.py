@@ -19,6 +19,7 @@ from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
+from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead
 from robots.lattice_robot.simulation import try_points
@@ -77,6 +78,7 @@ class LatticeRobot(OutOfTheLab):
         reference_length: length in which speeds are told [m]; None is that of the body along its heading.
         perturbation: standard deviation of noise on the start positions [m], below a voxel's edge.
         seed: of the noise.
+        reflexes: what it feels, and how that changes its waves; None for a robot that feels nothing.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -95,6 +97,7 @@ class LatticeRobot(OutOfTheLab):
     reference_length: float | None = None
     perturbation: float = 0.0
     seed: int = 0
+    reflexes: Reflexes | None = None
 
     kind = "lattice"
     worlds = (Terrain(),)
@@ -125,6 +128,8 @@ class LatticeRobot(OutOfTheLab):
             grounded = dataclasses.replace(self.body, voxels=self.body.voxels - [0, 0, lowest])
             object.__setattr__(self, "body", grounded)
         _ = self.free_moduli  # which checks their names
+        if self.reflexes is not None:
+            self.reflexes.check(len(self.felt_regions))
 
     def _check_channels(self) -> None:
         """Every region is there, and driven at most once in a quantity."""
@@ -169,8 +174,33 @@ class LatticeRobot(OutOfTheLab):
         found: dict[str, Free] = {}
         for drive in self.drives:
             found |= drive.free
+        found |= {f"reflex_{n + 1}": self._weight for n in range(self._free_weights)}
         names = [m.name for m in self.body.materials]
         return found | {f"{names[n] or f'material_{n}'}_modulus": free for n, free in self.free_moduli.items()}
+
+    @cached_property
+    def felt_regions(self) -> tuple[int, ...]:
+        """Regions whose scale is driven, which reflexes feel and answer."""
+        return tuple(dict.fromkeys(r for drive in self.drives if drive.quantity == "scale" for r in drive.regions))
+
+    @property
+    def _weight(self) -> Free:
+        assert self.reflexes is not None
+        return Free(-self.reflexes.limit, self.reflexes.limit, 0.0)
+
+    @property
+    def _free_weights(self) -> int:
+        """How many weights of reflexes are free."""
+        if self.reflexes is None or self.reflexes.weights is not None:
+            return 0
+        return self.reflexes.weight_count(len(self.felt_regions))
+
+    def weights_of(self, points: Floats) -> Floats:
+        """Weights of the reflexes at points, shape (N, K)."""
+        if self.reflexes is not None and self.reflexes.weights is not None:
+            return np.tile(self.reflexes.weights, (len(points), 1))
+        end = points.shape[1] - len(self.free_moduli)
+        return points[:, end - self._free_weights : end]
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
@@ -194,7 +224,11 @@ class LatticeRobot(OutOfTheLab):
         each = zip(self.drives, self._shares(points[:1]), strict=True)
         drives, body = tuple(drive.filled(share[0].tolist()) for drive, share in each), self.bodies(points)[0]
         safety = self.time_step_safety * body.recommended_time_step / self._stiffest.recommended_time_step
-        return dataclasses.replace(self, body=body, drives=drives, moduli={}, time_step_safety=safety)
+        own: dict[str, Any] = {"body": body, "drives": drives, "moduli": {}, "time_step_safety": safety}
+        if self.reflexes is not None:
+            weights = tuple(self.weights_of(points)[0].tolist())
+            own["reflexes"] = dataclasses.replace(self.reflexes, weights=weights)
+        return dataclasses.replace(self, **own)
 
     def design(self, point: ArrayLike) -> "LatticeRobot":
         """The robot of a point, without anything free."""
@@ -348,6 +382,8 @@ class LatticeRobot(OutOfTheLab):
             if drive.quantity == "temperature":
                 alphas = np.array([m.thermal_expansion for m in self.body.materials])[self.body.material_index]
                 least = float((1 + np.outer(alphas[self._driven_by(drive)], nodes.reshape(-1))).min())
+            if drive.quantity == "scale" and self.reflexes is not None:
+                least -= self.reflexes.gain
             if drive.quantity in ("scale", "temperature") and least < SMALLEST:
                 return f"{drive.name} shrinks to {least:.3g} of a voxel; {SMALLEST} is the least"
             if drive.quantity == "friction" and least < 0:
@@ -391,6 +427,7 @@ class LatticeRobot(OutOfTheLab):
                 if f.name in LATER and getattr(self, f.name) != f.default
             },
             "drives": [drive.describe() for drive in self.drives],
+            **({"reflexes": dataclasses.asdict(self.reflexes)} if self.reflexes else {}),
             "moduli": [[number, dataclasses.asdict(free)] for number, free in self.free_moduli.items()],
             "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
         }
@@ -406,6 +443,7 @@ class LatticeRobot(OutOfTheLab):
         return [
             ("Robot", f"{self.name}: {voxels}"),
             ("Driven", ", ".join(f"{drive.name} ({drive.quantity})" for drive in self.drives)),
+            *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             ("Cycle", f"{self.frequency:g} Hz; the speed is that of {counted(self.cycles, 'cycle')}"),
         ]
 

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.control.cyclic import FRAMES_FROM, Cycle, build_cyclic_program, cycle_events, surroundings
+from robots.control.cyclic import FRAMES_FROM, SEGMENTS, Cycle, build_cyclic_program, cycle_events, surroundings
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
+from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
 from robots.robot import Progress
 from robots.world import Terrain, medium_of, standing
 from taichi_sim.autodiff.arrays import trace
@@ -20,6 +21,7 @@ from taichi_sim.lattice.faces import half_extents
 from taichi_sim.lattice.gradient import Tape
 from taichi_sim.lattice.material_gradient import add_to_columns
 
+RECORDED = ("positions", "orientations", "strains", "sizes")
 _ALIKE = {"speed": "distance"}  # measures that take the way back of another one
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
@@ -58,11 +60,13 @@ class Channels:
         regions: of each channel, shape (C,).
         quantities: of each channel, shape (C,).
         rest: their values before anything moves, broadcast to shape (B, C).
+        feeling: reflexes of the robots that change the cycle, or None.
     """
 
     regions: ArrayLike
     quantities: ArrayLike
     rest: ArrayLike
+    feeling: Feeling | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,17 +76,19 @@ class Slopes:
     Attributes:
         swing: by what the cycle adds to the channels at its nodes, shape (B, C, 16).
         materials: by the numbers of the materials, name to shape (B, M).
+        weights: by those of reflexes, shape (B, K), K 0 without.
         driven: by how much of each voxel is driven, shape (B, V).
     """
 
     swing: Floats
     materials: Mapping[str, Floats]
     driven: Floats
+    weights: Floats
 
     def over(self, number: float) -> "Slopes":
         """The derivatives of the measure over a number."""
         materials = {name: found / number for name, found in self.materials.items()}
-        return Slopes(self.swing / number, materials, self.driven / number)
+        return Slopes(self.swing / number, materials, self.driven / number, self.weights / number)
 
 
 class Rollout:
@@ -135,6 +141,7 @@ class Rollout:
             record_every,
         )
         same = all(body is first for body in self.bodies)
+        self._snapshots = self._program.snapshots.shape[1]
         medium = medium_of([terrain] * len(self.bodies), [aim.heading] * len(self.bodies), first.voxel_size)
         self._engine = LatticeEngine(
             first if same else self.bodies,
@@ -146,7 +153,16 @@ class Rollout:
         if starts is None and terrain.ground:
             starts = np.tile(first.start_positions, (len(self.bodies), 1, 1))
         if starts is not None:
-            self._engine.set_positions(standing(starts, medium, first.voxel_size))
+            starts = standing(starts, medium, first.voxel_size)
+            self._engine.set_positions(starts)
+        self._loop: ReflexLoop | None = None
+        if (feeling := channels.feeling) is not None:
+            at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
+            ground = None if isinstance(medium["floor"], bool) else medium["floor"][0]
+            anatomy = Anatomy.of(first, feeling.regions, aim.length, ground)
+            rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
+            self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at.mean(axis=1))
+            self._program = self._loop.plan(self._program)
         moduli, densities = (
             np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
             for field in ("youngs_modulus", "density")
@@ -159,7 +175,7 @@ class Rollout:
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""
-        return self._moved(self._engine.run(self._program, progress), {})
+        return self._moved(self._engine.run(self._program, progress, self._loop), {})
 
     def differentiate(self, names: Sequence[str], memory: float = 1e9, progress: Progress | None = None) -> "Moved":
         """Let the robots move, with the derivatives of some measures.
@@ -170,7 +186,9 @@ class Rollout:
             progress: called now and then with the fraction done.
         """
         told = progress or (lambda _: None)
-        tape = self._engine.record(self._program, memory, lambda f: told(RECORDING * f))
+        if self._loop:
+            self._loop.keeps = True
+        tape = self._engine.record(self._program, memory, lambda f: told(RECORDING * f), self._loop)
         ways = list(dict.fromkeys(_ALIKE.get(name, name) for name in names))
         share = (1 - RECORDING) / len(ways)
         found = {}
@@ -193,13 +211,21 @@ class Rollout:
         positions, strains, sizes = zeros
         back = tape.pull_back(positions=positions, strains=strains, sizes=sizes, progress=progress)
         (values, _), pull_back = trace(lambda swing: cycle_events(self.cycle, self._channels.rest, swing), self._swing)
-        swing = pull_back(*(each[-values.size :].reshape(values.shape) for each in (back.values, back.rates)))[0]
+        by_events = [each[-values.size :].reshape(values.shape).copy() for each in (back.values, back.rates)]
+        weights: Floats = np.zeros((len(self.bodies), 0))
+        if self._loop:  # which has decided the events of all pieces but the first
+            for each in by_events:
+                each[len(values) - (self.cycle.cycles + 1) * SEGMENTS + 1 :] = 0.0
+            weights = self._loop.by_weights.copy()
+        swing = pull_back(*by_events)[0]
+        if self._loop:
+            swing = swing + self._loop.by_swing
         materials = {field: np.array(found) for field, found in back.materials.items()}
         for field, direct in (("density", density), ("youngs_modulus", modulus)):
             add_to_columns(materials[field], self.bodies[0].material_index, direct)
-        for found in (swing, driven, *materials.values()):
+        for found in (swing, driven, weights, *materials.values()):
             found[~ok] = np.nan
-        return Slopes(swing, materials, driven)
+        return Slopes(swing, materials, driven, weights)
 
     def _measured(self, name: str) -> Callable[..., Any]:
         """The measure as a function of arrays, which may be traced."""
@@ -212,6 +238,8 @@ class Rollout:
         return found
 
     def _moved(self, run: LatticeResult, slopes: Mapping[str, Slopes]) -> "Moved":
+        kept = {name: getattr(run, name)[:, : self._snapshots] for name in RECORDED}
+        run = replace(run, **kept)
         record = Record.of(run)
         lost = run.status != "ok"
         measures = {name: measure(name, record, self._constants) for name in self._constants.names}

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
+from robots.lattice_robot.reflexes import Feeling
 from robots.lattice_robot.rollout import Channels, Moved, Rollout
 from robots.robot import Progress, Trial, part_of
 from robots.world import Terrain, terrain_of
@@ -16,7 +17,7 @@ from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.lattice import LatticeBody
+from taichi_sim.lattice import LatticeBody, Quantity
 from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
 if TYPE_CHECKING:
@@ -166,6 +167,7 @@ def _moved(
         np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
         np.concatenate([robot.rest_of(drive).ravel() for drive in drives]),
     )
+    channels = replace(channels, feeling=_feeling(robot, points, channels))
 
     def swing(points: Any) -> Any:
         """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
@@ -182,9 +184,23 @@ def _moved(
     gradients = {}
     for name, slopes in moved.slopes.items():
         gradients[name] = np.array(pull_back(slopes.swing)[0])
+        if count := slopes.weights.shape[1] * (robot.reflexes is not None and robot.reflexes.weights is None):
+            end = points.shape[1] - len(robot.free_moduli)
+            gradients[name][:, end - count : end] = slopes.weights
         if numbers := list(robot.free_moduli):
             gradients[name][:, -len(numbers) :] = slopes.materials["youngs_modulus"][:, numbers]
     return result_of(rollout, moved, gradients)
+
+
+def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels) -> Feeling | None:
+    """The reflexes of a robot at N points, shape (N, P), and which of them answers in each channel."""
+    if robot.reflexes is None:
+        return None
+    places = {region: place for place, region in enumerate(robot.felt_regions)}
+    quantities, driven = np.asarray(channels.quantities), np.asarray(channels.regions)
+    scales = (quantities >= Quantity.SCALE) & (quantities < Quantity.SCALE + 3)
+    answers = [places[r] if scale else -1 for r, scale in zip(driven.tolist(), scales.tolist(), strict=True)]
+    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, np.array(answers))
 
 
 def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -> LatticeRobotResult:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.checks import number
 from taichi_sim.lattice.laws.relief import ground
 from taichi_sim.lattice.stages.relief import CELL, ORIGIN, PER_CELL, SHARED, STEEPNESS, TOP, WIDTH
@@ -63,10 +64,14 @@ class Relief:
         """Height over the floor at places [m], as the simulation has it."""
         return self._below(np.asarray(x, float), np.asarray(y, float))[0]
 
-    def _below(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def height_below(self, x: Any, y: Any) -> Any:
+        """:meth:`height` at places that may be traced."""
+        return self._below(x, y)[0]
+
+    def _below(self, x: Any, y: Any) -> tuple[Any, Any]:
         """Height and third component of the normal at places."""
         found = []
-        for place, start, nodes in zip((x, y), self.origin, self.heights.shape, strict=True):
+        for place, start, nodes in zip((value_of(x), value_of(y)), self.origin, self.heights.shape, strict=True):
             found.append((np.clip(np.floor((place - start) / self.spacing), 0, nodes - 2).astype(int), start))
         (i, _), (j, _) = found
         corners = (start + cell * self.spacing for cell, start in found)

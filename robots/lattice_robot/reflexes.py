@@ -1,0 +1,304 @@
+"""Reflexes: what a lattice robot feels changes how far its muscles swing, while it moves.
+
+Sixteen times in every cycle the robot is read. A network makes of what it feels by how much every muscle shall differ
+from its wave a sixteenth of a cycle later; muscles go there in a straight line. Without weights the robot plays its
+waves, to the bit. All of it has exact derivatives: by weights, by waves, and through what was felt.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Annotated, Any
+
+import numpy as np
+
+from robots.control.cyclic import SEGMENTS, Cycle
+from taichi_sim.autodiff.arrays import trace, value_of
+from taichi_sim.base import checks
+from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.lattice import Decision, Felt, LatticeBody, LatticeProgram, Relief
+
+SENSES = {
+    "strain": "mean strain of the links within every driven region",
+    "touch": "how much of every driven region is on the ground",
+    "tilt": "how far the body leans along x and along y",
+    "velocity": "of the body along x and along y",
+    "light": "at every driven region, by the inverse square of the distance to a light",
+    "clock": "sine and cosine of the time in the cycle",
+}
+STRAIN, TOUCH, SPEED = 0.05, 0.1, 1.0  # for a feeling of 1: strain; edges above the ground, for 1/e; lengths per cycle
+
+
+def _senses(field_name: str, value: Any) -> tuple[str, ...]:
+    if isinstance(value, str) or not value or len(set(value)) < len(value):
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more of {', '.join(SENSES)}, none twice")
+    return tuple(checks.choice(field_name, each, SENSES) for each in value)
+
+
+def _hidden(field_name: str, value: Any) -> tuple[int, ...]:
+    return tuple(checks.whole_number(field_name, each, 1, 1000) for each in value)
+
+
+@dataclass(frozen=True)
+class Reflexes:
+    """What a robot feels, and the network that answers; its weights are free.
+
+    Attributes:
+        senses: names in ``SENSES``.
+        hidden: nodes of hidden layers, whose output is a hyperbolic tangent; none make a linear answer.
+        gain: most by which an answer changes a muscle's scale.
+        limit: of weights, either way.
+        light: place (x, y) of the light, from where the body's centre starts [m].
+        weights: of all layers; None are free.
+
+    Raises:
+        ValueError: for unknown senses, layers without nodes, and a light that no sense sees, or none that one needs.
+    """
+
+    senses: Annotated[tuple[str, ...], _senses] = ("strain", "touch", "tilt", "velocity", "clock")
+    hidden: Annotated[tuple[int, ...], _hidden] = ()
+    gain: checks.NotNegative = 0.1
+    limit: checks.NotNegative = 2.0
+    light: tuple[float, float] | None = None
+    weights: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        checks.check_fields(self)
+        if self.weights is not None:
+            given = tuple(checks.number("weights", each) for each in self.weights)
+            object.__setattr__(self, "weights", given)
+        if ("light" in self.senses) != (self.light is not None):
+            told = "is not allowed without the sense" if self.light else "is needed by the sense"
+            raise ValueError(f"light: {self.light} {told} light; give both, or neither")
+
+    @property
+    def spoken(self) -> str:
+        """Such as ``"feels strain and clock, 8 hidden nodes"``."""
+        *others, last = self.senses
+        senses = f"{', '.join(others)} and {last}" if others else last
+        hidden = f", {', '.join(map(str, self.hidden))} hidden nodes" if self.hidden else ""
+        return f"feels {senses}{hidden}"
+
+    def width(self, regions: int) -> int:
+        """How many numbers are felt of a body with so many driven regions."""
+        each = {"strain": regions, "touch": regions, "light": regions, "tilt": 2, "velocity": 2, "clock": 2}
+        return sum(each[name] for name in self.senses)
+
+    def shapes(self, regions: int) -> list[tuple[int, int]]:
+        """Shapes of the layers' weights, with a column for the bias."""
+        sizes = [self.width(regions), *self.hidden, regions]
+        return [(after, before + 1) for before, after in pairwise(sizes)]
+
+    def weight_count(self, regions: int) -> int:
+        """How many weights there are, K."""
+        return sum(rows * columns for rows, columns in self.shapes(regions))
+
+    def check(self, regions: int) -> None:
+        """Refuse weights that do not fit a body with so many driven regions, or none to drive.
+
+        Raises:
+            ValueError: that tells how many there are, and should be.
+        """
+        if not regions:
+            raise ValueError("reflexes: no drive changes a scale; give a Drive of a region's scale")
+        if self.weights is not None and len(self.weights) != (count := self.weight_count(regions)):
+            raise ValueError(f"weights: {len(self.weights)} are not allowed; give {count}")
+
+    def answer(self, weights: Any, felt: Any, regions: int) -> Any:
+        """What the network makes of what B robots feel, shape (B, width), with weights (B, K): shape (B, regions)."""
+        value, first = felt, 0
+        shapes = self.shapes(regions)
+        for number, (rows, columns) in enumerate(shapes):
+            layer = weights[:, first : first + rows * columns].reshape(len(felt), rows, columns)
+            value = (layer[:, :, :-1] * value[:, None, :]).sum(axis=2) + layer[:, :, -1]
+            value = np.tanh(value) if number < len(shapes) - 1 else value
+            first += rows * columns
+        return self.gain * np.tanh(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Feeling:
+    """The reflexes of B robots of a batch.
+
+    Attributes:
+        reflexes: of all.
+        weights: shape (B, K).
+        regions: that are driven, R of them, in the order of answers.
+        answers: which answer moves each channel, -1 for none, shape (C,).
+    """
+
+    reflexes: Reflexes
+    weights: Floats
+    regions: tuple[int, ...]
+    answers: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """What senses know of the body.
+
+    Attributes:
+        members: which voxels are in each driven region, as shares that add up to 1, shape (R, V).
+        links: which links are within each, likewise, shape (R, L).
+        edge: of a voxel [m].
+        length: in which speeds are told [m].
+        ground: uneven ground below, or None.
+        origin: mean of the voxel centres before noise, shape (3,).
+    """
+
+    members: Floats
+    links: Floats
+    edge: float
+    length: float
+    ground: Relief | None
+    origin: Floats
+
+    @classmethod
+    def of(cls, body: LatticeBody, regions: Sequence[int], length: float, ground: Relief | None) -> "Anatomy":
+        """The anatomy of a body that is driven in some regions."""
+        every, ends = np.asarray(body.regions), body.topology.links
+        members = np.array([every == region for region in regions], float)
+        within = np.array([(every[ends] == region).all(axis=1) for region in regions], float).reshape(-1, len(ends))
+        return cls(
+            members / members.sum(axis=1, keepdims=True),
+            within / np.maximum(within.sum(axis=1, keepdims=True), 1.0),
+            body.voxel_size,
+            length,
+            ground,
+            body.start_positions.mean(axis=0),
+        )
+
+    def clearance(self, positions: Any) -> Any:
+        """Height of voxel centres above where they would touch the ground [edges], shape (B, V)."""
+        x, y, z = positions[:, :, 0], positions[:, :, 1], positions[:, :, 2]
+        height = 0.0 if self.ground is None else self.ground.height_below(x, y)
+        return (z - height) / self.edge
+
+
+def felt_by(reflexes: Reflexes, anatomy: Anatomy, phase: float, per_reading: float, before: Any, now: Any) -> Any:
+    """What robots feel, shape (B, width); arrays may be traced.
+
+    Args:
+        reflexes: senses.
+        anatomy: of the body.
+        phase: of the cycle, 0 to 1.
+        per_reading: cycles since the reading before.
+        before: mean of the voxel centres at that reading, shape (B, 3).
+        now: positions (B, V, 3), orientations (B, V, 4) and strains (B, L).
+    """
+    positions, orientations, strains = now
+    batch, found = len(positions), list[Any]()
+    for name in reflexes.senses:
+        if name == "strain":
+            found.append((strains[:, None, :] * anatomy.links).sum(axis=2) / STRAIN)
+        elif name == "touch":
+            above = anatomy.clearance(positions)
+            near = np.exp(-np.where(value_of(above) > 0, above, 0.0 * above) / TOUCH)
+            found.append((near[:, None, :] * anatomy.members).sum(axis=2))
+        elif name == "tilt":
+            w, x, y, z = (orientations[:, :, part].mean(axis=1) for part in range(4))
+            found += [(2 * (x * z + w * y))[:, None], (2 * (y * z - w * x))[:, None]]
+        elif name == "velocity":
+            gone = (positions.mean(axis=1) - before)[:, :2]
+            found.append(gone / (anatomy.length * per_reading * SPEED))
+        elif name == "light":
+            found.append(_light(reflexes, anatomy, positions))
+        else:
+            angle = 2 * np.pi * phase
+            found.append(np.broadcast_to([np.sin(angle), np.cos(angle)], (batch, 2)))
+    return np.concatenate(found, axis=1)
+
+
+def _light(reflexes: Reflexes, anatomy: Anatomy, positions: Any) -> Any:
+    """Brightness at the middle of every driven region: 1 at the light, 1/2 a length away from it."""
+    assert reflexes.light is not None
+    total = 0.0
+    for axis, place in enumerate(reflexes.light):
+        middle = (positions[:, None, :, axis] * anatomy.members).sum(axis=2)
+        total = total + ((middle - (anatomy.origin[axis] + place)) / anatomy.length) ** 2
+    return 1.0 / (1.0 + total)
+
+
+class ReflexLoop:
+    """The reflexes of B robots in a run: decides how their muscles go on, and takes derivatives back.
+
+    Attributes:
+        by_weights: derivatives of a cost by the weights, shape (B, K), once all decisions were taken back.
+        by_swing: by what waves add to the channels at the nodes of a cycle, shape (B, C, 16).
+    """
+
+    def __init__(
+        self, feeling: Feeling, anatomy: Anatomy, cycle: Cycle, rest: Floats, swing: Floats, first: Floats
+    ) -> None:
+        """Set up.
+
+        Args:
+            feeling: of the robots.
+            anatomy: of the body.
+            cycle: when what happens.
+            rest, swing: what channels hold without waves, shape (B, C), and what waves add, shape (B, C, 16).
+            first: mean of the voxel centres at the start, shape (B, 3).
+        """
+        self.reflexes, self.weights, self.anatomy, self.cycle = feeling.reflexes, feeling.weights, anatomy, cycle
+        self.rest, self.swing, self.first = rest, swing, first
+        self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
+        self.decisions: Sequence[Decision] = []
+        self.keeps = False  # what was felt, for derivatives
+        self.begin()
+
+    def plan(self, program: LatticeProgram) -> LatticeProgram:
+        """The program with a reading just before each piece of a cycle but the first."""
+        cycle, slots = self.cycle, program.snapshots.shape[1]
+        batch, channels = self.swing.shape[:2]
+        pieces, size = (cycle.cycles + 1) * SEGMENTS, batch * channels
+        base = len(program.events) - pieces * size
+        steps = [cycle.begin + piece * cycle.segment - 1 for piece in range(1, pieces)]
+        self.decisions = [
+            Decision(step, slots + number, base + (number + 1) * size + np.arange(size))
+            for number, step in enumerate(steps)
+        ]
+        more = np.tile(np.array(steps, program.snapshots.dtype), (batch, 1))
+        return LatticeProgram(program.lengths, program.events, np.concatenate([program.snapshots, more], axis=1))
+
+    def begin(self) -> None:
+        """Forget what was felt and decided."""
+        self._at, self._before = self.swing[:, :, 1], self.first
+        self._given: dict[int, tuple[Floats, ...]] = {}
+        self.by_weights, self.by_swing = np.zeros(self.weights.shape), np.zeros(self.swing.shape)
+        self._by_at, self._by_before = np.zeros(self._at.shape), np.zeros(self.first.shape)
+
+    def _step(self, number: int, *arrays: Any) -> Any:
+        """Value and rate of the channels, where they go, and the middle of the body, from all that these depend on."""
+        weights, wave, at, before, *now = arrays
+        cycle = self.cycle
+        phase, apart = ((number + 1) % SEGMENTS) / SEGMENTS, 1 / SEGMENTS
+        felt = felt_by(self.reflexes, self.anatomy, phase, apart, before, now)
+        answer = self.reflexes.answer(weights, felt, len(self.moves))
+        onwards = wave + (answer[:, :, None] * self.moves).sum(axis=1)
+        return self.rest + at, (onwards - at) / cycle.segment, onwards, now[0].mean(axis=1)
+
+    def decide(self, number: int, felt: Felt) -> tuple[Floats, Floats]:
+        """Value and rate of every channel in the next piece of the cycle."""
+        if number == 0:
+            self.begin()
+        wave = self.swing[:, :, (number + 2) % SEGMENTS]
+        now = [np.nan_to_num(each) for each in (felt.positions, felt.orientations, felt.strains)]
+        given = (self.weights, wave, self._at, self._before, *now)
+        if self.keeps:
+            self._given[number] = given
+        values, rates, self._at, self._before = self._step(number, *given)
+        return values.ravel(), rates.ravel()
+
+    def pull_back(self, number: int, values: Floats, rates: Floats) -> Felt:
+        """Derivatives by what was felt, from those by the values and rates."""
+        if number == len(self.decisions) - 1:
+            self.by_weights[:], self.by_swing[:], self._by_at[:], self._by_before[:] = 0, 0, 0, 0
+        shape = self.swing.shape[:2]
+        seeds = values.reshape(shape), rates.reshape(shape), self._by_at, self._by_before
+        _, way = trace(lambda *arrays: self._step(number, *arrays), *self._given[number])
+        by_weights, by_wave, self._by_at, self._by_before, *felt = way(*seeds)
+        self.by_weights += by_weights
+        self.by_swing[:, :, (number + 2) % SEGMENTS] += by_wave
+        if number == 0:
+            self.by_swing[:, :, 1] += self._by_at
+        return Felt(*felt)

@@ -1,0 +1,151 @@
+"""Robots that feel: senses, answers, and derivatives through both."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from robots.lattice_robot import Drive, Free, LatticeRobot, differentiate, load_robot, save_robot, simulate
+from robots.lattice_robot.record import robot_of_record
+from robots.lattice_robot.reflexes import SENSES, Anatomy, Reflexes, felt_by
+from robots.world import Terrain
+from taichi_sim.lattice import Material, Relief, body_from_array
+
+SOFT = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, collision_damping=0.5)
+EVERY = tuple(SENSES)
+
+
+def legs(reflexes=None, **settings) -> LatticeRobot:
+    """Eighteen voxels in three muscles, without symmetry."""
+    regions = np.arange(18).reshape(6, 3, 1) % 3
+    array = np.ones((6, 3, 1), int)
+    array[5, 2, 0] = 0
+    body = body_from_array(array, SOFT, 0.01, regions=regions)
+    drive = Drive("legs", (0, 1, 2), amplitude=Free(0, 0.2, 0.1), phase=(0.1, 0.4, Free(0, 1, 0.8)))
+    given = {"cycles": 1, "settling": 0.05, "frequency": 4.0, **settings}
+    return LatticeRobot(body, (drive,), reflexes=reflexes, **given)
+
+
+def weighted(robot: LatticeRobot, seed: int = 1) -> np.ndarray:
+    """A point with random weights."""
+    point = robot.start.copy()
+    weights = [n for n, name in enumerate(robot.free) if name.startswith("reflex")]
+    point[weights] = np.random.default_rng(seed).normal(size=len(weights)) * 0.8
+    return point
+
+
+@pytest.mark.kernels
+def test_without_weights_a_robot_plays_its_waves():
+    """To the bit."""
+    plain, feeling = simulate(legs()), simulate(legs(Reflexes(EVERY[:4], hidden=(3,))))
+    assert plain.distance[0] == feeling.distance[0] and plain.steps[0] == feeling.steps[0]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("ground", [None, "rough:0.004,0.03"])
+@pytest.mark.parametrize("hidden", [(), (4,)])
+def test_the_gradient_is_that_of_central_differences(ground, hidden):
+    """By weights, waves and a modulus, through every sense, on a slope, with contact, over thousands of steps."""
+    robot = legs(Reflexes(EVERY, hidden, light=(0.1, 0.03)), moduli={0: Free(8e4, 1.2e5)})
+    terrain, point = Terrain(2.0, ground=ground), weighted(robot)
+    found = differentiate(robot, point[None], terrain, threads=1)
+    assert found.steps[0] > 2000
+    rng = np.random.default_rng(0)
+    span = np.array([free.high - free.low for free in robot.free.values()])
+    directions = rng.normal(size=(6, len(point))) * span
+    directions[:2, : -robot.weights_of(point[None]).shape[1] - 1] = 0  # weights alone
+    errors = []
+    for step in (1e-7, 1e-8, 1e-9):  # feet stick and slip: larger ones meet jumps
+        run = simulate(robot, point + step * np.concatenate([directions, -directions]), terrain, threads=2)
+        expected = (run.distance[:6] - run.distance[6:]) / (2 * step)
+        errors.append(np.abs(directions @ found.gradient[0] - expected) / np.abs(expected))
+    assert np.min(errors, axis=0).max() < 1e-4, errors
+    assert found.distance[0] == simulate(robot, point[None], terrain, threads=1).distance[0]
+
+
+@pytest.mark.kernels
+def test_reflexes_matter_and_robots_of_a_batch_have_their_own():
+    """Each does what it does alone."""
+    robot = legs(Reflexes(("strain", "tilt"), gain=0.2))
+    points = np.stack([robot.start, weighted(robot, 1), weighted(robot, 2)])
+    together = simulate(robot, points).distance
+    assert np.ptp(together) > 1e-5
+    assert np.array_equal(together, [simulate(robot, point[None]).distance[0] for point in points])
+
+
+def test_a_design_is_written_and_read(tmp_path):
+    """Its weights are fixed then; nothing is free of it."""
+    robot = legs(Reflexes(("light", "clock"), (2,), light=(0.2, 0.0)))
+    again = robot_of_record(json.loads(json.dumps(robot.describe())))
+    assert again.reflexes == robot.reflexes and list(again.free) == list(robot.free)
+    point = weighted(robot)
+    robot.save(point, tmp_path / "best.json")
+    best = load_robot(tmp_path / "best.json")
+    assert not best.free and best.reflexes.weights == tuple(robot.weights_of(point[None])[0])
+    save_robot(legs(), tmp_path / "plain.json")
+    assert "reflexes" not in json.loads((tmp_path / "plain.json").read_text())
+    assert ("Reflexes", "feels light and clock, 2 hidden nodes") in robot.facts()
+
+
+def felt(name: str, positions=None, turned=None, strains=None, ground=None, before=None, light=None):
+    """What a robot feels by one sense."""
+    robot = legs()
+    at = robot.body.start_positions[None] if positions is None else positions
+    quaternions = np.tile([1.0, 0, 0, 0], (1, at.shape[1], 1)) if turned is None else turned
+    links = len(robot.body.topology.links)
+    now = at, quaternions, np.zeros((1, links)) if strains is None else strains
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, ground)
+    before = at.mean(axis=1) if before is None else before
+    return felt_by(Reflexes((name,), light=light), anatomy, 0.25, 0.5, before, now)[0]
+
+
+def test_senses_feel_what_they_say():
+    """Touch, tilt, velocity, light and the clock, by hand."""
+    robot = legs()
+    start = robot.body.start_positions[None]
+    assert felt("touch") == pytest.approx([1, 1, 1])
+    assert felt("touch", start + np.array([0, 0, 0.001])) == pytest.approx(np.exp([-1, -1, -1]))
+    raised = Relief(np.full((2, 2), 0.02), 10.0, (-5.0, -5.0))
+    assert felt("touch", start + np.array([0, 0, 0.021]), ground=raised) == pytest.approx(np.exp([-1, -1, -1]))
+    lean = np.tile([np.cos(0.1), 0, np.sin(0.1), 0], (1, start.shape[1], 1))  # 0.2 rad about y
+    assert felt("tilt", turned=lean) == pytest.approx([np.sin(0.2), 0])
+    assert felt("velocity", before=start.mean(axis=1) - np.array([0.03, 0, 0])) == pytest.approx(
+        [0.03 / robot.length / 0.5, 0]
+    )
+    bright = felt("light", light=(10 * robot.length, 0.0))
+    assert bright == pytest.approx([1 / 101] * 3, rel=0.2) and np.ptp(bright) > 0
+    assert felt("clock") == pytest.approx([1, 0], abs=1e-12)
+    assert felt("strain") == pytest.approx([0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Reflexes(("smell",)), "senses: 'smell'"),
+        (lambda: Reflexes(()), r"senses: \(\) is not allowed; give one or more of strain"),
+        (lambda: Reflexes(("tilt", "tilt")), "senses: .* none twice"),
+        (lambda: Reflexes(("tilt",), (0,)), "hidden: 0"),
+        (lambda: Reflexes(("tilt",), gain=-1.0), "gain: -1"),
+        (lambda: Reflexes(("light",)), "light: None is needed by the sense light"),
+        (lambda: Reflexes(("tilt",), light=(1.0, 0.0)), "light: .* is not allowed without the sense light"),
+        (lambda: legs(Reflexes(("tilt",), weights=(1.0, 2.0))), "weights: 2 are not allowed; give 9"),
+        (lambda: legs(Reflexes(("tilt",), weights=(np.nan,) * 9)), "weights: nan"),
+        (
+            lambda: dataclasses.replace(legs(), drives=(Drive("rub", (0,), "friction"),), reflexes=Reflexes()),
+            "reflexes: no drive",
+        ),
+    ],
+)
+def test_bad_input(make, message):
+    """One line each."""
+    with pytest.raises(ValueError, match="^" + message):
+        make()
+
+
+def test_reflexes_have_no_table_for_a_rig():
+    """They decide while the robot moves."""
+    robot = legs(Reflexes(("tilt",)))
+    assert not robot.exportable and legs().exportable
+    with pytest.raises(ValueError, match=r"^robot: one with reflexes has no table of channels"):
+        robot.table()
