@@ -114,14 +114,14 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
         found["flat body"] = {0.0: _walk(folder, settings, threads, share)}
     gaits = {f"{name} {slope:g}°": (design, slope) for name, each in found.items() for slope, design in each.items()}
     gaits |= {f"{name} {s:g}°": (design, s) for name, design in HAND_MADE.items() for s in settings.slopes}
-    (folder / "gaits").mkdir(exist_ok=True)
-    for name, (design, _) in gaits.items():
-        save_design(design, folder / "gaits" / f"{_file(name)}.json")
     steepest = max(settings.slopes)
     gaits |= {
         f"robust {steepest:g}° on {steepest + more:g}°": (found["robust"][steepest], steepest + more)
         for more in settings.steeper
     }
+    (folder / "gaits").mkdir(exist_ok=True)
+    for name, (design, _) in gaits.items():
+        save_design(design, folder / "gaits" / f"{_file(name)}.json")
     judged = {
         name: (load_design(folder / "gaits" / f"{_file(name)}.json"), slope) for name, (_, slope) in gaits.items()
     }

@@ -1,0 +1,63 @@
+"""Gaits for a real floor: waves, and what the study writes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from optim.experiments.tables import read_records
+from optim.studies.beyond import robust_gaits
+from optim.studies.beyond.robust_gaits import RobustGaits, study, waves
+from robots.inflatable.design import load_design
+
+
+def test_waves_are_all_necklaces_once():
+    """Of 8 columns with 1 to 4 full ones there are 1 + 4 + 7 + 10."""
+    found = waves(4)
+    assert [sum(sum(wave) == full for wave in found) for full in (1, 2, 3, 4)] == [1, 4, 7, 10]
+    turned = {min(wave[i:] + wave[:i] for i in range(8)) for wave in found}
+    assert len(turned) == len(found) == 22
+
+
+def test_settings_are_checked():
+    """In one line."""
+    for bad, message in (
+        ({"slopes": ()}, "slopes: "),
+        ({"slopes": (0.0, 0.0)}, "slopes: "),
+        ({"floor": "ice"}, "floor: 'ice'"),
+        ({"most_full": 9}, "most_full: 9"),
+    ):
+        with pytest.raises(ValueError, match="^" + message):
+            RobustGaits(**bad)
+
+
+@pytest.mark.long
+@pytest.mark.kernels
+def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
+    """A second call computes nothing again."""
+    settings = RobustGaits(
+        (0.0,),
+        geometry="small",
+        draws=2,
+        held_out=2,
+        most_full=1,
+        steeper=(3.0,),
+        steps=4000,
+        warm_up=0,
+        budget=1e4,
+        population=3,
+        precision="f32",
+    )
+    study(tmp_path, settings, threads=2)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    names = [row["gait"] for row in summary["rows"]]
+    assert names == ["robust 0°", "nominal 0°", "flat body 0°", "inching 0°", "rolling 0°", "robust 0° on 3°"]
+    assert all(row["n"] == 2 and row["worst"] <= row["mean"] for row in summary["rows"])
+    draws = read_records(tmp_path / "draws.csv")
+    assert len(draws) == 6 * 3 and np.isfinite([row["speed"] for row in draws]).all()
+    assert load_design(tmp_path / "gaits" / "flat-body-0.json").pressure == 0
+    table = (tmp_path / "table.md").read_text()
+    monkeypatch.setattr(robust_gaits, "judge", None)
+    monkeypatch.setattr(robust_gaits, "InflatableRobot", None)
+    study(tmp_path, settings, threads=2)
+    assert (tmp_path / "table.md").read_text() == table
