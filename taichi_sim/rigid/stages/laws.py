@@ -84,6 +84,26 @@ def contact_work(*values: Any) -> Any:
 
 
 @primitive
+def uneven_contact_work(*values: Any) -> Any:
+    """:func:`contact_work` of a point on uneven ground: where it is, that is a plane of the normal n.
+
+    Values: rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6); then normal
+    impulse, multiplier, strength of friction, push-out rate, drifting, n (3).
+    """
+    rotation, place, drift, offset, (radius,), base, y, z = _cut(values, 9, 3, 3, 3, 1, 3, 6, 6)
+    impulse, multiplier, strength, push_out, drifting, *normal = values[34:]
+    axes = spatial.tangents(normal)
+    at = spatial.plus(place, spatial.turned(rotation, offset))
+    depth = radius - spatial.dot(spatial.plus(base, at), normal)  # but for the height of the plane, a constant
+    lowest = [x - radius * n for x, n in zip(at, normal, strict=True)]
+    moving = spatial.plus(y[3:], spatial.cross(y[:3], lowest))
+    other = spatial.plus(z[3:], spatial.cross(z[:3], lowest))
+    sliding = spatial.minus_times(moving, drift, push_out) if drifting else moving
+    pushed = impulse * spatial.dot(other, normal) + multiplier * (push_out * depth - spatial.dot(moving, normal))
+    return pushed - strength * spatial.dot(spatial.along(axes, sliding), spatial.along(axes, other))
+
+
+@primitive
 def hinged_place(*values: Any) -> tuple[Any, ...]:
     """Rotation (9), place (3) and screw (6) of a hinged body.
 
