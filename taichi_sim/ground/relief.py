@@ -79,6 +79,12 @@ class Relief:
         height, nz = self._below(x, y)
         return float((height + 0.5 * edge * (1 / nz - 1) - z).max())
 
+    def rise_of_balls(self, centres: Any, radii: Any) -> float:
+        """How far balls at these centres, shape (N, 3), must rise to stand on it, touching [m]; negative above it."""
+        x, y, z = np.asarray(centres, float).T
+        height, nz = self._below(x, y)
+        return float((height + np.asarray(radii, float) / nz - z).max())
+
     def widened(self, x: int, y: int) -> "Relief":
         """The same ground with so many nodes, those beyond the present ones as at the edge."""
         if self.heights.shape == (x, y):

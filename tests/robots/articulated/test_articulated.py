@@ -10,8 +10,9 @@ from articulated_files import CART as URDF
 from articulated_files import CRAWLER
 
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
-from robots.articulated.simulation import centre_slopes, centres, rhythm
+from robots.articulated.simulation import GROUND, _balls, centre_slopes, centres, relief_under, rhythm, standing
 from robots.robot import KINDS, Place, find_robot, load_design, make_robot
+from robots.world import Terrain
 from taichi_sim.rigid import RigidEngine
 
 QUICK = {"duration": 0.4, "friction": math.inf}
@@ -194,3 +195,47 @@ def test_bad_input_is_told_in_one_line(make, message):
     with pytest.raises(ValueError) as raised:
         make()
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+UNEVEN = Terrain(ground="rough:0.02,0.2")
+
+
+@pytest.mark.kernels
+def test_it_stands_on_uneven_ground_and_walks_there():
+    """As far above it as its file has it above the floor, and never in it."""
+    robot = crawler(friction=None)
+    tree = robot.model.tree
+    relief = relief_under(robot, UNEVEN)
+    start = standing(RigidEngine(tree, robot.world).rest(), tree, relief)
+    centres, radii = _balls(tree)
+    gap = (centres - radii[:, None] * [0, 0, 1])[:, 2].min()
+    raised = start.position - np.array(tree.ordered[0][0].position)
+    assert relief.rise_of_balls(centres + raised, radii) == pytest.approx(-gap)
+    points = some_points(robot, 2)
+    level, uneven = (simulate(robot, points, terrain=world, **HERE) for world in (GROUND, UNEVEN))
+    assert (uneven.status == "ok").all() and np.abs(uneven.distance - level.distance).max() > 1e-4
+    flat = simulate(robot, points, terrain=Terrain(ground="rough:0"), **HERE)
+    assert np.array_equal(flat.distance, level.distance)
+
+
+@pytest.mark.kernels
+def test_derivatives_on_uneven_ground_agree_with_differences():
+    robot = crawler()
+    points = some_points(robot, 1, seed=2)
+    found = differentiate(robot, points, terrain=UNEVEN, **HERE).gradient[0]
+    direction = np.random.default_rng(3).normal(size=points.shape[1])
+    step = 1e-6
+    around = points + step * np.array([[1.0], [-1.0]]) * direction
+    ahead, behind = simulate(robot, around, terrain=UNEVEN, **HERE).distance
+    assert found @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
+
+
+def test_terrains_by_name():
+    kind = KINDS["articulated"]
+    assert kind.chosen_world({"terrain": UNEVEN}) == kind.world(UNEVEN.name) == kind.world_of(UNEVEN.name) == UNEVEN
+    assert kind.world("flat") == kind.chosen_world({"terrain": Terrain()}) == GROUND
+    for terrain in (Terrain(5.0), Terrain.water(), Terrain(ground="rough:0.01", high_friction=1.0)):
+        with pytest.raises(ValueError, match=r"^terrain: .* is not allowed for an articulated robot; give"):
+            kind.chosen_world({"terrain": terrain})
+    with pytest.raises(ValueError, match=r"^terrain: rough:0\.02,0\.2 is not allowed beside --world"):
+        kind.chosen_world({"terrain": UNEVEN, "world": "ground"})
