@@ -30,10 +30,10 @@ def level(height: float = 0.0) -> Relief:
     return Relief(np.full((2, 2), height), 1.0, (-0.5, -0.5))
 
 
-def walker(height: float = 0.0) -> Tree:
+def walker(height: float = 0.0, radius: float = 0.06) -> Tree:
     """A trunk with a leg before and behind, one a ball, the other a capsule."""
     trunk = Body("trunk", (0.0, 0.0, 0.3 + height), 2.0, [Box((0.4, 0.2, 0.1))])
-    front = Body("front", (0.25, 0.0, 0.09 + height), 0.3, [Sphere(0.06)])
+    front = Body("front", (0.25, 0.0, 0.09 + height), 0.3, [Sphere(radius)])
     back = Body("back", (-0.25, 0.0, 0.08 + height), 0.3, [Capsule(0.05, 0.2, (0.0, 1.0, 0.0))])
     motor = Motor(4.0, 3.0, -5.0)
     hinges = [
@@ -156,6 +156,19 @@ def test_gradients_agree_with_differences(part, integration):
         high, low = np.split(cost(shifted), 2)
         errors.append(np.linalg.norm(found - (high - low) / (2 * step)) / np.linalg.norm(found))
     assert min(errors) < 1e-6, errors
+
+
+def test_gradients_by_a_size_agree_with_differences():
+    """Of a foot's radius, which decides where it touches the ground."""
+    aim, radius, step = np.array([[1.0, -0.5, 2.0]]), 0.06, 1e-7
+
+    def engine(size: float) -> RigidEngine:
+        return RigidEngine(walker(0.01, size), World(0.005), ground=rough(), precision="f64", threads=1)
+
+    tape = engine(radius).record(150, commands=swinging(150), hold=10)
+    (found,) = tape.pull_back(position=aim).by_design(lambda size: walker(0.01, size), radius)
+    high, low = (engine(radius + x).run(150, commands=swinging(150), hold=10).position @ aim[0] for x in (step, -step))
+    assert found == pytest.approx((high - low)[0] / (2 * step), rel=1e-6)
 
 
 def energy(engine: RigidEngine, done) -> float:
