@@ -1,6 +1,6 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -11,7 +11,7 @@ from robots.robot import Place, Progress, Trial, World
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.rigid import RigidEngine, RigidResult, State, Tree, poses
+from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
 from taichi_sim.rigid.pose import rotation_matrix
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     points, tree = robot.points(points), robot.model.tree
     relief = relief_under(robot, trial.world)
     engine = RigidEngine(tree, robot.world, robot.senses, robot.network, ground=relief, **trial.compute.options)
-    start = None if relief is None else standing(engine.rest(), tree, relief)
+    start = None if relief is None else engine.standing()
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     runs, slopes = [], []
@@ -138,23 +138,9 @@ def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
     terrain = on_ground(world)
     if not isinstance(terrain, Terrain) or terrain.ground is None:
         return None
-    centres, radii = _balls(robot.model.tree)
+    centres, radii = robot.model.tree.balls()
     length = float(np.ptp(centres, axis=0).max() + 2 * radii.max())
     return Ground(terrain.ground).relief(robot.heading, 2 * length / FINENESS)
-
-
-def standing(rest: State, tree: Tree, relief: "Relief") -> State:
-    """A robot at rest, raised so that it is as far above uneven ground as its file has it above the floor."""
-    centres, radii = _balls(tree)
-    rise = relief.rise_of_balls(centres, radii) - float((radii - centres[:, 2]).max())
-    return replace(rest, position=rest.position + np.array([0.0, 0.0, rise]))
-
-
-def _balls(tree: Tree) -> tuple[Floats, Floats]:
-    """Centres (N, 3) and radii (N,) of what may touch the ground, at rest [m]; those of bodies for want of any."""
-    found = [(np.add(tree.ordered[n][0].position, centre), radius) for n, centre, radius in tree.points()]
-    found = found or [(np.array(body.position, float), 0.0) for body in tree.bodies]
-    return np.array([centre for centre, _ in found]), np.array([radius for _, radius in found])
 
 
 def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, object]:

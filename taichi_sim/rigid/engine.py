@@ -1,7 +1,7 @@
 """``RigidEngine``: batches of articulated robots on ground."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Unpack
 
 import numpy as np
@@ -64,7 +64,9 @@ class RigidEngine:
         if not self.trees:
             raise ValueError("trees: an empty list is not allowed; give at least one tree")
         self.world, self.senses, self.network = world or World(), senses or Senses(), network or Network()
-        self.compute, self.width, self._ground = Compute.given(compute), width, self._tables_of(ground)
+        self.compute, self.width = Compute.given(compute), width
+        self._reliefs = [] if ground is None else [ground] if isinstance(ground, Relief) else list(ground)
+        self._ground = None if ground is None else self._tables()
         first = plan_of(self.tree, self.senses)
         for n, tree in enumerate(self.trees[1:], 1):
             if tree.fixed != self.tree.fixed or not np.array_equal(first, plan_of(tree, self.senses)):
@@ -80,22 +82,36 @@ class RigidEngine:
         """The first tree, whose structure all have."""
         return self.trees[0]
 
-    def _tables_of(self, ground: Relief | Sequence[Relief] | None) -> GroundTables | None:
-        """Tables of uneven ground, if it is given."""
-        if ground is None:
-            return None
-        reliefs = [ground] if isinstance(ground, Relief) else list(ground)
-        if not reliefs:
+    def _tables(self) -> GroundTables:
+        """Tables of uneven ground."""
+        if not self._reliefs:
             raise ValueError("ground: an empty list is not allowed; give at least one relief, or None")
-        if np.isinf(self.world.friction) and any(relief.friction is not None for relief in reliefs):
+        if np.isinf(self.world.friction) and any(relief.friction is not None for relief in self._reliefs):
             raise ValueError("ground: factors of friction are not allowed with infinite friction; give a coefficient")
-        return ground_tables("ground", reliefs)
+        return ground_tables("ground", self._reliefs)
 
     def rest(self) -> State:
         """All robots as their trees describe them, at rest."""
         count, none = len(self.trees), np.zeros((len(self.trees), len(self.tree.hinges)))
         position = np.array([tree.ordered[0][0].position for tree in self.trees], float)
         return State(position, np.tile([1.0, 0, 0, 0], (count, 1)), none, np.zeros((count, 6)), none)
+
+    def standing(self) -> State:
+        """All robots at rest, each as far above its uneven ground as its tree has it above the plane z = 0.
+
+        Raises:
+            ValueError: for another number of trees than of reliefs, both more than one.
+        """
+        rest, counts = self.rest(), {len(self.trees), max(1, len(self._reliefs))}
+        batch = max(counts)
+        if counts - {1, batch}:
+            raise ValueError(f"ground: {len(self._reliefs)} reliefs for {len(self.trees)} trees; give one, or one each")
+        names = [each.name for each in fields(rest)]
+        every = {name: np.resize(values := getattr(rest, name), (batch, values.shape[1])) for name in names}
+        for n, relief in enumerate(self._reliefs * (batch // max(1, len(self._reliefs)))):
+            centres, radii = self.trees[n % len(self.trees)].balls()
+            every["position"][n, 2] += relief.rise_of_balls(centres, radii) - (radii - centres[:, 2]).max()
+        return State(**every)
 
     @runtime.exclusive
     def run(

@@ -10,7 +10,7 @@ from articulated_files import CART as URDF
 from articulated_files import CRAWLER
 
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
-from robots.articulated.simulation import GROUND, _balls, centre_slopes, centres, relief_under, rhythm, standing
+from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
 from robots.robot import KINDS, Place, find_robot, load_design, make_robot
 from robots.world import Terrain
 from taichi_sim.rigid import RigidEngine
@@ -206,8 +206,8 @@ def test_it_stands_on_uneven_ground_and_walks_there():
     robot = crawler(friction=None)
     tree = robot.model.tree
     relief = relief_under(robot, UNEVEN)
-    start = standing(RigidEngine(tree, robot.world).rest(), tree, relief)
-    centres, radii = _balls(tree)
+    start = RigidEngine(tree, robot.world, ground=relief).standing()
+    centres, radii = tree.balls()
     gap = (centres - radii[:, None] * [0, 0, 1])[:, 2].min()
     raised = start.position - np.array(tree.ordered[0][0].position)
     assert relief.rise_of_balls(centres + raised, radii) == pytest.approx(-gap)

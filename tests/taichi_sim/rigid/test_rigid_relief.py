@@ -198,6 +198,21 @@ def test_robots_of_a_batch_stand_on_ground_of_their_own():
     assert np.array_equal(walk(grounds, 0.02).position, alone)
 
 
+def test_robots_stand_on_their_ground():
+    """Each as far above it as above the plane z = 0, whose bits it has without."""
+    grounds = [Relief(np.full((2, 2), 0.125), 0.05), rough(1), rough(2)]
+    engine = RigidEngine(walker(0.01), ground=grounds)
+    start, tree = engine.standing(), engine.tree
+    centres, radii = tree.balls()
+    for place, ground in zip(start.position, grounds, strict=True):
+        moved = centres + place - np.array(tree.ordered[0][0].position)
+        assert ground.rise_of_balls(moved, radii) == pytest.approx(-0.04)
+    assert np.array_equal(RigidEngine(walker()).standing().position, RigidEngine(walker()).rest().position)
+    assert RigidEngine([walker(), walker(0.1)], ground=rough()).standing().rates.shape == (2, 2)
+    with pytest.raises(ValueError, match=r"^ground: 3 reliefs for 2 trees"):
+        RigidEngine([walker()] * 2, ground=grounds).standing()
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
