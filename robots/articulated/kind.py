@@ -45,7 +45,7 @@ class ArticulatedKind(RobotKind):
     @property
     def world_options(self) -> tuple[Option, ...]:
         """A world by its name; terrains by the option that other kinds have, too."""
-        told = "uneven ground, such as rough:0.01; the same as --world (default: level ground)"
+        told = "a slope or uneven ground, such as hill:5 or rough:0.01; the same as --world (default: level)"
         return (*super().world_options, Option("terrain", told, checked(Terrain.parse), "TERRAIN"))
 
     def chosen_world(self, options: Mapping[str, Any]) -> World | None:
@@ -62,7 +62,7 @@ class ArticulatedKind(RobotKind):
         return self.world(terrain)
 
     def world(self, text: Any) -> World:
-        """Level or uneven ground by its name."""
+        """Ground by its name."""
         from robots.articulated.simulation import GROUND, on_ground
 
         known = {GROUND.name: GROUND}

@@ -1,6 +1,7 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.ground import Ground
 from robots.robot import Place, Progress, Trial, World
 from robots.world import Terrain, terrain_of
+from taichi_sim import rigid
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
@@ -94,7 +96,8 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
     relief = relief_under(robot, trial.world)
-    engine = RigidEngine(tree, robot.world, robot.senses, robot.network, ground=relief, **trial.compute.options)
+    physics = tilted(robot, trial.world)
+    engine = RigidEngine(tree, physics, robot.senses, robot.network, ground=relief, **trial.compute.options)
     start = None if relief is None else engine.standing()
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
@@ -117,7 +120,7 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
 
 
 def on_ground(world: World) -> World:
-    """A world that robots of this kind can be in: level or uneven ground.
+    """A world that robots of this kind can be in: ground that is level, tilted or uneven.
 
     Raises:
         ValueError: for worlds of other kinds, and terrains that are more than ground.
@@ -125,12 +128,22 @@ def on_ground(world: World) -> World:
     if world in (GROUND, Terrain()):
         return GROUND
     terrain = terrain_of(world)
-    if terrain != Terrain(ground=terrain.ground):
+    if terrain != Terrain(terrain.slope, ground=terrain.ground):
         raise ValueError(
-            f"terrain: {terrain.where!r} is not allowed for an articulated robot; give uneven ground alone, such as "
-            "rough:0.01 or ramp:5, and friction by the robot"
+            f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope or uneven ground, "
+            "such as hill:5 or rough:0.01, and friction by the robot"
         )
     return terrain
+
+
+def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
+    """The physics of a robot on ground that rises along its heading; the robot is turned with it."""
+    slope = world.slope if isinstance(world, Terrain) else 0.0
+    if slope == 0:
+        return robot.world
+    angle, down = math.radians(slope), robot.world.gravity
+    x, y, _ = down * math.sin(angle) * robot.direction
+    return replace(robot.world, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
 
 
 def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":

@@ -256,4 +256,4 @@ class RigidEngine:
         ground = push_out, world.time_step / world.slip, min(world.friction, ENDLESS), COMPLIANCE[real.precision]
         neurons = network.memory, network.gain, *network.touch_values
         rest = 0 if self.tree.fixed else 1, TOLERANCE[real.precision]
-        return np.array([world.time_step, world.gravity, *ground, *neurons, *rest], scalar)
+        return np.array([world.time_step, *ground, *neurons, *rest, *world.gravity_across, world.gravity], scalar)

@@ -130,6 +130,12 @@ def setting(robots: Block, place: int) -> Any:
 
 
 @primitive
+def gravity_of(robots: Block) -> tuple[Any, ...]:
+    """Gravity along x, y and z [m/s^2]."""
+    return tuple(setting(robots, slots.GRAVITY + i) for i in range(3))
+
+
+@primitive
 def count_of(robots: Block, place: int) -> Any:
     """A count of the plan, or the first slot of a section."""
     return element(robots.plan, place)

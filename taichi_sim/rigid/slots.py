@@ -16,9 +16,10 @@ BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGH
 POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(29, 35)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
-# reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world.
-TIME_STEP, GRAVITY, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(6)
-MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE = range(6, 12)
+# reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world;
+# GRAVITY is the first of three.
+TIME_STEP, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(5)
+MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE, GRAVITY = range(5, 12)
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.

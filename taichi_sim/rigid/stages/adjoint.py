@@ -18,6 +18,7 @@ from taichi_sim.rigid.memory import (
     column,
     gather,
     given_at,
+    gravity_of,
     is_hinged,
     listed_point,
     parent_at,
@@ -159,14 +160,15 @@ def contact_slopes(robots: Block, point: Any, inputs: Reals, constants: Reals, o
 @ti.func
 def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count, rows):
     """Reverse the solution: cotangents of bodies' places, what they carry, and hinges' wanted rates."""
-    h, weight = setting(robots, slots.TIME_STEP), setting(robots, slots.GRAVITY)
-    push_out = setting(robots, slots.PUSH_OUT)
+    h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
+    gravity = ti.static(gravity_of(robots))
     one = 0.0 * read(robots, slots.POSITION) + 1.0
     for b in range(robots.plan[slots.BODIES]):
         body = body_at(robots, b)
         pieces = ti.static(body_slots(robots, b) + ((body + slots.VELOCITY, 6),))
         inputs = ti.static(gather(robots, pieces) + row(motion, body + slots.VELOCITY, 6))
-        to = ti.static(pull_back(laws.work, inputs, (h, weight, push_out, robots.drifting), (one,)))
+        constants = ti.static((h,) + gravity + (push_out, robots.drifting))
+        to = ti.static(pull_back(laws.work, inputs, constants, (one,)))
         scatter(cotangents, pieces, to[:34], (CARRIED,))  # velocities: those of y and z as functions of the screws
         put(cotangents, body + slots.MOMENTUM, to[34:])
     for n in range(count):

@@ -230,11 +230,25 @@ def test_derivatives_on_uneven_ground_agree_with_differences():
     assert found @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
 
 
+@pytest.mark.kernels
+def test_a_hill_is_a_ramp_that_it_is_turned_with():
+    """Downhill it goes farther than up, as it does on a ramp."""
+    robot = crawler(friction=0.3, heading=30.0)
+    points = some_points(robot, 2)
+    found = {
+        name: simulate(robot, points, terrain=KINDS["articulated"].world(name), **HERE).distance
+        for name in ("hill:0", "flat", "hill:20", "hill:-20", "ramp:20,-1", "ramp:-20,-1")
+    }
+    assert np.array_equal(found["hill:0"], found["flat"])
+    assert (found["hill:-20"] > found["flat"]).all() and (found["flat"] > found["hill:20"]).all()
+
+
 def test_terrains_by_name():
     kind = KINDS["articulated"]
     assert kind.chosen_world({"terrain": UNEVEN}) == kind.world(UNEVEN.name) == kind.world_of(UNEVEN.name) == UNEVEN
     assert kind.world("flat") == kind.chosen_world({"terrain": Terrain()}) == GROUND
-    for terrain in (Terrain(5.0), Terrain.water(), Terrain(ground="rough:0.01", high_friction=1.0)):
+    assert kind.world("hill:5+rough:0.02,0.2") == Terrain(5.0, ground=UNEVEN.ground)
+    for terrain in (Terrain(5.0, high_friction=1.0), Terrain.water(), Terrain(ground="rough:0.01", high_friction=1.0)):
         with pytest.raises(ValueError, match=r"^terrain: .* is not allowed for an articulated robot; give"):
             kind.chosen_world({"terrain": terrain})
     with pytest.raises(ValueError, match=r"^terrain: rough:0\.02,0\.2 is not allowed beside --world"):
