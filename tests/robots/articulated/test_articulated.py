@@ -219,14 +219,15 @@ def test_it_stands_on_uneven_ground_and_walks_there():
 
 
 @pytest.mark.kernels
-def test_derivatives_on_uneven_ground_agree_with_differences():
+@pytest.mark.parametrize("terrain", [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground)], ids=lambda t: t.name)
+def test_derivatives_on_terrains_agree_with_differences(terrain):
     robot = crawler()
     points = some_points(robot, 1, seed=2)
-    found = differentiate(robot, points, terrain=UNEVEN, **HERE).gradient[0]
+    found = differentiate(robot, points, terrain=terrain, **HERE).gradient[0]
     direction = np.random.default_rng(3).normal(size=points.shape[1])
     step = 1e-6
     around = points + step * np.array([[1.0], [-1.0]]) * direction
-    ahead, behind = simulate(robot, around, terrain=UNEVEN, **HERE).distance
+    ahead, behind = simulate(robot, around, terrain=terrain, **HERE).distance
     assert found @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
 
 
