@@ -155,7 +155,7 @@ class Ground:
         return numbers
 
     def relief(self, heading: float, edge: float) -> "Relief":
-        """The ground around a robot of voxels of an edge [m] that heads somewhere [degrees from x towards y].
+        """The ground around a robot that heads somewhere [degrees from x towards y], on a grid of half an edge [m].
 
         Raises:
             ValueError: for ground that is too steep on a grid of half an edge, and files that are no heights.

@@ -1,4 +1,4 @@
-"""Articulated robots from MJCF and URDF files, walking on flat ground by rhythms or by networks of their own."""
+"""Articulated robots from MJCF and URDF files, on level or uneven ground, moved by rhythms or by networks."""
 
 from typing import TYPE_CHECKING
 

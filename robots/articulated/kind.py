@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robots.robot import Option, Robot, RobotKind, World
-from taichi_sim.base import checks
+from robots.world import Terrain
 from taichi_sim.base.options import checked, number, numbers
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
@@ -42,12 +42,31 @@ class ArticulatedKind(RobotKind):
             raise ValueError("robot: an articulated robot is made of a file; give it, such as ant.xml or arm.urdf")
         return load_robot(source, **options)
 
-    def world(self, text: str) -> World:
-        """The only one there is."""
-        from robots.articulated.simulation import GROUND
+    @property
+    def world_options(self) -> tuple[Option, ...]:
+        """A world by its name; terrains by the option that other kinds have, too."""
+        told = "a slope or uneven ground, such as hill:5 or rough:0.01; the same as --world (default: level)"
+        return (*super().world_options, Option("terrain", told, checked(Terrain.parse), "TERRAIN"))
 
-        checks.choice(self.world_option, text, (GROUND.name,))
-        return GROUND
+    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
+        """The world of either option.
+
+        Raises:
+            ValueError: for both of them.
+        """
+        terrain = options.get("terrain")
+        if terrain is None:
+            return super().chosen_world(options)
+        if options.get("world") is not None:
+            raise ValueError(f"terrain: {terrain.name} is not allowed beside --world; give one of them")
+        return self.world(terrain)
+
+    def world(self, text: Any) -> World:
+        """Ground by its name."""
+        from robots.articulated.simulation import GROUND, on_ground
+
+        known = {GROUND.name: GROUND}
+        return on_ground(known.get(text) or Terrain.parse(text) if isinstance(text, str) else text)
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Files of MuJoCo and of ROS."""

@@ -31,7 +31,7 @@ LONGEST = 3600.0  # s
 
 @dataclass(frozen=True, eq=False)
 class ArticulatedRobot(Robot):
-    """A robot of an MJCF or URDF file, a tree of hinges on flat ground, and what commands its drives.
+    """A robot of an MJCF or URDF file, a tree of hinges on ground, and what commands its drives.
 
     A command from -1 to 1 means a drive's whole range: an angle or a rate, as the file says. By a rhythm it is
 

@@ -1,12 +1,16 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.robot import Place, Progress, Trial
+from robots.ground import Ground
+from robots.robot import Place, Progress, Trial, World
+from robots.world import Terrain, terrain_of
+from taichi_sim import rigid
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
@@ -14,8 +18,10 @@ from taichi_sim.rigid.pose import rotation_matrix
 
 if TYPE_CHECKING:
     from robots.articulated.robot import ArticulatedRobot
+    from taichi_sim.ground import Relief
 
 GROUND = Place("ground")
+FINENESS = 50  # nodes of uneven ground along a robot
 PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
@@ -46,6 +52,7 @@ def simulate(
     robot: "ArticulatedRobot",
     points: ArrayLike,
     *,
+    terrain: World = GROUND,
     record_every: int | None = None,
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
@@ -55,6 +62,7 @@ def simulate(
     Args:
         robot: the robot.
         points: values of its parameters, (N, P).
+        terrain: ``GROUND``, or a ``Terrain`` with uneven ground.
         record_every: time steps between frames; None for none.
         progress: called with the fraction done.
         **compute: device, precision and threads, as of :class:`Compute`.
@@ -62,13 +70,14 @@ def simulate(
     Raises:
         ValueError: for what is not allowed.
     """
-    return try_points(robot, points, Trial(GROUND, Compute.given(compute), record_every, progress))
+    return try_points(robot, points, Trial(terrain, Compute.given(compute), record_every, progress))
 
 
 def differentiate(
     robot: "ArticulatedRobot",
     points: ArrayLike,
     *,
+    terrain: World = GROUND,
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> ArticulatedResult:
@@ -79,19 +88,23 @@ def differentiate(
     Raises:
         ValueError: for what is not allowed, Coulomb friction included: it has no derivatives here.
     """
-    return try_points(robot, points, Trial(GROUND, Compute.given(compute), None, progress, gradients=("distance",)))
+    trial = Trial(terrain, Compute.given(compute), None, progress, gradients=("distance",))
+    return try_points(robot, points, trial)
 
 
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
-    engine = RigidEngine(tree, robot.world, robot.senses, robot.network, **trial.compute.options)
+    relief = relief_under(robot, trial.world)
+    physics = tilted(robot, trial.world)
+    engine = RigidEngine(tree, physics, robot.senses, robot.network, ground=relief, **trial.compute.options)
+    start = None if relief is None else engine.standing()
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     runs, slopes = [], []
     for first in range(0, len(points), at_once):
         some = points[first : first + at_once]
-        driven: Any = _driven(robot, some)
+        driven: Any = {**_driven(robot, some), "start": start}
         if trial.gradients:
             tape = engine.record(robot.steps, **driven)
             of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
@@ -104,6 +117,43 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
         if trial.progress:
             trial.progress((first + len(some)) / len(points))
     return _result(robot, runs, np.concatenate(slopes) if slopes else None)
+
+
+def on_ground(world: World) -> World:
+    """A world that robots of this kind can be in: ground that is level, tilted or uneven.
+
+    Raises:
+        ValueError: for worlds of other kinds, and terrains that are more than ground.
+    """
+    if world in (GROUND, Terrain()):
+        return GROUND
+    terrain = terrain_of(world)
+    if terrain != Terrain(terrain.slope, ground=terrain.ground):
+        raise ValueError(
+            f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope or uneven ground, "
+            "such as hill:5 or rough:0.01, and friction by the robot"
+        )
+    return terrain
+
+
+def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
+    """The physics of a robot on ground that rises along its heading; the robot is turned with it."""
+    slope = world.slope if isinstance(world, Terrain) else 0.0
+    if slope == 0:
+        return robot.world
+    angle, down = math.radians(slope), robot.world.gravity
+    x, y, _ = down * math.sin(angle) * robot.direction
+    return replace(robot.world, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
+
+
+def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
+    """The uneven ground around a robot, whose x axis is its heading; None for the level floor."""
+    terrain = on_ground(world)
+    if not isinstance(terrain, Terrain) or terrain.ground is None:
+        return None
+    centres, radii = robot.model.tree.balls()
+    length = float(np.ptp(centres, axis=0).max() + 2 * radii.max())
+    return Ground(terrain.ground).relief(robot.heading, 2 * length / FINENESS)
 
 
 def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, object]:

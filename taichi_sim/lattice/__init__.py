@@ -1,5 +1,6 @@
 """The beam lattice: soft bodies of voxels joined by beams, after Voxelyze (Hiller & Lipson 2014)."""
 
+from taichi_sim.ground.relief import Relief
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 from taichi_sim.lattice.feedback import Decision, Feedback, Felt
@@ -7,7 +8,6 @@ from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.gradient import LatticeGradient, Tape
 from taichi_sim.lattice.materials import Material
 from taichi_sim.lattice.program import LatticeProgram, ProgramBuilder, Quantity
-from taichi_sim.lattice.relief import Relief
 
 __all__ = [
     "Decision",

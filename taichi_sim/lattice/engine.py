@@ -9,6 +9,7 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.ground.relief import GroundTables, Relief, ground_tables
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.drivers.driver import Driver, Run
 from taichi_sim.lattice.drivers.packed import PackedDriver
@@ -16,7 +17,6 @@ from taichi_sim.lattice.drivers.stepped import SteppedDriver
 from taichi_sim.lattice.feedback import Course, Feedback, check_feedback
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.program import LatticeProgram
-from taichi_sim.lattice.relief import GroundTables, Relief, ground_tables
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, build_tables, pack_program
 
@@ -170,7 +170,7 @@ class LatticeEngine:
             raise ValueError(f"floor: {len(reliefs)} reliefs for a batch of {self.batch}; give one, or one per robot")
         if fluid:
             raise ValueError("floor: uneven ground is not allowed in a fluid; leave one of them out")
-        return ground_tables(reliefs)
+        return ground_tables("floor", reliefs)
 
     @staticmethod
     def _check_bodies(bodies: list[LatticeBody], batch: int) -> None:

@@ -1,4 +1,4 @@
-"""Articulated rigid bodies on flat ground, in batches."""
+"""Articulated rigid bodies on ground, level or uneven, in batches."""
 
 from taichi_sim.rigid.engine import RigidEngine
 from taichi_sim.rigid.model.settings import Network, World

@@ -1,6 +1,7 @@
-"""``RigidEngine``: batches of articulated robots on flat ground."""
+"""``RigidEngine``: batches of articulated robots on ground."""
 
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from typing import Unpack
 
 import numpy as np
@@ -11,6 +12,7 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import numbers
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.ground.relief import GroundTables, Relief, ground_tables
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.model.settings import Network, World
@@ -38,6 +40,8 @@ class RigidEngine:
         world: ground, gravity and time.
         senses: what they sense.
         network: how neurons turn that into commands.
+        ground: uneven ground instead of the plane z = 0, one for all robots, or one for each robot; only with a
+            coefficient of friction do its factors of friction count, and only there are they allowed.
         width: robots side by side on a CPU, 1, 2, 4, 8, 16 or 32; results do not depend on it.
         **compute: precision (default ``"f64"``), device and threads, as of :class:`Compute`.
 
@@ -52,6 +56,7 @@ class RigidEngine:
         senses: Senses | None = None,
         network: Network | None = None,
         *,
+        ground: Relief | Sequence[Relief] | None = None,
         width: int | None = None,
         **compute: Unpack[ComputeOptions],
     ) -> None:
@@ -60,6 +65,8 @@ class RigidEngine:
             raise ValueError("trees: an empty list is not allowed; give at least one tree")
         self.world, self.senses, self.network = world or World(), senses or Senses(), network or Network()
         self.compute, self.width = Compute.given(compute), width
+        self._reliefs = [] if ground is None else [ground] if isinstance(ground, Relief) else list(ground)
+        self._ground = None if ground is None else self._tables()
         first = plan_of(self.tree, self.senses)
         for n, tree in enumerate(self.trees[1:], 1):
             if tree.fixed != self.tree.fixed or not np.array_equal(first, plan_of(tree, self.senses)):
@@ -75,11 +82,36 @@ class RigidEngine:
         """The first tree, whose structure all have."""
         return self.trees[0]
 
+    def _tables(self) -> GroundTables:
+        """Tables of uneven ground."""
+        if not self._reliefs:
+            raise ValueError("ground: an empty list is not allowed; give at least one relief, or None")
+        if np.isinf(self.world.friction) and any(relief.friction is not None for relief in self._reliefs):
+            raise ValueError("ground: factors of friction are not allowed with infinite friction; give a coefficient")
+        return ground_tables("ground", self._reliefs)
+
     def rest(self) -> State:
         """All robots as their trees describe them, at rest."""
         count, none = len(self.trees), np.zeros((len(self.trees), len(self.tree.hinges)))
         position = np.array([tree.ordered[0][0].position for tree in self.trees], float)
         return State(position, np.tile([1.0, 0, 0, 0], (count, 1)), none, np.zeros((count, 6)), none)
+
+    def standing(self) -> State:
+        """All robots at rest, each as far above its uneven ground as its tree has it above the plane z = 0.
+
+        Raises:
+            ValueError: for another number of trees than of reliefs, both more than one.
+        """
+        rest, counts = self.rest(), {len(self.trees), max(1, len(self._reliefs))}
+        batch = max(counts)
+        if counts - {1, batch}:
+            raise ValueError(f"ground: {len(self._reliefs)} reliefs for {len(self.trees)} trees; give one, or one each")
+        names = [each.name for each in fields(rest)]
+        every = {name: np.resize(values := getattr(rest, name), (batch, values.shape[1])) for name in names}
+        for n, relief in enumerate(self._reliefs * (batch // max(1, len(self._reliefs)))):
+            centres, radii = self.trees[n % len(self.trees)].balls()
+            every["position"][n, 2] += relief.rise_of_balls(centres, radii) - (radii - centres[:, 2]).max()
+        return State(**every)
 
     @runtime.exclusive
     def run(
@@ -176,15 +208,17 @@ class RigidEngine:
         threads = runtime.start(self.compute).thread_count
         plan = plan_of(self.tree, self.senses, given["commands"].shape[1])
         plan[[slots.HOLD, slots.STEPS, slots.EVERY, slots.FRAMES]] = hold, steps, every, steps // every + 1
+        if self._ground is not None:
+            plan[[slots.CELLS_X, slots.CELLS_Y]] = self._ground.counts
         plan[slots.PHASES] = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES
         on_cpu, precision = self.compute.device == "cpu", self.compute.precision
         width = NATIVE_WIDTH[precision] if self.width is None else self.width
         real = Real(precision, width if on_cpu else 1)
         at_once = real.width * BLOCKS_AT_ONCE * threads if on_cpu else ROBOTS_AT_ONCE
         settings = self._settings(real)
-        return Run(
-            self.trees, self.world, given, self._numbers, settings, plan, real, self.compute, at_once, start is None
-        )
+        described = start is None
+        run = Run(self.trees, self.world, given, self._numbers, settings, plan, real, self.compute, at_once, described)
+        return replace(run, ground=self._ground)
 
     def _given(
         self, weights: Floats | None, commands: Floats | None, lights: Floats | None, start: State
@@ -204,6 +238,7 @@ class RigidEngine:
         shapes = {"position": 3, "orientation": 4, "angles": hinges, "velocity": 6, "rates": hinges}
         found |= {name: numbers(name, getattr(start, name), "B", size) for name, size in shapes.items()}
         rows = {**{name: len(values) for name, values in found.items()}, "trees": len(self.trees)}
+        rows["ground"] = 1 if self._ground is None else len(self._ground.grid)
         batch = max(rows.values())
         for name, count in rows.items():
             if count not in (1, batch):
@@ -221,4 +256,4 @@ class RigidEngine:
         ground = push_out, world.time_step / world.slip, min(world.friction, ENDLESS), COMPLIANCE[real.precision]
         neurons = network.memory, network.gain, *network.touch_values
         rest = 0 if self.tree.fixed else 1, TOLERANCE[real.precision]
-        return np.array([world.time_step, world.gravity, *ground, *neurons, *rest], scalar)
+        return np.array([world.time_step, *ground, *neurons, *rest, *world.gravity_across, world.gravity], scalar)

@@ -8,8 +8,9 @@ from functools import lru_cache
 from typing import Any
 
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.rigid import slots
-from taichi_sim.rigid.memory import Block, copy_slots, restore_state, start_of
+from taichi_sim.rigid.memory import Block, Uneven, copy_slots, restore_state, start_of
 from taichi_sim.rigid.stages import adjoint
 from taichi_sim.rigid.stages.motion import move_bodies
 from taichi_sim.rigid.stages.step import observe, quarantine, respond
@@ -23,21 +24,38 @@ def _types(real: Real, lanes: bool) -> tuple[Any, Any, Any, Any]:
     return memory, ints1, ints2, ti.types.ndarray(dtype=real.scalar, ndim=1)
 
 
+@primitive
+def _ground(relief: Any, grid: Any, real: Real, uneven: bool) -> Uneven | None:
+    """What kernels know of uneven ground; level ground has arrays of no meaning."""
+    return Uneven(relief, grid, real.width) if uneven else None
+
+
 @lru_cache
-def rollout_kernel(real: Real, grain: int, drifting: bool, recording: bool, taping: bool) -> Any:
+def rollout_kernel(real: Real, grain: int, drifting: bool, uneven: bool, recording: bool, taping: bool) -> Any:
     """The kernel that runs robots to the end, for one kind of real."""
     lanes = grain > 1
     reals, ints, lists, numbers = _types(real, lanes)
 
     @ti.kernel
-    def run(blocks: ti.i32, m: reals, frames: reals, tape: reals, plan: ints, listed: lists, settings: numbers):
+    def run(
+        blocks: ti.i32,
+        m: reals,
+        frames: reals,
+        tape: reals,
+        plan: ints,
+        listed: lists,
+        settings: numbers,
+        relief: numbers,
+        grid: ints,
+    ):
         for i in range(grain * blocks):
             if i % grain == 0:
                 block = i // grain
                 k = start_of(block, plan[slots.SLOTS], lanes)
                 at = start_of(block, plan[slots.FRAME_WIDTH] * plan[slots.FRAMES], lanes)
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
-                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting))
+                ground = ti.static(_ground(relief, grid, real, uneven))
+                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground))
                 for t in range(plan[slots.STEPS] + 1):
                     if ti.static(taping):
                         copy_slots(robots, slots.STATE, slots.KEPT, tape, kept, t * plan[slots.KEPT])
@@ -55,21 +73,33 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, recording: bool, tapi
 
 
 @lru_cache
-def gradient_kernel(real: Real, grain: int, drifting: bool) -> Any:
+def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool) -> Any:
     """The kernel that goes back through a rollout: every step again from the tape, then reversed."""
     lanes = grain > 1
     reals, ints, lists, numbers = _types(real, lanes)
 
     @ti.kernel
-    def run(blocks: ti.i32, m: reals, a: reals, g: reals, tape: reals, plan: ints, listed: lists, settings: numbers):
+    def run(
+        blocks: ti.i32,
+        m: reals,
+        a: reals,
+        g: reals,
+        tape: reals,
+        plan: ints,
+        listed: lists,
+        settings: numbers,
+        relief: numbers,
+        grid: ints,
+    ):
         for i in range(grain * blocks):
             if i % grain == 0:
                 block = i // grain
                 k = start_of(block, plan[slots.SLOTS], lanes)
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
-                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting))
-                motion = ti.static(Block(a, k, block, plan, listed, settings, False))
-                cotangents = ti.static(Block(g, k, block, plan, listed, settings, drifting))
+                ground = ti.static(_ground(relief, grid, real, uneven))
+                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground))
+                motion = ti.static(Block(a, k, block, plan, listed, settings, False, ground))
+                cotangents = ti.static(Block(g, k, block, plan, listed, settings, drifting, ground))
                 for back in range(plan[slots.STEPS] + 1):
                     t = plan[slots.STEPS] - back
                     restore_state(robots, tape, kept, t * plan[slots.KEPT])

@@ -5,10 +5,25 @@ from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import load, store
 from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.ground.cells import PER_CELL, cell_of, cells_of
 from taichi_sim.rigid import slots
 from taichi_sim.runtime import element, emit, ti
 
 Pieces = tuple[tuple[Any, int], ...]  # first slots of runs of slots, and their lengths
+
+
+class Uneven(NamedTuple):
+    """Uneven ground under the robots of a kernel.
+
+    Attributes:
+        relief: the grids, see ``ground.cells``.
+        grid: where that of each robot begins.
+        width: robots side by side in a real.
+    """
+
+    relief: Any
+    grid: Any
+    width: int
 
 
 class Block(NamedTuple):
@@ -22,6 +37,7 @@ class Block(NamedTuple):
         listed: points that touch the ground in any robot of the block, (blocks, points).
         settings: numbers of the run, see ``slots.TIME_STEP`` and so on.
         drifting: whether bodies carry velocities and may drift off their hinges; else they carry momenta.
+        ground: uneven ground, or None.
     """
 
     m: Any
@@ -31,6 +47,12 @@ class Block(NamedTuple):
     listed: Any
     settings: Any
     drifting: bool
+    ground: Uneven | None = None
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the ground is uneven."""
+        return self.ground is not None
 
 
 @primitive
@@ -108,6 +130,12 @@ def setting(robots: Block, place: int) -> Any:
 
 
 @primitive
+def gravity_of(robots: Block) -> tuple[Any, ...]:
+    """Gravity along x, y and z [m/s^2]."""
+    return tuple(setting(robots, slots.GRAVITY + i) for i in range(3))
+
+
+@primitive
 def count_of(robots: Block, place: int) -> Any:
     """A count of the plan, or the first slot of a section."""
     return element(robots.plan, place)
@@ -172,6 +200,23 @@ def listed_at(robots: Block, n: Any) -> Any:
 def hinge_on_path(robots: Block, b: Any, d: Any) -> Any:
     """The hinged body number d on the way from the base to a body."""
     return listed_in_plan(robots, slots.PATHS, b * count_of(robots, slots.DEPTH) + d)
+
+
+@primitive
+def cell_under(robots: Block, x: Any, y: Any) -> tuple[Any, ...]:
+    """First corner (2) and table (10) of the cells of uneven ground at places."""
+    assert robots.ground is not None
+    relief, grid, width = robots.ground
+    counts = count_of(robots, slots.CELLS_X), count_of(robots, slots.CELLS_Y)
+    firsts = [emit(element(grid, emit(robots.number * width + i))) for i in range(width)]
+    return cell_of(x, y, firsts[0], relief, counts) if width == 1 else cells_of(x, y, firsts, relief, counts)
+
+
+@primitive
+def per_cell(robots: Block) -> Any:
+    """Inverse width of a cell of uneven ground [1/m]."""
+    assert robots.ground is not None
+    return emit(element(robots.ground.relief, PER_CELL))
 
 
 @ti.func

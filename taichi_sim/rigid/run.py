@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute
+from taichi_sim.ground.relief import GroundTables
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.kernels import gradient_kernel, rollout_kernel
 from taichi_sim.rigid.model.settings import World
@@ -37,6 +38,7 @@ class Run:
         compute: where the run is computed.
         at_once: robots of a part.
         described: whether robots start as their trees describe them.
+        ground: grids of uneven ground, of all robots or of each; None for the level floor.
     """
 
     trees: Sequence[Tree]
@@ -49,11 +51,13 @@ class Run:
     compute: Compute
     at_once: int
     described: bool
+    ground: GroundTables | None = None
 
     @property
     def batch(self) -> int:
         """Number of robots."""
-        return max(len(self.trees), *map(len, self.given.values()))
+        grids = 1 if self.ground is None else len(self.ground.grid)
+        return max(len(self.trees), grids, *map(len, self.given.values()))
 
     def parts(self) -> Iterator["Part"]:
         """Robots that run together, ready to start."""
@@ -91,6 +95,12 @@ class Run:
         each = [_of_tree(self.trees[n], row, by_momentum) for n, row in zip(robots, rows, strict=True)]
         carried, places, moving = (np.concatenate(parts) for parts in zip(*each, strict=True))
         return carried, places, moving
+
+    def grids(self, robots: Ints) -> tuple[np.ndarray, NDArray[np.int32]]:
+        """Grids of uneven ground, and where that of each robot begins; of no meaning for the level floor."""
+        if self.ground is None:
+            return np.zeros(1, self.real.numpy), np.zeros(1, np.int32)
+        return self.ground.relief.astype(self.real.numpy, copy=False), _rows(self.ground.grid, robots)
 
     def result(self, found: Floats, frames: Floats | None = None) -> RigidResult:
         """Result of memory, (slots, B), and of what was recorded, (numbers, B)."""
@@ -135,8 +145,8 @@ class Part:
         self.memory = self.store(int(self._plan[slots.SLOTS]))
         self.memory.write(run.memory(self.padded))
         listed = np.zeros((self._blocks, max(1, int(self._plan[slots.POINTS]))), np.int32)
-        self._kind = run.real, GRAIN if self._on_cpu else 1, run.world.integration == "velocity"
-        self._shared = self._plan, listed, run.settings
+        self._kind = run.real, GRAIN if self._on_cpu else 1, run.world.integration == "velocity", run.ground is not None
+        self._shared = self._plan, listed, run.settings, *run.grids(self.padded)
 
     def store(self, count: int) -> Store:
         """Memory for so many slots of each robot."""
@@ -171,7 +181,7 @@ def bodies_of(memory: Floats, plan: NDArray[np.int32]) -> Floats:
     return memory[plan[slots.BODY] : plan[slots.BODY] + width].reshape(plan[slots.BODIES], slots.BODY_WIDTH, -1)
 
 
-def _rows(array: Floats, robots: Ints) -> Floats:
+def _rows(array: np.ndarray, robots: Ints) -> np.ndarray:
     """Rows of some robots, where one row may serve all."""
     return array[robots] if len(array) > 1 else np.repeat(array, len(robots), 0)
 

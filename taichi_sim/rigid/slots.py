@@ -9,16 +9,17 @@ makes the plan.
 # starts from (KEPT of them), and those that are recorded (FRAME_WIDTH). Before these lists, after the places, lie the
 # integers of bodies.
 BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS = range(8)
-HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH = range(8, 15)
+HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH, CELLS_X, CELLS_Y = range(8, 17)
 BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
-    range(15, 27)
+    range(17, 29)
 )
-POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(27, 33)
+POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(29, 35)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
-# reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world.
-TIME_STEP, GRAVITY, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(6)
-MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE = range(6, 12)
+# reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world;
+# GRAVITY is the first of three.
+TIME_STEP, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(5)
+MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE, GRAVITY = range(5, 12)
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
 # steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.
@@ -45,8 +46,9 @@ PARAMETER_WIDTH = 22
 
 # Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
 # its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast
-# it slides without friction; then its hinges' entries.
-AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, SLIDES, HINGES = 0, 3, 4, 6, 7, 13, 14, 15, 16, 17, 18
+# it slides without friction; of uneven ground its normal and factor of friction; then its hinges' entries.
+AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, SLIDES = 0, 3, 4, 6, 7, 13, 14, 15, 16, 17
+NORMAL, ROUGHNESS, HINGES = 18, 21, 22
 POINT_PARAMETER_WIDTH = 4  # offset from the body's centre, radius
 LIGHT_PARAMETER_WIDTH = 3
 

@@ -55,3 +55,13 @@ def test_friction_must_be_a_number_and_low_the_lower():
         Terrain(low_friction=math.nan)
     with pytest.raises(ValueError, match=r"^low_friction: 0.5 is not allowed; .* high_friction, 0.4$"):
         Terrain(high_friction=0.4, low_friction=0.5)
+
+
+@pytest.mark.parametrize("name", ["quadruped", "rover", "vehicle"])
+def test_robots_of_the_studies_refuse_uneven_ground(name):
+    """They are on the planes of the studies; nothing else is ignored silently."""
+    kind = KINDS[name]
+    assert "terrain" not in {option.name for option in (*kind.options, *kind.world_options)}
+    robot = kind.build(None, {})
+    with pytest.raises(ValueError, match=r"^(light|environment): 'rough:0\.01' is not allowed"):
+        robot.simulate(robot.start, Terrain(ground="rough:0.01"))

@@ -77,7 +77,7 @@ class Shared(NamedTuple):
         plan: where sections lie, how many items there are, what is switched on (see ``memory``).
         link, voxel, rest, square, corner, surface, excluded: the integer tables (see ``tables.Tables``).
         start: start positions [m].
-        relief: uneven ground: numbers of all grids, then their cells (see ``stages.relief``).
+        relief: uneven ground: numbers of all grids, then their cells (see ``ground.cells``).
         time_step, edge, gravity: dt [s], edge h of a voxel [m], acceleration along -z [m/s^2].
         medium: what surrounds the robots, known when the kernel is compiled.
         shape: where voxels lie in lanes: what the table of voxels says of them, as reals by pack (see above).

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from taichi_sim.ground.relief import GroundTables
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.laws.enclosure import closed_surface
 from taichi_sim.lattice.laws.fluid import outer_faces
@@ -19,7 +20,6 @@ from taichi_sim.lattice.materials import (
     voxel_constants,
 )
 from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram, Quantity
-from taichi_sim.lattice.relief import GroundTables
 from taichi_sim.lattice.stages import columns, memory
 
 

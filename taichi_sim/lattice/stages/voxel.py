@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, slots_at, store, store_all
 from taichi_sim.autodiff.tracing import primitive, select
+from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.laws import relief as uneven
 from taichi_sim.lattice.stages import columns, memory, relief
 from taichi_sim.lattice.stages.groups import channels_of
 from taichi_sim.lattice.stages.link import beam_slot, rest_slot

@@ -8,10 +8,10 @@ from typing import Any
 
 from taichi_sim.autodiff.lanes import any_lane, consecutive, select_all, slots_at, store_all
 from taichi_sim.autodiff.tracing import primitive, pull_back
+from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.laws import relief as uneven
 from taichi_sim.lattice.stages import columns, memory, relief
 from taichi_sim.lattice.stages import voxel as stage
 from taichi_sim.lattice.stages.undo import after, before, cotangents_of, give, parameters_of, reverse, take_all

@@ -36,6 +36,7 @@ class World:
         integration: ``"momentum"`` carries momenta from step to step and conserves them in free flight;
             ``"velocity"`` carries each body's velocity, adds the gyroscopic moment at the start of the step and lets
             bodies drift off their hinges, as the solver does that the studies of chapters 2 and 3 ran on (ODE).
+        gravity_across: gravity along x and y [m/s^2], of ground that is tilted, whose normal is z.
     """
 
     time_step: Positive = 0.05
@@ -44,6 +45,7 @@ class World:
     friction: Annotated[float, _friction] = math.inf
     error_reduction: Annotated[float, partial(number, low=0.0, high=1.0)] = 0.2
     integration: Literal["momentum", "velocity"] = "momentum"
+    gravity_across: Annotated[tuple[float, float], _two] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         check_fields(self)

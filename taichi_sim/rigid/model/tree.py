@@ -231,3 +231,9 @@ class Tree:
             for shape in body.shapes
             for centre, radius in shape.points()
         ]
+
+    def balls(self) -> tuple[Floats, Floats]:
+        """Centres (N, 3) and radii (N,) of what may touch the ground, at rest [m]; else of the bodies' centres."""
+        found = [(np.add(self.ordered[n][0].position, centre), radius) for n, centre, radius in self.points()]
+        found = found or [(np.array(body.position, float), 0.0) for body in self.bodies]
+        return np.array([centre for centre, _ in found]), np.array([radius for _, radius in found])

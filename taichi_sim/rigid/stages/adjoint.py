@@ -18,6 +18,7 @@ from taichi_sim.rigid.memory import (
     column,
     gather,
     given_at,
+    gravity_of,
     is_hinged,
     listed_point,
     parent_at,
@@ -43,6 +44,7 @@ from taichi_sim.rigid.stages.articulated import assemble, collect, row_impulse, 
 from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_points, solve_members
 from taichi_sim.rigid.stages.control import commanded
 from taichi_sim.rigid.stages.motion import common_motion
+from taichi_sim.rigid.stages.spatial import Reals
 from taichi_sim.runtime import ti
 
 CARRIED, OWN = 3, 4  # pieces of ``body_slots`` and ``moving_slots`` whose cotangents become those before the step
@@ -146,17 +148,27 @@ def solve_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.t
     spread(motion)
 
 
+@primitive
+def contact_slopes(robots: Block, point: Any, inputs: Reals, constants: Reals, one: Any) -> tuple[Any, ...]:
+    """Derivatives of the work of a point that touches the ground, by ``inputs``."""
+    if robots.ground is None:
+        return pull_back(laws.contact_work, inputs, constants, (one,))
+    normal = row(robots, point + slots.NORMAL, 3)
+    return pull_back(laws.uneven_contact_work, inputs, (*constants, *normal), (one,))
+
+
 @ti.func
 def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count, rows):
     """Reverse the solution: cotangents of bodies' places, what they carry, and hinges' wanted rates."""
-    h, weight = setting(robots, slots.TIME_STEP), setting(robots, slots.GRAVITY)
-    push_out = setting(robots, slots.PUSH_OUT)
+    h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
+    gravity = ti.static(gravity_of(robots))
     one = 0.0 * read(robots, slots.POSITION) + 1.0
     for b in range(robots.plan[slots.BODIES]):
         body = body_at(robots, b)
         pieces = ti.static(body_slots(robots, b) + ((body + slots.VELOCITY, 6),))
         inputs = ti.static(gather(robots, pieces) + row(motion, body + slots.VELOCITY, 6))
-        to = ti.static(pull_back(laws.work, inputs, (h, weight, push_out, robots.drifting), (one,)))
+        constants = ti.static((h,) + gravity + (push_out, robots.drifting))
+        to = ti.static(pull_back(laws.work, inputs, constants, (one,)))
         scatter(cotangents, pieces, to[:34], (CARRIED,))  # velocities: those of y and z as functions of the screws
         put(cotangents, body + slots.MOMENTUM, to[34:])
     for n in range(count):
@@ -170,9 +182,9 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
             strength = read(robots, point + slots.RUBS)
         impulse = read(robots, point + slots.IMPULSES + rows)
         constants = ti.static((impulse, multiplier, strength, push_out, robots.drifting))
-        to = ti.static(pull_back(laws.contact_work, inputs, constants, (one,)))
-        scatter(cotangents, pieces, to[:26])
-        add(cotangents, body + slots.MOMENTUM, to[26:])
+        to = ti.static(contact_slopes(robots, point, inputs, constants, one))
+        scatter(cotangents, pieces, to[:-6])
+        add(cotangents, body + slots.MOMENTUM, to[-6:])
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body, parent = body_at(robots, b), parent_at(robots, b)

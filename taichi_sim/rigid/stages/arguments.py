@@ -43,10 +43,14 @@ def shifted_slots(robots: Block, b: Any) -> Pieces:
 
 @primitive
 def contact_slots(robots: Block, b: Any, i: Any) -> Pieces:
-    """Slots for ``contact_work`` before the adjoint motion: pose, drift, the point, the base's height, velocity."""
+    """Slots for ``contact_work`` before the adjoint motion: pose, drift, the point, the base's height, velocity.
+
+    On uneven ground, where the law is another, the base's place instead of its height.
+    """
     body, point = body_at(robots, b), count_of(robots, slots.POINT_PARAMETER) + i * slots.POINT_PARAMETER_WIDTH
     pose = (body + slots.ROTATION, 9), (body + slots.PLACE, 3), (body + slots.DRIFT, 3)
-    return (*pose, (point, slots.POINT_PARAMETER_WIDTH), (slots.POSITION + 2, 1), (body + slots.VELOCITY, 6))
+    base = (slots.POSITION + 2, 1) if robots.ground is None else (slots.POSITION, 3)
+    return (*pose, (point, slots.POINT_PARAMETER_WIDTH), base, (body + slots.VELOCITY, 6))
 
 
 @primitive

@@ -22,6 +22,7 @@ from taichi_sim.rigid.memory import (
     write,
 )
 from taichi_sim.rigid.stages import spatial
+from taichi_sim.rigid.stages.friction import axes_of
 from taichi_sim.runtime import ti
 
 
@@ -41,14 +42,16 @@ def assemble(robots: ti.template(), count, phase, push_out):
             body = body_at(robots, b)
             strength = read(robots, point + slots.RUBS)
             at = ti.static(row(robots, point + slots.AT, 3))
-            added = ti.static(spatial.drag(at, strength))
+            axes = ti.static(axes_of(robots, point))
+            added = ti.static(spatial.drag(at, strength, axes))
             for e in ti.static(range(len(added))):
                 slot = body + slots.ARTICULATED + added[e][0]
                 write(robots, slot, read(robots, slot) + added[e][1])
             if ti.static(robots.drifting):  # its own velocity is that of the tree less the correction of its drift
-                fx = strength * push_out * read(robots, body + slots.DRIFT)
-                fy = strength * push_out * read(robots, body + slots.DRIFT + 1)
-                pull = ti.static((fx, fy, 0.0 * fx))
+                drift = ti.static(spatial.along(axes, row(robots, body + slots.DRIFT, 3)))
+                fx = strength * push_out * drift[0]
+                fy = strength * push_out * drift[1]
+                pull = ti.static(spatial.back_along(axes, fx, fy))
                 impulse = ti.static(spatial.joined(spatial.cross(at, pull), pull))
                 put(robots, body + slots.IMPULSE, spatial.plus(row(robots, body + slots.IMPULSE, 6), impulse))
 

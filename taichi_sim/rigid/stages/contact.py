@@ -8,17 +8,20 @@ from typing import Any
 
 from taichi_sim.autodiff.lanes import any_lane, larger
 from taichi_sim.autodiff.tracing import primitive, select, sqrt
+from taichi_sim.ground import laws as uneven
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
     Block,
     assign,
     body_at,
+    cell_under,
     column,
     count_of,
     hinge_on_path,
     listed_at,
     listed_in_plan,
     listed_point,
+    per_cell,
     point_at,
     put,
     read,
@@ -41,6 +44,13 @@ def entry_at(robots: Block, section: int, n: Any, l: Any) -> Any:
 
 
 @ti.func
+def find_ground(robots: ti.template(), x, y, z, radius):
+    """Depth of a ball in uneven ground, whose plane under its centre it touches; its normal and factor of friction."""
+    height, nx, ny, nz, factor = uneven.ground(x, y, *cell_under(robots, x, y), per_cell(robots))
+    return uneven.penetration(2.0 * radius, 0.0 * radius, z, height, nz), nx, ny, nz, factor
+
+
+@ti.func
 def find_contacts(robots: ti.template()):
     """Depths of all points; lists those that touch in any lane, sets touch sensors, returns their number."""
     touching = setting(robots, slots.TOUCHING)
@@ -52,9 +62,17 @@ def find_contacts(robots: ti.template()):
         arm = ti.static(spatial.turned(row(robots, body + slots.ROTATION, 9), row(robots, given, 3)))
         at = ti.static(spatial.plus(row(robots, body + slots.PLACE, 3), arm))
         radius = read(robots, given + 3)
-        height = read(robots, slots.POSITION + 2) + at[2] + read(robots, body + slots.DRIFT + 2)
-        depth = radius - height
-        put(robots, point + slots.AT, (at[0], at[1], at[2] - radius))
+        depth = radius
+        if ti.static(not robots.uneven):
+            height = read(robots, slots.POSITION + 2) + at[2] + read(robots, body + slots.DRIFT + 2)
+            depth = radius - height
+            put(robots, point + slots.AT, (at[0], at[1], at[2] - radius))
+        else:
+            of_tree = ti.static(spatial.plus(row(robots, slots.POSITION, 3), at))
+            x, y, z = ti.static(spatial.plus(of_tree, row(robots, body + slots.DRIFT, 3)))
+            depth, nx, ny, nz, factor = find_ground(robots, x, y, z, radius)
+            put(robots, point + slots.AT, spatial.minus_times(at, (nx, ny, nz), radius))
+            put(robots, point + slots.NORMAL, (nx, ny, nz, factor))
         write(robots, point + slots.DEEP, depth)
         touches = depth >= 0.0
         for phase in ti.static(range(2)):
@@ -79,7 +97,11 @@ def reduce_points(robots: ti.template(), count, push_out):
         x, y = read(robots, point + slots.AT), read(robots, point + slots.AT + 1)
         zero = 0.0 * x
         left = ti.static(variables(6, zero))
-        assign(left, (y, 0.0 - x, zero, zero, zero, zero + 1.0))
+        if ti.static(not robots.uneven):
+            assign(left, (y, 0.0 - x, zero, zero, zero, zero + 1.0))
+        else:
+            normal = ti.static(row(robots, point + slots.NORMAL, 3))
+            assign(left, spatial.joined(spatial.cross(row(robots, point + slots.AT, 3), normal), normal))
         free = zero
         length = column(robots, b, slots.PATH_LENGTH)
         for back in range(length):
@@ -94,6 +116,9 @@ def reduce_points(robots: ti.template(), count, push_out):
         reduced = ti.static(spatial.forward(row(robots, slots.ROOT, 21), left))
         put(robots, point + slots.ROW, [x * floating for x in reduced])
         deep, drift = read(robots, point + slots.DEEP), read(robots, body_at(robots, b) + slots.DRIFT + 2)
+        if ti.static(robots.uneven):
+            drifted = ti.static(row(robots, body_at(robots, b) + slots.DRIFT, 3))
+            drift = spatial.dot(row(robots, point + slots.NORMAL, 3), drifted)
         write(robots, point + slots.RIGHT, push_out * deep + push_out * drift - free)
 
 

@@ -31,22 +31,22 @@ def prepared(*values: Any) -> list[Any]:
 
     That is what gravity and gyroscopic moments add; the latter at the start of the step, explicitly (ODE 0.12).
 
-    Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3); then time step, weight,
-    correction, drifting.
+    Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3); then time step, gravity
+    (3), correction, drifting.
     """
     (mass,), at_rest, rotation, place, angular, linear, drift = _cut(values, 1, 6, 9, 3, 3, 3, 3)
-    time_step, weight, correction, drifting = values[28:]
+    time_step, *gravity, correction, drifting = values[28:]
     turned = spatial.turned_inertia(rotation, at_rest)
-    falling = time_step * weight * mass
+    falling = [time_step * g * mass for g in gravity]
     if drifting:
         spin = [spatial.dot([turned[i] for i in row], angular) for row in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
         gyroscopic = spatial.cross(angular, spin)
         v = spatial.plus_times(linear, drift, correction)
-        linear = [mass * v[0], mass * v[1], mass * v[2] + falling]
+        linear = [mass * x + added for x, added in zip(v, falling, strict=True)]
         angular = spatial.minus_times(spatial.plus(spatial.cross(place, linear), spin), gyroscopic, time_step)
     else:  # carried are momenta
-        angular = [angular[0] + place[1] * falling, angular[1] - place[0] * falling, angular[2]]
-        linear = [linear[0], linear[1], linear[2] + falling]
+        angular = spatial.plus(angular, spatial.cross(place, falling))
+        linear = spatial.plus(linear, falling)
     return [*spatial.moved_inertia(turned, mass, place), *angular, *linear]
 
 
@@ -55,7 +55,7 @@ def work(*values: Any) -> Any:
     """z . (momentum - inertia y) of a body.
 
     Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3), y (6), z (6); then time step,
-    weight, correction, drifting.
+    gravity (3), correction, drifting.
     """
     own, y, z = _cut(values, 28, 6, 6)
     inertia, momentum = _cut(prepared(*own, *values[40:]), 6, 6)
@@ -81,6 +81,26 @@ def contact_work(*values: Any) -> Any:
         moving = [moving[0] - push_out * drift[0], moving[1] - push_out * drift[1], moving[2]]
     normal = impulse * other[2] + multiplier * (push_out * depth - moving[2])
     return normal - strength * (moving[0] * other[0] + moving[1] * other[1])
+
+
+@primitive
+def uneven_contact_work(*values: Any) -> Any:
+    """:func:`contact_work` of a point on uneven ground: where it is, that is a plane of the normal n.
+
+    Values: rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6); then normal
+    impulse, multiplier, strength of friction, push-out rate, drifting, n (3).
+    """
+    rotation, place, drift, offset, (radius,), base, y, z = _cut(values, 9, 3, 3, 3, 1, 3, 6, 6)
+    impulse, multiplier, strength, push_out, drifting, *normal = values[34:]
+    axes = spatial.tangents(normal)
+    at = spatial.plus(place, spatial.turned(rotation, offset))
+    depth = radius - spatial.dot(spatial.plus(base, at), normal)  # but for the height of the plane, a constant
+    lowest = [x - radius * n for x, n in zip(at, normal, strict=True)]
+    moving = spatial.plus(y[3:], spatial.cross(y[:3], lowest))
+    other = spatial.plus(z[3:], spatial.cross(z[:3], lowest))
+    sliding = spatial.minus_times(moving, drift, push_out) if drifting else moving
+    pushed = impulse * spatial.dot(other, normal) + multiplier * (push_out * depth - spatial.dot(moving, normal))
+    return pushed - strength * spatial.dot(spatial.along(axes, sliding), spatial.along(axes, other))
 
 
 @primitive

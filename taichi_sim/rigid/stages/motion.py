@@ -8,6 +8,7 @@ from taichi_sim.rigid.memory import (
     body_at,
     gather,
     given_at,
+    gravity_of,
     is_hinged,
     put,
     read,
@@ -78,13 +79,13 @@ def shift_moments(robots: ti.template(), sign):
 @ti.func
 def gather_momentum(robots: ti.template()):
     """Inertias about the common point, and the momentum of each body."""
-    h, weight = setting(robots, slots.TIME_STEP), setting(robots, slots.GRAVITY)
-    push_out = setting(robots, slots.PUSH_OUT)
+    h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
+    gravity = ti.static(gravity_of(robots))
     if ti.static(not robots.drifting):
         shift_moments(robots, 1.0)
     for b in range(robots.plan[slots.BODIES]):
         inputs = ti.static(gather(robots, body_slots(robots, b)))
-        put(robots, body_at(robots, b) + slots.INERTIA, laws.prepared(*inputs, h, weight, push_out, robots.drifting))
+        put(robots, body_at(robots, b) + slots.INERTIA, laws.prepared(*inputs, h, *gravity, push_out, robots.drifting))
 
 
 @ti.func

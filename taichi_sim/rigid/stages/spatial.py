@@ -10,9 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from taichi_sim.autodiff.tracing import primitive, sqrt
+from taichi_sim.ground.laws import out_of_plane
 from taichi_sim.runtime import emit
 
 Reals = Sequence[Any]
+Axes = tuple[Reals, Reals] | None  # None for x and y
 
 
 def _at(i: int, j: int) -> int:
@@ -130,14 +132,39 @@ def less_outer(matrix: Reals, v: Reals, factor: Any) -> list[Any]:
 
 
 @primitive
-def drag(place: Reals, strength: Any) -> list[tuple[int, Any]]:
-    """Entries that friction against horizontal motion of a point adds to a spatial matrix: (place, addend)."""
+def drag(place: Reals, strength: Any, axes: Axes = None) -> list[tuple[int, Any]]:
+    """Entries that friction against motion of a point along two axes adds to a spatial matrix: (place, addend)."""
+    if axes is not None:
+        a, b = (joined(cross(place, axis), axis) for axis in axes)
+        sa, sb = ([emit(strength * x) for x in row] for row in (a, b))
+        return [(_at(i, j), emit(sa[i] * a[j] + sb[i] * b[j])) for i in range(6) for j in range(i + 1)]
     x, y, z = place
     sx, sy, sz = emit(strength * x), emit(strength * y), emit(strength * z)
     moments = {(0, 0): sz * z, (1, 1): sz * z, (2, 0): 0.0 - sx * z, (2, 1): 0.0 - sy * z, (2, 2): sx * x + sy * y}
     mixed = {(3, 1): sz, (3, 2): 0.0 - sy, (4, 0): 0.0 - sz, (4, 2): sx}
     entries = moments | mixed | {(3, 3): strength, (4, 4): strength}
     return [(_at(i, j), emit(value)) for (i, j), value in entries.items()]
+
+
+@primitive
+def tangents(n: Reals) -> tuple[Reals, Reals]:
+    """Two unit vectors at right angles to a unit vector and each other: x and y, turned as z is onto it."""
+    zero = emit(0.0 * n[2])
+    one = emit(zero + 1.0)
+    first, second = ([emit(x) for x in out_of_plane(*x_and_y, zero, *n)] for x_and_y in ((one, zero), (zero, one)))
+    return first, second
+
+
+@primitive
+def along(axes: Axes, v: Reals) -> list[Any]:
+    """Components of a vector along two axes."""
+    return [v[0], v[1]] if axes is None else [dot(axis, v) for axis in axes]
+
+
+@primitive
+def back_along(axes: Axes, x: Any, y: Any) -> list[Any]:
+    """The vector that has these components along two axes, and none across them."""
+    return [x, y, 0.0 * x] if axes is None else [emit(a * x + b * y) for a, b in zip(*axes, strict=True)]
 
 
 @primitive

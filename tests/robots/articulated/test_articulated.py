@@ -10,8 +10,9 @@ from articulated_files import CART as URDF
 from articulated_files import CRAWLER
 
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
-from robots.articulated.simulation import centre_slopes, centres, rhythm
+from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
 from robots.robot import KINDS, Place, find_robot, load_design, make_robot
+from robots.world import Terrain
 from taichi_sim.rigid import RigidEngine
 
 QUICK = {"duration": 0.4, "friction": math.inf}
@@ -194,3 +195,62 @@ def test_bad_input_is_told_in_one_line(make, message):
     with pytest.raises(ValueError) as raised:
         make()
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+UNEVEN = Terrain(ground="rough:0.02,0.2")
+
+
+@pytest.mark.kernels
+def test_it_stands_on_uneven_ground_and_walks_there():
+    """As far above it as its file has it above the floor, and never in it."""
+    robot = crawler(friction=None)
+    tree = robot.model.tree
+    relief = relief_under(robot, UNEVEN)
+    start = RigidEngine(tree, robot.world, ground=relief).standing()
+    centres, radii = tree.balls()
+    gap = (centres - radii[:, None] * [0, 0, 1])[:, 2].min()
+    raised = start.position - np.array(tree.ordered[0][0].position)
+    assert relief.rise_of_balls(centres + raised, radii) == pytest.approx(-gap)
+    points = some_points(robot, 2)
+    level, uneven = (simulate(robot, points, terrain=world, **HERE) for world in (GROUND, UNEVEN))
+    assert (uneven.status == "ok").all() and np.abs(uneven.distance - level.distance).max() > 1e-4
+    flat = simulate(robot, points, terrain=Terrain(ground="rough:0"), **HERE)
+    assert np.array_equal(flat.distance, level.distance)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("terrain", [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground)], ids=lambda t: t.name)
+def test_derivatives_on_terrains_agree_with_differences(terrain):
+    robot = crawler()
+    points = some_points(robot, 1, seed=2)
+    found = differentiate(robot, points, terrain=terrain, **HERE).gradient[0]
+    direction = np.random.default_rng(3).normal(size=points.shape[1])
+    step = 1e-6
+    around = points + step * np.array([[1.0], [-1.0]]) * direction
+    ahead, behind = simulate(robot, around, terrain=terrain, **HERE).distance
+    assert found @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
+
+
+@pytest.mark.kernels
+def test_a_hill_is_a_ramp_that_it_is_turned_with():
+    """Downhill it goes farther than up, as it does on a ramp."""
+    robot = crawler(friction=0.3, heading=30.0)
+    points = some_points(robot, 2)
+    found = {
+        name: simulate(robot, points, terrain=KINDS["articulated"].world(name), **HERE).distance
+        for name in ("hill:0", "flat", "hill:20", "hill:-20", "ramp:20,-1", "ramp:-20,-1")
+    }
+    assert np.array_equal(found["hill:0"], found["flat"])
+    assert (found["hill:-20"] > found["flat"]).all() and (found["flat"] > found["hill:20"]).all()
+
+
+def test_terrains_by_name():
+    kind = KINDS["articulated"]
+    assert kind.chosen_world({"terrain": UNEVEN}) == kind.world(UNEVEN.name) == kind.world_of(UNEVEN.name) == UNEVEN
+    assert kind.world("flat") == kind.chosen_world({"terrain": Terrain()}) == GROUND
+    assert kind.world("hill:5+rough:0.02,0.2") == Terrain(5.0, ground=UNEVEN.ground)
+    for terrain in (Terrain(5.0, high_friction=1.0), Terrain.water(), Terrain(ground="rough:0.01", high_friction=1.0)):
+        with pytest.raises(ValueError, match=r"^terrain: .* is not allowed for an articulated robot; give"):
+            kind.chosen_world({"terrain": terrain})
+    with pytest.raises(ValueError, match=r"^terrain: rough:0\.02,0\.2 is not allowed beside --world"):
+        kind.chosen_world({"terrain": UNEVEN, "world": "ground"})

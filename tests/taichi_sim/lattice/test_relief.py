@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from gradient_scene import STEPS, TIME_STEP, Cost, body, program, repeated, start
 
+from taichi_sim.ground.laws import ground, into_plane, out_of_plane
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeState, Material, ProgramBuilder, Quantity, Relief
-from taichi_sim.lattice.laws.relief import ground, into_plane, out_of_plane
 
 pytestmark = pytest.mark.kernels
 

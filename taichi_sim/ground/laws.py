@@ -1,8 +1,12 @@
-"""Uneven ground: its height, normal and friction under a voxel, and how forces turn into its plane and back.
+"""Uneven ground: its height, normal and friction under a place, and how forces turn into its plane and back.
 
-Ground is given on a grid of nodes; every cell is two flat triangles. A voxel touches the plane of the triangle under or
-over its centre, where the laws of the level floor hold (see ``floor``). Level ground has their very bits. As triangles
-are flat, forces on a voxel that sticks stay linear in what the others do, which the way back relies on.
+Ground is given on a grid of nodes; every cell is two flat triangles. A voxel, or a ball that stands for a part of a
+rigid body, touches the plane of the triangle under or over its centre, where the laws of the level floor hold. Level
+ground has their very bits. As triangles are flat, forces on what sticks stay linear in what the rest does, which the
+way back relies on.
+
+The plane changes where the centre passes an edge: onto a steeper one a ball of radius r is lifted by up to
+r (1/nz' - 1/nz), though a real one would have touched it before. Bodies should be small beside what the ground has.
 """
 
 from taichi_sim.autodiff.lanes import larger, smaller

@@ -9,8 +9,8 @@ import numpy as np
 
 from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.checks import number
-from taichi_sim.lattice.laws.relief import ground
-from taichi_sim.lattice.stages.relief import CELL, ORIGIN, PER_CELL, SHARED, STEEPNESS, TOP, WIDTH
+from taichi_sim.ground.cells import CELL, ORIGIN, PER_CELL, SHARED, STEEPNESS, TOP, WIDTH
+from taichi_sim.ground.laws import ground
 
 MOST_NODES = 4_000_000
 STEEPEST = 80.0  # degrees; walls are what they are on the grid, no steeper
@@ -21,7 +21,7 @@ class Relief:
     """Ground whose height and friction differ from place to place; beyond its grid it goes on as at the edge.
 
     Attributes:
-        heights: of the nodes over the floor z = -h/2 [m], shape (X, Y), at least 2 each way, read-only.
+        heights: of the nodes over the level floor [m], shape (X, Y), at least 2 each way, read-only.
         spacing: of the nodes [m].
         origin: where node (0, 0) is [m], (x, y).
         friction: factors by which the friction coefficients of the robot count at the nodes, shape (X, Y), read-only;
@@ -84,6 +84,12 @@ class Relief:
         height, nz = self._below(x, y)
         return float((height + 0.5 * edge * (1 / nz - 1) - z).max())
 
+    def rise_of_balls(self, centres: Any, radii: Any) -> float:
+        """How far balls at these centres, shape (N, 3), must rise to stand on it, touching [m]; negative above it."""
+        x, y, z = np.asarray(centres, float).T
+        height, nz = self._below(x, y)
+        return float((height + np.asarray(radii, float) / nz - z).max())
+
     def widened(self, x: int, y: int) -> "Relief":
         """The same ground with so many nodes, those beyond the present ones as at the edge."""
         if self.heights.shape == (x, y):
@@ -94,7 +100,7 @@ class Relief:
 
     @cached_property
     def cells(self) -> np.ndarray:
-        """What kernels read of every cell, shape (X - 1, Y - 1, 10): see ``laws.relief.ground``."""
+        """What kernels read of every cell, shape (X - 1, Y - 1, 10): see ``laws.ground``."""
         friction = np.ones(self.heights.shape) if self.friction is None else self.friction
         return np.stack([*_sides(self.heights), *_sides(friction)], axis=-1)
 
@@ -129,7 +135,7 @@ class GroundTables:
     counts: tuple[int, int]
 
 
-def ground_tables(reliefs: Sequence[Relief]) -> GroundTables:
+def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
     """The tables of each robot's ground; robots with the same object share one.
 
     Smaller grids go on as at their edge, so that all have as many cells.
@@ -139,7 +145,7 @@ def ground_tables(reliefs: Sequence[Relief]) -> GroundTables:
     """
     first, different = reliefs[0], {id(one): one for one in reliefs}
     if any(one.spacing != first.spacing for one in different.values()):
-        raise ValueError("floor: the spacing of nodes must be the same for all robots of a batch")
+        raise ValueError(f"{field}: the spacing of nodes must be the same for all robots of a batch")
     x, y = (max(one.heights.shape[axis] for one in different.values()) - 1 for axis in (0, 1))
     shared = np.zeros(SHARED)
     shared[WIDTH], shared[PER_CELL] = first.spacing, 1 / first.spacing

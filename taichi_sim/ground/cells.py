@@ -1,0 +1,47 @@
+"""How kernels find the cell of uneven ground that is under a place.
+
+``relief`` begins with numbers that all grids share; then come the grids, tables of cells side by side, of 10 reals each
+(see ``laws.ground``). Robots may share one.
+"""
+
+from typing import Any
+
+from taichi_sim.autodiff.lanes import vector
+from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.runtime import element, emit, ti
+
+CELL = 10  # reals of a cell: height at its first corner and along four sides, and friction likewise
+# Places of what they share: width of a cell and its inverse, the highest and steepest ground.
+WIDTH, PER_CELL, TOP, STEEPNESS = range(4)
+SHARED = 4
+ORIGIN_X, ORIGIN_Y = range(2)  # places of what comes before the cells of a grid: where it begins [m]
+ORIGIN = 2
+
+Counts = tuple[Any, Any]  # cells of every grid along x and y
+
+
+@primitive
+def cell_of(x: Any, y: Any, first: Any, relief: Any, counts: Counts) -> tuple[Any, ...]:
+    """First corner (2) and table (10) of the cell at (x, y) of the grid that begins at ``first``, or nearest to it."""
+    slot, x0, y0 = place_of(x, y, first, relief, *counts)
+    return (x0, y0, *(emit(element(relief, emit(slot + i))) for i in range(CELL)))
+
+
+@primitive
+def cells_of(x: Any, y: Any, firsts: Any, relief: Any, counts: Counts) -> tuple[Any, ...]:
+    """:func:`cell_of` for places in lanes, each on the grid that begins where ``firsts`` says."""
+    lanes = [cell_of(element(x, i), element(y, i), first, relief, counts) for i, first in enumerate(firsts)]
+    return tuple(vector(values) for values in zip(*lanes, strict=True))
+
+
+@ti.func
+def place_of(x, y, first, relief: ti.template(), across, along):
+    """Slot of the cell under a place, and its first corner, of a grid of so many cells along x and y."""
+    width, inverse = relief[WIDTH], relief[PER_CELL]
+    x0, y0 = relief[first + ORIGIN_X], relief[first + ORIGIN_Y]
+    i = ti.cast(ti.floor((x - x0) * inverse), ti.i32)
+    j = ti.cast(ti.floor((y - y0) * inverse), ti.i32)
+    i = ti.max(0, ti.min(i, across - 1))
+    j = ti.max(0, ti.min(j, along - 1))
+    slot = first + ORIGIN + (i * along + j) * CELL
+    return slot, x0 + i * width, y0 + j * width
