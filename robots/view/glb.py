@@ -100,13 +100,13 @@ def _glb(motion: Motion) -> bytes:
 
 def _add_ground(document: dict[str, Any], numbers: "_Numbers", motion: Motion) -> None:
     """Add uneven ground as the last node; darker where friction is larger. A plane is told by its level alone."""
-    relief = around(motion)
-    if relief is None:
+    relief, whole = around(motion), motion.ground.relief
+    if relief is None or whole is None:
         return
     places = nodes(relief, motion.ground.level).astype(np.float32)
     attributes = {"POSITION": numbers.add(places, ARRAY, bounds=True)}  # without normals it is seen as flat triangles
     if relief.friction is not None:
-        shade = (shades(relief.friction, relief).ravel() ** GAMMA).astype(np.float32)
+        shade = (shades(relief.friction, whole).ravel() ** GAMMA).astype(np.float32)
         attributes["COLOR_0"] = numbers.add(np.repeat(shade[:, None], 3, axis=1), ARRAY)
     indices = numbers.add(triangles(relief).astype(np.uint16).ravel(), INDICES)
     primitive = {"attributes": attributes, "indices": indices, "material": len(document["materials"])}

@@ -131,14 +131,14 @@ def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
 
 def _ground(motion: Motion) -> bytes | None:
     """Content of the file of uneven ground; None where it is a plane."""
-    relief = around(motion)
-    if relief is None:
+    relief, whole = around(motion), motion.ground.relief
+    if relief is None or whole is None:
         return None
     corners = triangles(relief)
     shade, friction = np.ones(len(corners)), np.ones(len(corners))
     if relief.friction is not None:
         friction = relief.friction.ravel()[corners].mean(axis=1)
-        shade = shades(friction, relief)
+        shade = shades(friction, whole)
     cells = {
         "connectivity": corners.ravel().astype("i4"),
         "offsets": np.arange(3, 3 * len(corners) + 1, 3, dtype="i4"),

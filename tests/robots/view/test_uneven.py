@@ -16,6 +16,7 @@ from robots.view.glb import save_glb
 from robots.view.lattice_states import LatticeStates
 from robots.view.motion import Ground, Motion
 from robots.view.paraview import save_paraview
+from robots.view.player import page
 from robots.view.scene import Camera, shadow
 from robots.view.still import setting, still_picture
 from robots.view.uneven import MOST_NODES, around, cut, hidden, nodes, pieces, shades, triangles
@@ -164,3 +165,27 @@ def test_pictures_and_strips_show_it(tmp_path):
     given = setting(motion, [0])
     assert given.pieces is not None and len(given.outline) == 4 + 4 * len(given.pieces.quads)
     assert setting(made(), [0]).pieces is None
+
+
+@pytest.mark.parametrize("heading", [0.0, 30.0])
+@pytest.mark.parametrize("name", [*NAMES, "patches:0.5,2,0.2"])
+def test_pages_have_the_ground_that_is_seen(name, heading):
+    ground = relief(name, heading)
+    motion = made(ground=Ground(LEVEL, heading=heading, relief=ground))
+    (about,) = json.loads(re.search(r'id="about"[^>]*>([^<]+)<', page(motion))[1])
+    shown, told = about["ground"], about["ground"]["relief"]
+    heights = np.reshape(told["heights"], told["counts"])
+    x, y = (start + told["spacing"] * np.arange(n) for start, n in zip(told["origin"], told["counts"], strict=True))
+    assert heights.size <= MOST_NODES
+    assert np.abs(heights - ground.height(*np.meshgrid(x, y, indexing="ij"))).max() <= 0.5e-5 + 1e-9
+    along = np.array(about["along"])
+    frame = np.stack([along, [-along[1], along[0]]])
+    assert along == pytest.approx([np.cos(np.deg2rad(heading)), np.sin(np.deg2rad(heading))])
+    signs = np.array([[a, b] for a in (-0.5, 0.5) for b in (-0.5, 0.5)])
+    corners = shown["middle"] + signs * shown["size"] @ frame
+    assert (corners >= [x[0] - 1e-9, y[0] - 1e-9]).all() and (corners <= [x[-1] + 1e-9, y[-1] + 1e-9]).all()
+    assert ("shades" in told) == name.startswith("patches")
+
+
+def test_a_page_of_a_plane_has_no_relief():
+    assert '"relief":' not in page(made())
