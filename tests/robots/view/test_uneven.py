@@ -11,6 +11,7 @@ import pytest
 from made_motion import made
 
 from robots.ground import Ground as Named
+from robots.lattice_robot import walker
 from robots.view.film import strip_picture
 from robots.view.glb import save_glb
 from robots.view.lattice_states import LatticeStates
@@ -18,8 +19,10 @@ from robots.view.motion import Ground, Motion
 from robots.view.paraview import save_paraview
 from robots.view.player import page
 from robots.view.scene import Camera, shadow
+from robots.view.soft_motion import lattice_robot_motion
 from robots.view.still import setting, still_picture
 from robots.view.uneven import MOST_NODES, around, cut, hidden, nodes, pieces, shades, triangles
+from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, Material, Relief
 
 EDGE, LEVEL = 0.05, -0.025
@@ -189,3 +192,18 @@ def test_pages_have_the_ground_that_is_seen(name, heading):
 
 def test_a_page_of_a_plane_has_no_relief():
     assert '"relief":' not in page(made())
+
+
+@pytest.mark.kernels
+def test_a_robot_is_shown_on_the_ground_that_it_walked_on():
+    materials = np.full((3, 2, 2), walker.PASSIVE)
+    materials[0], materials[1, :, 0] = walker.ACTIVE, walker.EMPTY
+    drive, design = walker.WalkerActuation(cycles=1, settling=0.1), walker.WalkerDesign(materials)
+    terrain = Terrain.parse("hill:5+rough:0.01,0.03")
+    result = walker.simulate(design, terrain, actuation=drive, precision="f32", record_every=40, threads=1)
+    motion = lattice_robot_motion(result, walker.walker_robot(design, actuation=drive), terrain)
+    ground, lattice = motion.ground, motion.lattice
+    assert ground.relief is not None and ground.slope == 5 and lattice is not None and lattice.relief is ground.relief
+    lowest = motion.translation - [0, 0, lattice.body.voxel_size / 2]
+    over = lowest[..., 2] - ground.level - ground.relief.height(lowest[..., 0], lowest[..., 1])
+    assert lattice.on_floor()[-1].any() and np.abs(over[-1][lattice.on_floor()[-1]]).max() < lattice.body.voxel_size / 4
