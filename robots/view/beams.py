@@ -22,7 +22,12 @@ LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
 
 
 def draw_beams(
-    axes: "Axes", states: LatticeStates, frame: int, camera: Camera, level: float | None, limit: float
+    axes: "Axes",
+    states: LatticeStates,
+    frame: int,
+    camera: Camera,
+    level: float | None,
+    limit: float,
 ) -> None:
     """Draw the links of a lattice as beams between voxel centres, and pressure forces as arrows.
 
@@ -41,7 +46,7 @@ def draw_beams(
     order = np.argsort(ends.mean(axis=1) @ camera.toward, kind="stable")
     ends, strains = ends[order], strains[order]
     if level is not None:
-        fallen = shadow(ends, camera, level)
+        fallen = shadow(ends, camera, level, states.relief)
         axes.add_collection(LineCollection(list(fallen), colors=[SHADOW], linewidths=0.8, zorder=1.0))
     lines, colours = camera.project(ends), STRAINS(0.5 + 0.5 * strains / limit)
     axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.9, zorder=2.5))

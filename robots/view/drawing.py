@@ -3,13 +3,16 @@
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from robots.inflatable.schedule import GaitSchedule
-from robots.view.scene import BLADDERS, FEET, GROUND, INK, PAPER, SHADOW, Polygons
+from robots.view.scene import BLADDERS, FEET, GROUND, INK, PAPER, SHADOW, Camera, Polygons
+from robots.view.uneven import Pieces
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
@@ -17,6 +20,9 @@ if TYPE_CHECKING:
 
 SCALE_BARS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # [m]
 NO_SHIFT = np.zeros(2)
+SIDE, END = 0.88 * np.array(GROUND), 0.8 * np.array(GROUND)  # where uneven ground is cut: near, and at the right
+RIDGE = 0.75 * np.array(GROUND)
+SHADE = 0.12  # how opaque a shadow on uneven ground is, which has more than one colour
 
 
 def draw_polygons(
@@ -30,9 +36,29 @@ def draw_polygons(
         edgecolors=0.82 * robot.colours if outlined else robot.colours,
         linewidths=0.25,
     )
-    for collection in (shadow, faces):
+    if robot.uneven and len(robot.shadow):
+        # One path, as transparent faces would be darker where they overlap.
+        outline = Path.make_compound_path(*map(Path, robot.shadow + shift))
+        axes.add_patch(PathPatch(outline, facecolor=INK, alpha=SHADE, edgecolor="none", zorder=zorder))
+    for collection in (faces,) if robot.uneven else (shadow, faces):
         collection.set_zorder(zorder)
         axes.add_collection(collection)
+
+
+def draw_uneven(axes: "Axes", ground: Pieces, camera: Camera, shift: Floats, zorder: float) -> None:
+    """Draw uneven ground with its cut sides, shifted by ``shift`` on paper [m]."""
+    flat = camera.project(ground.quads) + shift
+    shown = PolyCollection(list(flat), facecolors=ground.colours, edgecolors=ground.colours, linewidths=0.5)
+    shown.set_zorder(zorder)
+    axes.add_collection(shown)
+    ridges = list(camera.project(ground.lines) + shift)
+    axes.add_collection(LineCollection(ridges, colors=[RIDGE], linewidths=0.6, zorder=zorder))
+    for edge, colour in ((ground.end, END), (ground.profile, SIDE)):
+        below = edge * [1.0, 1.0, 0.0] + [0.0, 0.0, ground.base]
+        outline = camera.project(np.concatenate([edge, below[::-1]])) + shift
+        axes.add_collection(PolyCollection([outline], facecolors=[colour], edgecolors="none", zorder=zorder))
+    near = camera.project(ground.profile) + shift
+    axes.add_collection(LineCollection([near], colors=[INK], linewidths=0.9, zorder=zorder))
 
 
 def draw_path(axes: "Axes", path: Floats, zorder: float) -> None:

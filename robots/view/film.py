@@ -77,7 +77,11 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
     given = setting(motion, poses, colour=colour, reach=math.inf)
     robots, path, rim = [given.polygons(frame) for frame in poses], given.camera.project(motion.path), given.rim
     together = _apart(robots)
-    shifts = np.zeros((len(poses), 2)) if together else _places(robots, rim, GAP * float(np.ptp(given.area[0])) / 4)
+    shifts = (
+        np.zeros((len(poses), 2))
+        if together
+        else _places(robots, given.outline, GAP * float(np.ptp(given.area[0])) / 4)
+    )
     for k, (frame, shift) in enumerate(zip(poses, shifts, strict=True)):
         if k == 0 or not together:
             draw_ground(axes, given, shift, 10.0 * k)
@@ -89,7 +93,7 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
         write_below(axes, f"{motion.times[frame]:.1f} s", (at + shift[0], foot + shift[1]), centred=together)
     line = TEXT * (np.ptp(shifts[:, 0]) + np.ptp(rim[:, 0]))
     lowest = draw_scale_bar(axes, rim[:2] + shifts[-1] - (0.0, (1.6 if together else 0.4) * line))
-    drawn = [np.concatenate([rim, robot.corners.reshape(-1, 2)]) for robot in robots]
+    drawn = [np.concatenate([given.outline, robot.corners.reshape(-1, 2)]) for robot in robots]
     corners = np.concatenate([each + shift for each, shift in zip(drawn, shifts, strict=True)])
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
     axes.set(xlim=(left, right), ylim=(min(bottom, lowest) - 1.5 * line, top + 0.3 * line))
@@ -105,12 +109,12 @@ def _apart(robots: list[Polygons]) -> bool:
 
 
 def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
-    """Shifts on paper that arrange the pictures in lines, shape (N, 2) [m]."""
+    """Shifts on paper that arrange the pictures in lines, shape (N, 2) [m]; ``rim`` is ``Setting.outline``."""
     count = len(robots)
     right, climb = np.ptp(rim[:, 0]) + gap, rim[1, 1] - rim[0, 1]
     # Heights are over the near edge of the ground, as the grounds of a column are parallel.
     rise = climb / (rim[1, 0] - rim[0, 0])
-    corners = np.concatenate([r.corners.reshape(-1, 2) for r in robots]) - rim[0]
+    corners = np.concatenate([rim[4:], *(r.corners.reshape(-1, 2) for r in robots)]) - rim[0]
     high = (corners[:, 1] - rise * corners[:, 0]).max()
 
     def down(columns: int) -> float:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from robots.view.motion import BALL, LIGHT_COLOUR, Motion
 from robots.view.scene import GROUND, Colour
+from robots.view.uneven import around, nodes, shades, triangles
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
@@ -22,13 +23,15 @@ from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 FLOAT, UNSIGNED_SHORT = 5126, 5123  # types of numbers
 ARRAY, INDICES = 34962, 34963  # what numbers are for
 WIDTHS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+GAMMA = 2.2  # of screens
 
 
 def save_glb(motion: Motion, path: str | PathLike[str], *, rate: float | None = None) -> int:
     """Write a motion as a GLB file.
 
     A node named after the motion turns z up to y up, and the ground to its slope; below it are a node for each node of
-    the motion, with translation, rotation and scale over time, and one for each light. Solids share their meshes.
+    the motion, with translation, rotation and scale over time, one for each light, and one for uneven ground. Solids
+    share their meshes.
 
     Args:
         motion: to write.
@@ -85,6 +88,7 @@ def _glb(motion: Motion) -> bytes:
                 output = numbers.add(values.astype(np.float32))
                 channels.append({"sampler": len(samplers), "target": {"node": node, "path": track}})
                 samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
+    _add_ground(document, numbers, motion)
     if channels:
         document["animations"] = [{"name": "motion", "samplers": samplers, "channels": channels}]
     document |= {"accessors": numbers.accessors, "bufferViews": numbers.views}
@@ -92,6 +96,24 @@ def _glb(motion: Motion) -> bytes:
     text = json.dumps(document, separators=(",", ":")).encode()
     body = _chunk(b"JSON", text, b" ") + _chunk(b"BIN\0", bytes(numbers.binary), b"\0")
     return b"glTF" + struct.pack("<II", 2, 12 + len(body)) + body
+
+
+def _add_ground(document: dict[str, Any], numbers: "_Numbers", motion: Motion) -> None:
+    """Add uneven ground as the last node; darker where friction is larger. A plane is told by its level alone."""
+    relief, whole = around(motion), motion.ground.relief
+    if relief is None or whole is None:
+        return
+    places = nodes(relief, motion.ground.level).astype(np.float32)
+    attributes = {"POSITION": numbers.add(places, ARRAY, bounds=True)}  # without normals it is seen as flat triangles
+    if relief.friction is not None:
+        shade = (shades(relief.friction, whole).ravel() ** GAMMA).astype(np.float32)
+        attributes["COLOR_0"] = numbers.add(np.repeat(shade[:, None], 3, axis=1), ARRAY)
+    indices = numbers.add(triangles(relief).astype(np.uint16).ravel(), INDICES)
+    primitive = {"attributes": attributes, "indices": indices, "material": len(document["materials"])}
+    document["materials"].append(_material(GROUND))
+    document["nodes"][0]["children"].append(len(document["nodes"]))
+    document["nodes"].append({"name": "ground", "mesh": len(document["meshes"])})
+    document["meshes"].append({"name": "ground", "primitives": [primitive]})
 
 
 def _seen(motion: Motion) -> list[tuple[str, Solid, Colour, dict[str, Floats]]]:
@@ -146,7 +168,7 @@ def _shape(numbers: _Numbers, solid: Solid) -> dict[str, Any]:
 
 
 def _material(colour: Colour) -> dict[str, Any]:
-    linear = [float(c**2.2) for c in colour]  # glTF's colours are linear, ours as screens show them
+    linear = [float(c**GAMMA) for c in colour]  # glTF's colours are linear, ours as screens show them
     surface = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
     return {"pbrMetallicRoughness": surface}
 

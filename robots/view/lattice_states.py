@@ -11,7 +11,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.lattice import LatticeBody
+from taichi_sim.ground.laws import penetration
+from taichi_sim.lattice import LatticeBody, Relief
 from taichi_sim.lattice.faces import FACE_CORNERS, corners
 from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
 
@@ -27,6 +28,7 @@ class LatticeStates:
         extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, V, 6).
         sizes: rest sizes of the voxels along their own axes [m], shape (F, V, 3).
         pressure: on the body's pressurised faces [Pa], one or shape (V,).
+        relief: uneven ground below; None is the floor z = -h/2.
     """
 
     body: LatticeBody
@@ -35,6 +37,7 @@ class LatticeStates:
     extents: Floats
     sizes: Floats
     pressure: float | Floats = 0.0
+    relief: Relief | None = None
 
     def part(self, frames: Ints | Sequence[int]) -> Self:
         """Copy with only some of the frames."""
@@ -61,7 +64,14 @@ class LatticeStates:
         return sums / np.maximum(np.bincount(links.ravel(), minlength=count), 1)
 
     def on_floor(self) -> Bools:
-        """Whether voxels touch the floor, shape (F, V): they reach below z = -h/2, by their mean rest size."""
+        """Whether voxels touch the ground, shape (F, V): they reach below z = -h/2, by their mean rest size.
+
+        On uneven ground they reach below the plane of the triangle under their centre.
+        """
+        if self.relief is not None:
+            height, nz = self.relief.below(self.positions[..., 0], self.positions[..., 1])
+            size, edge = self.sizes.mean(axis=-1), self.body.voxel_size
+            return np.asarray(penetration(size, edge, self.positions[..., 2], height, nz) >= 0)
         return self.sizes.mean(axis=-1) / 2 - self.body.voxel_size / 2 >= self.positions[..., 2]
 
     def on_itself(self) -> Bools:

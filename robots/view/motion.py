@@ -15,6 +15,7 @@ from robots.view.scene import INK, Colour
 from taichi_sim.autodiff import rotations
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import numbers, whole_number
+from taichi_sim.lattice import Relief
 from taichi_sim.rigid import Box, Capsule, Sphere
 from taichi_sim.rigid.model.shapes import Solid
 
@@ -87,19 +88,21 @@ class Node:
 
 @dataclass(frozen=True)
 class Ground:
-    """The ground below a motion: a plane z = level in the frame of the motion.
+    """The ground below a motion: a plane z = level in the frame of the motion, or uneven ground above it.
 
     Attributes:
         level: its z [m].
         slope: [degrees], positive uphill.
         heading: the direction that is uphill [degrees] from x towards y.
         solid: whether something stands on it; else, in a fluid, it is only where things are seen against.
+        relief: heights over the plane, and friction, in the frame of the motion; None is the plane itself.
     """
 
     level: float = 0.0
     slope: float = 0.0
     heading: float = 0.0
     solid: bool = True
+    relief: Relief | None = None
 
     @property
     def upright(self) -> Floats:

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from robots.view.colouring import colouring
 from robots.view.mesh import boxes, faces, joined_corners
 from robots.view.motion import Motion
+from robots.view.scene import GROUND
+from robots.view.uneven import around, nodes, shades, triangles
 from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.files import write_bytes, write_text
 
@@ -57,7 +59,8 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
 
     Voxels of lattices are hexahedra, joined where links join them, with cell data ``region``, ``strain`` (the mean of
     a voxel's links), ``contact`` (1 touches the floor, 2 touches itself, 3 both) and ``colour``. Other robots are
-    faces with ``part``, the number of their node, and ``colour``.
+    faces with ``part``, the number of their node, and ``colour``. Uneven ground is a surface of triangles with
+    ``friction``, the mean factor of their corners, and ``colour``; it is the second part of every time.
 
     Args:
         motion: to write.
@@ -77,12 +80,18 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
     except OSError as error:
         raise ValueError(f"folder: {folder} cannot be made ({error.strerror})") from None
     colours, total, entries = colouring(motion), 0, []
+    ground = _ground(motion)
+    if ground is not None:
+        write_bytes(folder / "ground.vtp", ground)
+        total += len(ground)
     for frame, time in enumerate(motion.times):
         colour = np.round(255 * colours.of(frame)).astype("u1")
         suffix, content = (_grid if motion.lattice is not None else _faces)(motion, frame, colour)
         name = f"frames/{frame:05d}.{suffix}"
         write_bytes(folder / name, content)
         entries.append(f'<DataSet timestep="{time:.9g}" file="{name}"/>\n')
+        if ground is not None:
+            entries.append(f'<DataSet timestep="{time:.9g}" part="1" file="ground.vtp"/>\n')
         total += len(content)
     index = INDEX.format("".join(entries))
     write_text(folder / "motion.pvd", index)
@@ -118,6 +127,27 @@ def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
     }
     data = {"part": owners.astype("i4"), "colour": colour[owners]}
     return "vtp", _file("PolyData", "Polys", count, points, cells, data)
+
+
+def _ground(motion: Motion) -> bytes | None:
+    """Content of the file of uneven ground; None where it is a plane."""
+    relief, whole = around(motion), motion.ground.relief
+    if relief is None or whole is None:
+        return None
+    corners = triangles(relief)
+    shade, friction = np.ones(len(corners)), np.ones(len(corners))
+    if relief.friction is not None:
+        friction = relief.friction.ravel()[corners].mean(axis=1)
+        shade = shades(friction, whole)
+    cells = {
+        "connectivity": corners.ravel().astype("i4"),
+        "offsets": np.arange(3, 3 * len(corners) + 1, 3, dtype="i4"),
+    }
+    data = {
+        "friction": friction.astype("f4"),
+        "colour": np.round(255 * shade[:, None] * np.array(GROUND)).astype("u1"),
+    }
+    return _file("PolyData", "Polys", len(corners), nodes(relief, motion.ground.level), cells, data)
 
 
 def _file(kind: str, place: str, count: int, points: Floats, cells: Arrays, data: Arrays) -> bytes:

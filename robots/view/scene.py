@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from robots.inflatable.body import BLADDER_COUNT
 from taichi_sim.base.arrays import Floats
+from taichi_sim.lattice import Relief
 
 Colour = tuple[float, float, float]  # red, green, blue from 0 to 1
 
@@ -31,6 +32,7 @@ CHART_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00
 # Where the light comes from (along the way, to its left, up); the brightness of what it does not reach.
 LIGHT = np.array([-0.3, -0.45, 0.84])
 AMBIENT = 0.6
+FALLS = 3  # times that a shadow on a tilted uneven ground is moved on to the height where it fell
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,15 @@ class Camera:
 
     def on_ground(self, travel: ArrayLike, across: ArrayLike, z: float) -> Floats:
         """Project places, given along the way and to its left [m] at height ``z``, on paper [m], shape (..., 2)."""
+        x, y = np.moveaxis(self.in_space(travel, across), -1, 0)
+        return self.project(np.stack([x, y, np.full_like(x, z)], axis=-1))
+
+    def in_space(self, travel: ArrayLike, across: ArrayLike) -> Floats:
+        """Places (x, y) [m], shape (..., 2), of places given along the way and to its left [m]."""
         h = np.deg2rad(self.heading)
         x = np.cos(h) * np.asarray(travel) - np.sin(h) * np.asarray(across)
         y = np.sin(h) * np.asarray(travel) + np.cos(h) * np.asarray(across)
-        return self.project(np.stack([x, y, np.full_like(x, z)], axis=-1))
+        return np.stack([x, y], axis=-1)
 
     def by_the_way(self, points: Floats) -> Floats:
         """Places along the way and to its left, shape (N, 2) [m], of points in space, shape (N, 3) [m]."""
@@ -92,14 +99,18 @@ class Polygons:
         corners: corners of its faces, those at the back first [m], shape (N, 4, 2).
         colours: colours of the faces: red, green, blue from 0 to 1, shape (N, 3).
         shadow: shadow of the faces, on the ground straight below [m], shape (M, 4, 2).
+        uneven: whether the ground is uneven.
     """
 
     corners: Floats
     colours: Floats
     shadow: Floats
+    uneven: bool = False
 
 
-def paint(quads: Floats, colours: Floats, camera: Camera, level: float | None) -> Polygons:
+def paint(
+    quads: Floats, colours: Floats, camera: Camera, level: float | None, relief: Relief | None = None
+) -> Polygons:
     """Project and light faces in space, and project their shadow.
 
     Args:
@@ -107,6 +118,7 @@ def paint(quads: Floats, colours: Floats, camera: Camera, level: float | None) -
         colours: colours of the faces, shape (N, 3).
         camera: that looks at them.
         level: z of the ground [m]; None where there is none that a shadow could fall on.
+        relief: heights of uneven ground over ``level``.
     """
     normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
@@ -117,13 +129,20 @@ def paint(quads: Floats, colours: Floats, camera: Camera, level: float | None) -
     brightness = AMBIENT + (1.05 - AMBIENT) * np.clip(normals @ light, 0, None)
     shown = np.clip(colours * brightness[:, None], 0, 1)[visible]
     lit = quads[normals @ camera.frame[2] > 0] if level is not None else quads[:0]
-    return Polygons(camera.project(quads[visible]), shown, shadow(lit, camera, level or 0.0))
+    return Polygons(
+        camera.project(quads[visible]), shown, shadow(lit, camera, level or 0.0, relief), relief is not None
+    )
 
 
-def shadow(points: Floats, camera: Camera, level: float) -> Floats:
+def shadow(points: Floats, camera: Camera, level: float, relief: Relief | None = None) -> Floats:
     """Project the places on the ground straight below points in space, shape (..., 3) [m], on paper, shape (..., 2)."""
     up = camera.frame[2]
-    return camera.project(points - (points[..., 2:] - level) / up[2] * up)
+    fallen = points - (points[..., 2:] - level) / up[2] * up
+    if relief is not None:
+        for _ in range(FALLS if up[2] < 1 else 1):
+            height = relief.height(fallen[..., 0], fallen[..., 1])
+            fallen = fallen + (level + height - fallen[..., 2])[..., None] / up[2] * up
+    return camera.project(fallen)
 
 
 def pale(colours: Floats) -> Floats:

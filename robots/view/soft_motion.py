@@ -7,6 +7,7 @@ import numpy as np
 
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
+from robots.ground import Ground as UnevenGround
 from robots.inflatable import body as regions
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.design import InflatableDesign
@@ -224,7 +225,7 @@ def _voxels(
     if terrain is not None and terrain.is_fluid:
         ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, float(headings[0]), solid=False)
     else:
-        ground = Ground(-0.5 * body.voxel_size, (terrain or Terrain()).slope, float(headings[0]))
+        ground = _ground(terrain or Terrain(), float(headings[0]), body.voxel_size)
     return Motion(
         name,
         times,
@@ -236,8 +237,14 @@ def _voxels(
         (*channels, *motion.speed_channels(times, _way(path, headings))),
         ground=ground,
         skin=Skin(knots(body), body.topology.faces),
-        lattice=LatticeStates(body, places, turns, extents, rest, pressure),
+        lattice=LatticeStates(body, places, turns, extents, rest, pressure, ground.relief),
     )
+
+
+def _ground(terrain: Terrain, heading: float, edge: float) -> Ground:
+    """The ground that a robot of voxels of an edge [m] stands on, heading somewhere [degrees]."""
+    relief = UnevenGround(terrain.ground).relief(heading, edge) if terrain.ground else None
+    return Ground(-0.5 * edge, terrain.slope, heading, relief=relief)
 
 
 def _way(path: Floats, headings: Floats) -> Floats:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -17,10 +18,11 @@ from PIL import Image
 
 from robots.view.beams import arrows, draw_beams
 from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring
-from robots.view.drawing import NO_SHIFT, draw_path, draw_polygons, draw_scale_bar
+from robots.view.drawing import NO_SHIFT, draw_path, draw_polygons, draw_scale_bar, draw_uneven
 from robots.view.mesh import ball_at, faces
 from robots.view.motion import LIGHT_COLOUR, Motion
 from robots.view.scene import GROUND, GROUND_LINE, INK, Camera, Polygons, paint
+from robots.view.uneven import Pieces, hidden, pieces
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
@@ -54,9 +56,26 @@ class Setting:
 
     @property
     def rim(self) -> Floats:
-        """Corners of the ground on paper [m], shape (4, 2); the first two are on the near edge."""
+        """Corners of the ground, below it where it is uneven, on paper [m], shape (4, 2).
+
+        The first two are on the near edge.
+        """
         (first, last), (right, left) = self.area
-        return self.camera.on_ground([first, last, last, first], [right, right, left, left], self.motion.ground.level)
+        base = self.motion.ground.level if self.pieces is None else self.pieces.base
+        return self.camera.on_ground([first, last, last, first], [right, right, left, left], base)
+
+    @cached_property
+    def pieces(self) -> Pieces | None:
+        """What is seen of uneven ground; None of a plane."""
+        ground = self.motion.ground
+        return None if ground.relief is None else pieces(ground.relief, ground.level, self.camera, self.area)
+
+    @property
+    def outline(self) -> Floats:
+        """The rim and, after it, all corners of uneven ground on paper [m], shape (4 + N, 2)."""
+        if self.pieces is None:
+            return self.rim
+        return np.concatenate([self.rim, self.camera.project(self.pieces.quads).reshape(-1, 2)])
 
     @property
     def level(self) -> float | None:
@@ -77,11 +96,14 @@ class Setting:
     def polygons(self, frame: int) -> Polygons:
         """Polygons of a frame on paper, with the lights."""
         quads, owners = faces(self.motion, frame)
-        colours = self.colouring.of(frame)[owners]
+        colours, relief = self.colouring.of(frame)[owners], self.motion.ground.relief
+        if relief is not None:
+            seen = ~hidden(quads.mean(axis=1), relief, self.motion.ground.level, self.camera)
+            quads, colours = quads[seen], colours[seen]
         for light in self.lights:
             ball = ball_at(light, self.motion.light_radius)
             quads, colours = np.concatenate([quads, ball]), np.concatenate([colours, [LIGHT_COLOUR] * len(ball)])
-        return paint(quads, colours, self.camera, self.level)
+        return paint(quads, colours, self.camera, self.level, relief)
 
     def way(self, frame: int) -> Floats:
         """Way up to a frame on paper, shape (K, 2) [m]; it starts where it last enters the ground that is seen."""
@@ -152,8 +174,14 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
 
 
 def draw_ground(axes: "Axes", given: Setting, shift: Floats = NO_SHIFT, zorder: float = 1.0) -> None:
-    """Draw the ground with lines across the way, shifted by ``shift`` on paper [m]; in a fluid this draws nothing."""
+    """Draw the ground, shifted by ``shift`` on paper [m]; in a fluid this draws nothing.
+
+    A plane has lines across the way; uneven ground is lit, and cut off at its edges.
+    """
     if given.level is None:
+        return
+    if given.pieces is not None:
+        draw_uneven(axes, given.pieces, given.camera, shift, zorder)
         return
     rim, (travel, across) = given.rim + shift, given.area
     apart = LINES_APART[np.abs(np.log(LINES_APART / (np.ptp(travel) / 12))).argmin()]
@@ -180,7 +208,7 @@ def _draw_alone(axes: "Axes", given: Setting, frame: int) -> None:
 def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], tuple[float, float]]:
     """Limits of pictures of some frames on paper [m]: (left, right) and (lowest, highest)."""
     motion, camera = given.motion, given.camera
-    points = [given.rim, given.way(max(frames)), camera.project(given.lights) + motion.light_radius]
+    points = [given.outline, given.way(max(frames)), camera.project(given.lights) + motion.light_radius]
     for frame in frames:
         points.append(camera.project(faces(motion, frame)[0]).reshape(-1, 2))
         if given.colouring.name == "beams" and motion.lattice is not None:

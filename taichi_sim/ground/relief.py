@@ -68,26 +68,36 @@ class Relief:
         """:meth:`height` at places that may be traced."""
         return self._below(x, y)[0]
 
-    def _below(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Height and third component of the normal at places."""
+    def factor(self, x: Any, y: Any) -> np.ndarray:
+        """Factor of friction at places [m], as the simulation has it."""
+        factor: np.ndarray = self._below(np.asarray(x, float), np.asarray(y, float))[2]
+        return factor
+
+    def below(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Height over the floor [m] and third component of the unit normal at places (x, y) [m]."""
+        height, nz, _ = self._below(x, y)
+        return height, nz
+
+    def _below(self, x: Any, y: Any) -> tuple[Any, Any, Any]:
+        """Height, third component of the normal and factor of friction at places."""
         found = []
         for place, start, nodes in zip((value_of(x), value_of(y)), self.origin, self.heights.shape, strict=True):
             found.append((np.clip(np.floor((place - start) / self.spacing), 0, nodes - 2).astype(int), start))
         (i, _), (j, _) = found
         corners = (start + cell * self.spacing for cell, start in found)
-        height, _, _, nz, _ = ground(x, y, *corners, *np.moveaxis(self.cells[i, j], -1, 0), 1 / self.spacing)
-        return height, nz
+        height, _, _, nz, friction = ground(x, y, *corners, *np.moveaxis(self.cells[i, j], -1, 0), 1 / self.spacing)
+        return height, nz, friction
 
     def rise(self, centres: Any, edge: float) -> float:
         """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m]."""
         x, y, z = np.moveaxis(np.asarray(centres, float), -1, 0)
-        height, nz = self._below(x, y)
+        height, nz = self.below(x, y)
         return float((height + 0.5 * edge * (1 / nz - 1) - z).max())
 
     def rise_of_balls(self, centres: Any, radii: Any) -> float:
         """How far balls at these centres, shape (N, 3), must rise to stand on it, touching [m]; negative above it."""
         x, y, z = np.asarray(centres, float).T
-        height, nz = self._below(x, y)
+        height, nz = self.below(x, y)
         return float((height + np.asarray(radii, float) / nz - z).max())
 
     def widened(self, x: int, y: int) -> "Relief":

@@ -12,14 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from robots.view.motion import Channel, Motion, Skin, diameter
+from robots.view.motion import Channel, Ground, Motion, Skin, diameter
 from robots.view.player.packing import Packed, pack
+from robots.view.uneven import cut, shades
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import FACE_CORNERS
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 MOST_MOTIONS = 4
-PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "stage.js", "timeline.js", "player.js")
+PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "relief.js", "stage.js", "timeline.js", "player.js")
 FAR = 5.0  # lengths of a robot: those that go farther are followed
 READOUTS = ("core pressure", "distance", "speed")  # how names of channels begin that are shown as numbers
 MOST_VALUES = 2000  # of a channel in the chart
@@ -94,7 +95,8 @@ def _view(motion: Motion) -> dict[str, Any]:
     heading = np.deg2rad(motion.ground.heading)
     along = np.array([np.cos(heading), np.sin(heading)])
     gone = (motion.path[-1] - motion.path[0])[:2]
-    if not motion.ground.slope and not motion.ground.heading and np.linalg.norm(gone) > 1e-3:
+    straight = motion.ground.slope or motion.ground.heading or motion.ground.relief is not None
+    if not straight and np.linalg.norm(gone) > 1e-3:
         along = gone / np.linalg.norm(gone)
     reach = motion.scale.max(axis=(0, 2))[:, None] / 2 * [diameter(node.solid) for node in motion.nodes]
     size = 2 * float((np.linalg.norm(motion.translation[0] - motion.path[0], axis=1) + reach[:, 0]).max())
@@ -116,8 +118,32 @@ def _view(motion: Motion) -> dict[str, Any]:
             "size": (last - first).tolist(),
             "grid": grid,
             "label": f"{grid:g} m" if grid >= 1 else f"{100 * grid:g} cm",
+            **_relief(motion.ground, np.stack([first, last]), frame),
         },
     }
+
+
+def _relief(ground: Ground, ends: Floats, frame: Floats) -> dict[str, Any]:
+    """Describe uneven ground for JSON, so much of it that it covers what is seen; nothing of a plane.
+
+    Args:
+        ground: the ground.
+        ends: first and last place that is seen, along the rows of ``frame`` [m], shape (2, 2).
+        frame: along the way, and to its left, shape (2, 2).
+    """
+    if ground.relief is None:
+        return {}
+    corners = np.array([[ends[i, 0], ends[j, 1]] for i in (0, 1) for j in (0, 1)]) @ frame
+    part = cut(ground.relief, corners.min(axis=0), corners.max(axis=0))
+    told = {
+        "heights": _list(part.heights.ravel(), 5),
+        "counts": list(part.heights.shape),
+        "spacing": part.spacing,
+        "origin": list(part.origin),
+    }
+    if part.friction is not None:
+        told["shades"] = _list(shades(part.friction, ground.relief).ravel(), 3)
+    return {"relief": told}
 
 
 def _grid(length: float) -> float:

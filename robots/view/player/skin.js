@@ -20,8 +20,18 @@ class Skin {
     this.mesh.frustumCulled = false;
   }
 
-  shadow(material) {
-    const shadow = new THREE.Mesh(this.mesh.geometry, material);
+  // On a plane it is the skin itself, made flat; on uneven ground every corner falls for itself.
+  shadow(material, relief, lift) {
+    let { geometry } = this.mesh;
+    if (relief) {
+      const fallen = new THREE.BufferAttribute(new Float32Array(this.places.array.length), 3);
+      this.fallen = fallen.setUsage(THREE.DynamicDrawUsage);
+      this.fall = (place) => relief.fall(place, lift);
+      geometry = new THREE.BufferGeometry();
+      geometry.setAttribute("position", this.fallen);
+      geometry.setIndex(this.mesh.geometry.index);
+    }
+    const shadow = new THREE.Mesh(geometry, material);
     shadow.frustumCulled = false;
     return shadow;
   }
@@ -37,6 +47,7 @@ class Skin {
       }
     });
     for (let i = 0; i < sums.length; i++) sums[i] /= shares[(i / 3) | 0];
+    if (this.fallen) this.#cast();
     const put = (array, face, corner, values) => array.set(values, 12 * face + 3 * corner);
     this.corners.forEach((four, face) => {
       const [a, b, c, d] = four.map((knot) => sums.subarray(3 * knot, 3 * knot + 3));
@@ -50,5 +61,14 @@ class Skin {
       });
     });
     places.needsUpdate = normals.needsUpdate = colours.needsUpdate = true;
+  }
+
+  #cast() {
+    const { sums, fallen } = this, count = sums.length / 3, places = [];
+    for (let knot = 0; knot < count; knot++) places.push(this.fall(sums.subarray(3 * knot, 3 * knot + 3)));
+    this.corners.forEach((four, face) => {
+      four.forEach((knot, corner) => fallen.array.set(places[knot], 12 * face + 3 * corner));
+    });
+    fallen.needsUpdate = true;
   }
 }

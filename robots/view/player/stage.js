@@ -7,7 +7,7 @@ class Stage {
     this.whole = whole;
     // Without a graphics card smooth edges take half of the time: they wait until nothing moves.
     this.slow = isSoftware();
-    this.renderer = new THREE.WebGLRenderer({ antialias: !this.slow });
+    this.renderer = new THREE.WebGLRenderer({ antialias: !this.slow, stencil: Boolean(about.ground.relief) });
     this.#sharpen(!this.slow);
     this.renderer.setClearColor(0xffffff);
     holder.prepend(this.renderer.domElement);
@@ -17,6 +17,7 @@ class Stage {
     this.world.quaternion.set(...about.upright);
     this.world.updateMatrixWorld(true);
     this.scene.add(this.world);
+    this.relief = about.ground.relief ? new Relief(about.ground, this.world.quaternion) : null;
     this.dirty = true;
     this.follow = about.follow;
     this.last = null;
@@ -45,6 +46,7 @@ class Stage {
   #outside(vector) { return vector.applyQuaternion(this.world.quaternion); }
 
   #ground() {
+    if (this.relief) return this.#unevenGround();
     const { ground, along } = this.about;
     const plate = new THREE.Group();
     plate.position.set(...ground.middle, ground.level);
@@ -63,20 +65,35 @@ class Stage {
     this.world.add(plate);
   }
 
+  #unevenGround() {
+    const { relief } = this, { ground, along: [x, y], size } = this.about, [length, width] = ground.size;
+    const behind = { polygonOffset: true, polygonOffsetFactor: 4, polygonOffsetUnits: 4 };
+    const paint = new THREE.MeshBasicMaterial({ color: 0xf3f1ec, vertexColors: true, ...behind });
+    this.world.add(new THREE.Mesh(relief.sheet([x, y]), paint));
+    const right = length / 2, top = width / 2, points = [];
+    const place = (u, v) => [ground.middle[0] + x * u - y * v, ground.middle[1] + y * u + x * v];
+    const line = (from, to) => { for (const value of relief.line(from, to, 2e-4 * size)) points.push(value); };
+    for (let u = -right; u <= right + 1e-9; u += ground.grid) line(place(u, -top), place(u, top));
+    for (let v = -top; v <= top + 1e-9; v += ground.grid) line(place(-right, v), place(right, v));
+    const lines = new THREE.BufferGeometry();
+    lines.setAttribute("position", new THREE.BufferAttribute(new Float32Array(points), 3));
+    this.world.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ color: 0xd9d5cc })));
+  }
+
   #solids() {
     const { about } = this;
     const flat = new THREE.Group(); // shadows: everything, straight down onto the ground
     flat.matrixAutoUpdate = false;
     const down = new THREE.Vector3(0, -1, 0).applyQuaternion(this.world.quaternion.clone().invert());
     const level = about.ground.level + 2e-4 * about.size;
-    flat.matrix.set(1, 0, -down.x / down.z, level * down.x / down.z, 0, 1, -down.y / down.z, level * down.y / down.z,
+    if (!this.relief) flat.matrix.set(1, 0, -down.x / down.z, level * down.x / down.z, 0, 1, -down.y / down.z, level * down.y / down.z,
       0, 0, 0, level, 0, 0, 0, 1);
-    const dark = new THREE.MeshBasicMaterial({ color: 0xdcd8cf, side: THREE.DoubleSide });
+    const dark = this.relief ? this.relief.shade() : new THREE.MeshBasicMaterial({ color: 0xdcd8cf, side: THREE.DoubleSide });
     this.seen = about.skin ? [new Skin(about.skin)]
       : about.solids.map((solid, number) => new Solids(about, solid, number));
     for (const part of this.seen) {
       this.world.add(part.mesh);
-      if (about.ground.solid) flat.add(part.shadow(dark));
+      if (about.ground.solid) flat.add(part.shadow(dark, this.relief, 4e-4 * about.size));
     }
     this.world.add(flat);
     this.poses = new Poses(about, this.whole);
@@ -90,7 +107,8 @@ class Stage {
 
   #trail() {
     const { path, ground, size } = this.about, level = ground.level + 6e-4 * size;
-    const points = new Float32Array(path.flatMap(([x, y, z]) => [x, y, ground.solid ? level : z]));
+    const below = (x, y) => (this.relief ? this.relief.height(x, y) + 6e-4 * size : level);
+    const points = new Float32Array(path.flatMap(([x, y, z]) => [x, y, ground.solid ? below(x, y) : z]));
     const line = new THREE.BufferGeometry();
     line.setAttribute("position", new THREE.BufferAttribute(points, 3));
     this.trail = new THREE.Line(line, new THREE.LineBasicMaterial({ color: 0x33302b }));

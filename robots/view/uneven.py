@@ -1,0 +1,144 @@
+"""Uneven ground below motions: its nodes for files, its pieces for pictures, and what it hides."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from robots.view.motion import Motion
+from robots.view.scene import AMBIENT, GROUND, LIGHT, Camera
+from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.lattice import Relief
+
+MOST_NODES = 10_000  # of the ground in files
+MOST_PIECES = 6_000  # of the ground in pictures
+MARGIN = 0.5  # of ground around a motion in files, in lengths of the robot
+DARKEST = 0.3  # how much darker ground is where its friction is largest
+LEAST_LIT = 0.65  # brightness of slopes that no light reaches
+CONTRAST = 1.2  # of slopes, against what light makes of robots
+MOST_STEPS = 64  # from a point towards the viewer
+LEFT_BELOW = 0.04  # thickness of the ground at its lowest place, in widths of what is seen
+
+
+def cut(relief: Relief, low: Floats, high: Floats, most: int = MOST_NODES) -> Relief:
+    """Cut a ground to what is between two corners (x, y) [m].
+
+    It keeps the nodes; if they are more than ``most``, only every second, third, ... of them.
+    """
+    first = np.floor((low - relief.origin) / relief.spacing).astype(int)
+    last = np.maximum(np.ceil((high - relief.origin) / relief.spacing).astype(int), first + 1)
+    step = 1
+    while (-((first - last) // step) + 1).prod() > most:
+        step += 1
+    nodes = [np.arange(a, b + step, step) for a, b in zip(first, last, strict=True)]
+    table = np.ix_(*(np.clip(k, 0, count - 1) for k, count in zip(nodes, relief.heights.shape, strict=True)))
+    x, y = (relief.origin + first * relief.spacing).tolist()
+    friction = None if relief.friction is None else relief.friction[table]
+    return Relief(relief.heights[table], step * relief.spacing, (x, y), friction)
+
+
+def around(motion: Motion) -> Relief | None:
+    """The ground around a motion, for files; None where it is a plane."""
+    if motion.ground.relief is None:
+        return None
+    places = motion.translation[..., :2].reshape(-1, 2)
+    margin = MARGIN * float(np.ptp(motion.translation[0], axis=0).max())
+    return cut(motion.ground.relief, places.min(axis=0) - margin, places.max(axis=0) + margin)
+
+
+def nodes(relief: Relief, level: float) -> Floats:
+    """Places of the nodes of a ground above z = level [m], shape (X Y, 3)."""
+    x, y = (start + relief.spacing * np.arange(n) for start, n in zip(relief.origin, relief.heights.shape, strict=True))
+    return np.stack([*np.meshgrid(x, y, indexing="ij"), level + relief.heights], axis=-1).reshape(-1, 3)
+
+
+def triangles(relief: Relief) -> Ints:
+    """Numbers of the nodes of the triangles that a ground is made of, counter-clockwise from above, shape (N, 3)."""
+    number = np.arange(relief.heights.size).reshape(relief.heights.shape)
+    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]))
+    return np.stack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)], axis=1).reshape(-1, 3)
+
+
+def shades(friction: Floats, relief: Relief) -> Floats:
+    """Brightness of ground by its friction, 1 where the ground has its smallest: the darker, the more it grips."""
+    assert relief.friction is not None
+    low, high = float(relief.friction.min()), float(relief.friction.max())
+    return 1 - DARKEST * np.clip((friction - low) / max(high - low, 1e-12), 0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Uneven ground as a picture shows it.
+
+    Attributes:
+        quads: corners of its pieces, those at the back first [m], shape (N, 4, 3).
+        colours: of the pieces: red, green, blue from 0 to 1, shape (N, 3).
+        profile: the near edge [m], shape (K, 3).
+        end: the edge at the right [m], from the near one to the far one, shape (L, 3).
+        lines: ends of lines where it falls away from the viewer [m], shape (M, 2, 3).
+        base: z that the sides of the ground reach down to [m].
+    """
+
+    quads: Floats
+    colours: Floats
+    profile: Floats
+    end: Floats
+    lines: Floats
+    base: float
+
+
+def pieces(relief: Relief, level: float, camera: Camera, area: Floats) -> Pieces:
+    """Divide a ground, as the camera sees it, into pieces about as large as its cells.
+
+    Args:
+        relief: the ground.
+        level: z from which its heights count [m].
+        camera: that looks at it.
+        area: first and last place along the way, and to the left of it [m], shape (2, 2).
+    """
+    step = relief.spacing * max(1, int(np.ceil(np.sqrt(np.ptp(area, axis=1).prod() / MOST_PIECES) / relief.spacing)))
+    start = camera.by_the_way(np.array([[*relief.origin, 0.0]]))[0]
+    marks = []
+    for (low, high), begin in zip(area, start, strict=True):
+        inner = begin + step * np.arange(np.ceil((low - begin) / step), np.floor((high - begin) / step) + 1)
+        marks.append(np.unique(np.concatenate([[low], inner, [high]])))
+    x, y = np.moveaxis(camera.in_space(*np.meshgrid(*marks, indexing="ij")), -1, 0)
+    points = np.stack([x, y, level + relief.height(x, y)], axis=-1)
+    quads = np.stack([points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]], axis=2).reshape(-1, 4, 3)
+    normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
+    light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
+    steep = CONTRAST * (1.05 - AMBIENT) * (np.clip(normals @ light, 0, None) - light[2])
+    bright = np.clip(1 + steep, LEAST_LIT, 1.06)
+    if relief.friction is not None:
+        bright = bright * shades(relief.factor(*quads[..., :2].mean(axis=1).T), relief)
+    facing = normals @ camera.toward > 0
+    lines = _ridges(points, facing.reshape(len(points) - 1, -1))
+    lines = lines[~hidden(lines.mean(axis=1) + np.array([0.0, 0.0, 0.1 * step]), relief, level, camera)]
+    seen = np.flatnonzero(facing)
+    seen = seen[np.argsort(quads[seen].mean(axis=1) @ camera.toward, kind="stable")]
+    base = float(points[..., 2].min() - LEFT_BELOW * np.ptp(area, axis=1).max())
+    colours = np.clip(bright[seen, None] * np.array(GROUND), 0, 1)
+    end = points[-1 if camera.shift_right > 0 else 0]
+    return Pieces(quads[seen], colours, points[:, 0], end, lines, base)
+
+
+def _ridges(points: Floats, facing: Bools) -> Floats:
+    """Edges between pieces that face the viewer and others, shape (M, 2, 3), of nodes of shape (K, L, 3)."""
+    i, j = np.nonzero(facing[1:] != facing[:-1])
+    across = np.stack([points[i + 1, j], points[i + 1, j + 1]], axis=1)
+    i, j = np.nonzero(facing[:, 1:] != facing[:, :-1])
+    return np.concatenate([across, np.stack([points[i, j + 1], points[i + 1, j + 1]], axis=1)])
+
+
+def hidden(points: Floats, relief: Relief, level: float, camera: Camera) -> Bools:
+    """Whether a ground is between points, shape (N, 3) [m], and the viewer, shape (N,)."""
+    found = np.zeros(len(points), bool)
+    toward = camera.toward
+    if not len(points) or toward[2] <= 0:
+        return found
+    reach = (relief.heights.max() + level - points[:, 2].min()) / toward[2]
+    steps = int(np.clip(np.ceil(reach / relief.spacing), 0, MOST_STEPS))
+    for along in np.arange(1, steps + 1) * relief.spacing:
+        x, y, z = np.moveaxis(points + along * toward, -1, 0)
+        found |= level + relief.height(x, y) > z
+    return found
