@@ -27,9 +27,9 @@ from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, Pressure, each_pressure, save_design
-from robots.inflatable.kind import InflatableRobot, kilopascals
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.program import Counting
+from robots.inflatable.robot import InflatableRobot, kilopascals
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
