@@ -103,7 +103,7 @@ class InflatableRobot(Robot):
 
     @property
     def exportable(self) -> bool:  # type: ignore[override]
-        """Whether its cores share a pressure, as a rig has one line for them."""
+        """Whether its cores share a pressure, as the usual rig has one line for them."""
         core = self.gait.schedule.core_pressure
         shared = core is None or core.ndim == 1 or not np.ptp(core, axis=0).any()
         return shared and common_pressure(self.gait.pressure) is not None
