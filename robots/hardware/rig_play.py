@@ -18,9 +18,10 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, PUBLISHED, InflatableGeometry, skin_regions
 from robots.inflatable.body import SKIN_REGIONS as SKIN
 from robots.inflatable.numbers import Numbers
-from robots.inflatable.program import WHOLE, RobotEvents
+from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import InflatableResult, engine_of, summarise
+from robots.inflatable.timing import WHOLE
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
