@@ -153,8 +153,8 @@ def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:
         ValueError: for a design with several cores that are not alike, and another number of lines for them.
     """
     pressure, schedule, core = design.pressure, design.schedule, design.schedule.core_pressure
-    lines = "one line for the core" if rig.cores == 1 else f"{rig.cores} lines for cores"
-    allowed = f"a rig with {lines} does not play them, so give all cores one, or name a rig with a line for each"
+    lines = "a rig has one line for the core" if rig.cores == 1 else f"the rig has {rig.cores} lines for cores"
+    allowed = f"{lines}, so give all cores one, or name a rig with a line for each"
     if isinstance(pressure, tuple) and len(pressure) != rig.cores:
         if (common := common_pressure(pressure)) is None:
             raise ValueError(f"pressure: {kilopascals(pressure)} are not allowed; {allowed}")

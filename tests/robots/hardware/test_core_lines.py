@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,12 +12,13 @@ from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv, read
 from robots.hardware.headroom import rig_report
 from robots.hardware.rig_play import play_table
 from robots.hardware.stream import CommaLines, stream_of
-from robots.inflatable.body import PUBLISHED
+from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED
 from robots.inflatable.design import ROLLING, InflatableDesign, save_design
 from robots.inflatable.schedule import GaitSchedule
 from robots.view.gait_chart import gait_chart
 
 FULL = 12e3
+LATTICE = Path(__file__).parents[3] / "examples/starfish.py"
 RIG = 'name = "two"\ncores = 2\n[channels.core]\nslew_kpa_per_s = 25.0\n[channels.core2]\nmaximum_kpa = 45.0\n'
 HEADER = "time_s,section,state,core1_kPa,core2_kPa,bladder1_kPa"
 LEVELS = np.eye(10, 3)
@@ -82,9 +84,9 @@ def test_each_core_has_the_line_pressure_of_its_own(rig):
 
 def test_a_rig_with_another_number_of_lines_refuses_cores_that_differ(rig):
     for design, told in ((DESIGNS[0], "pressure: 8.4 and 0 kPa are"), (DESIGNS[5], "core_pressure: 2 rows are")):
-        with pytest.raises(ValueError, match=f"^{told} not allowed; a rig with one line for the core does"):
+        with pytest.raises(ValueError, match=f"^{told} not allowed; a rig has one line for the core, so give all"):
             gait_table(design)
-    with pytest.raises(ValueError, match="a rig with 2 lines for cores does not play them, so give all cores one"):
+    with pytest.raises(ValueError, match="the rig has 2 lines for cores, so give all cores one"):
         rig_report(dataclasses.replace(ROLLING, pressure=(1e3, 2e3, 3e3)), rig)
     assert rig_report(DESIGNS[0], rig).uses[0].names == ("core1",)
     same = dataclasses.replace(ROLLING, pressure=(1e3,) * 3)
@@ -142,6 +144,23 @@ def test_a_rig_fills_each_core_by_its_own_line(rig):
     assert not np.array_equal(first, alike) and not np.array_equal(first, second)
 
 
+@pytest.mark.kernels
+def test_a_command_plays_a_table_of_several_cores_through_a_rig(tmp_path, monkeypatch, morpholab):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(NAMED_GEOMETRIES, "two-core", TINY_TWO)
+    swift = "rise_s = 0.1\nfall_s = 0.1\nslew_kpa_per_s = 1e6\n"
+    channels = "".join(f"[channels.{name}]\n{swift}" for name in ("core", "bladder", "foot"))
+    (tmp_path / "two.toml").write_text(f'name = "swift"\ncores = 2\n{channels}')
+    save_design(InflatableDesign((2e3, 0.0), 0.0, GaitSchedule(np.eye(10, 1), 1)), tmp_path / "gait.json")
+    assert morpholab("export gait.json --rig two.toml --csv gait.csv")[0] == 0
+    code, out, error = morpholab("simulate --table gait.csv --rig two.toml --geometry two-core --json")
+    assert code == 0, error
+    found = json.loads(out)
+    assert found["pressure"] == [2e3, 0.0] and found["rig"] == "swift" and np.isfinite(found["speed_without_lag"])
+    code, _, error = morpholab("simulate --table gait.csv --rig two.toml --geometry small")
+    assert code == 2 and "give one, for the one core" in error and error.count("\n") == 1
+
+
 def test_commands_export_a_gait_of_several_cores(rig, tmp_path, monkeypatch, morpholab):
     monkeypatch.chdir(tmp_path)
     save_design(DESIGNS[0], tmp_path / "gait.json")
@@ -155,3 +174,5 @@ def test_commands_export_a_gait_of_several_cores(rig, tmp_path, monkeypatch, mor
     code, _, error = morpholab("export gait.json --csv other.csv")
     assert code == 2 and "name a rig with a line for each" in error and error.count("\n") == 1
     assert morpholab("play gait.csv --rig two.toml --dry-run")[0] == 0
+    code, _, error = morpholab(f"export {LATTICE} --rig two.toml --csv other.csv")
+    assert code == 2 and "rig: 2 lines for cores are not allowed for channels; give a rig with one" in error
