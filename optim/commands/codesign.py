@@ -54,7 +54,7 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
-    from optim.problems.robot import RobotDesigning
+    from optim.problems.robot_designing import RobotDesigning
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
@@ -116,7 +116,7 @@ def _search(
 
 def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> list[str]:
     """Gait table and pictures of the best design, unless they are up to date; the names of all files."""
-    from optim.problems.robot import RobotDesigning
+    from optim.problems.robot_designing import RobotDesigning
     from optim.runs.products import make_product
 
     if last.best_point is None:

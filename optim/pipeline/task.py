@@ -81,6 +81,10 @@ class PipelineTask:
         choice("weight", self.weight, WEIGHTS)
         if NAMED_GEOMETRIES[self.geometry].cores > 1:
             raise ValueError(f"geometry: {self.geometry!r} is not allowed; the tables of a package have one core")
+        if self.rig.cores > 1:
+            raise ValueError(
+                f"rig: {self.rig.cores} lines for cores are not allowed; the tables of a package have one core"
+            )
         if self.calibration is not None:
             self.calibration.check_time_step(NAMED_GEOMETRIES[self.geometry])
         for name, design in self.gaits.items():

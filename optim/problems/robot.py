@@ -8,14 +8,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import OK, Evaluation, Objective, Problem
+from optim.problem import OK, Evaluation, Objective
 from optim.problems.goals import Goals, Names, named, objective_of
 from optim.problems.objectives import RobotObjective
+from optim.problems.robot_designing import RobotDesigning, subject_of
 from optim.problems.uncertain import (
     check_drawn,
     checked_uncertain,
@@ -31,129 +32,6 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RobotDesigning(Problem):
-    """A problem whose points are robots: what commands and reports ask of it, beside its judgement.
-
-    Attributes:
-        precision: ``"f32"`` or ``"f64"``.
-        device: ``"cpu"``, ``"cuda"``, ``"vulkan"`` or ``"metal"``.
-        threads: CPU threads, all available if None; changes no result, so it is not part of the description.
-        progress: called now and then during an evaluation with the fraction done; not part of it either.
-    """
-
-    precision: str = "f64"
-    device: str = "cpu"
-    threads: int | None = None
-    progress: Callable[[float], None] | None = None
-
-    exportable = False  # whether hardware plays robots of this kind
-
-    @property
-    @abstractmethod
-    def robot_kind(self) -> str:
-        """Name of the kind of robot."""
-
-    @property
-    @abstractmethod
-    def tried_in(self) -> tuple[World, ...]:
-        """The worlds in which robots are tried."""
-
-    @abstractmethod
-    def robot_of(self, point: ArrayLike) -> Robot:
-        """The robot of a point, shape (D,), with nothing free."""
-
-    @property
-    def compute(self) -> Compute:
-        """Where and how trials are computed."""
-        return Compute(self.device, self.precision, self.threads)
-
-    @property
-    @abstractmethod
-    def subject(self) -> str:
-        """What is designed and where, in a few words."""
-
-    @abstractmethod
-    def facts(self) -> Facts:
-        """Rows for a report: the robot, its worlds, the objective and the simulation."""
-
-    @classmethod
-    @abstractmethod
-    def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
-        """Fields of the problem that :meth:`describe` described.
-
-        Raises:
-            KeyError, TypeError: if something is missing or of another type.
-            ValueError: for what is not allowed.
-        """
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Self:
-        """The problem that :meth:`describe` described. No code of it is run.
-
-        Raises:
-            ValueError: that names what is missing, unknown or not allowed.
-        """
-        try:
-            settings = cls.settings_of(description)
-            if unknown := settings.keys() - {field.name for field in dataclasses.fields(cls)}:
-                raise KeyError(", ".join(sorted(unknown)))
-            return cls(**settings)
-        except (KeyError, TypeError) as error:
-            raise ValueError(f"problem: its description is damaged ({error})") from None
-
-    def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
-        """What a table of several points, shape (C, D), tells of each beside its objectives: values by name."""
-        return {name: [f"{value:.4g}" for value in points[:, n]] for n, name in enumerate(self.space.names)}
-
-    @property
-    def curves(self) -> Mapping[str, str]:
-        """Details whose course in a search is worth a curve, and what they are called."""
-        return {}
-
-    @property
-    def descriptors(self) -> Mapping[str, tuple[float, float]]:
-        """Details that tell kinds of designs apart, with their lowest and highest values: axes of a map of elites."""
-        return {}
-
-    def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
-        """What the log says of the best point in each world: measures by name.
-
-        Args:
-            point: shape (D,).
-            best: its score.
-            details: of its evaluation.
-        """
-        single = len(self.tried_in) == 1
-        found = []
-        for world in self.tried_in:
-            measures: dict[str, float] = {}
-            for measure in self.robot_of(point).measures:
-                name = measure.name if single else f"{measure.name}_{world.name}"
-                value = best if single and (measure.name,) == self.objective_names else details.get(name)
-                if isinstance(value, int | float):
-                    measures[measure.name] = value
-            found.append(measures)
-        return found
-
-    def command_options(self, folder: Path) -> dict[str, Any]:
-        """Options, by name, with which a command makes the robot of a design that the run in a folder saved."""
-        return {}
-
-    def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
-        """What writes further files about the best point, shape (D,), of a run, by their names."""
-        return {}
-
-    def prepare(self, folder: Path) -> None:
-        """Write what a new run folder needs beside the run itself."""
-
-
-def subject_of(name: str, worlds: Sequence[World]) -> str:
-    """A robot and where it is, in a few words."""
-    places = " and ".join(world.spoken for world in worlds if world.spoken)
-    return f"{name}, {places}" if places else name
 
 
 class JudgedRobot(RobotDesigning):

@@ -10,7 +10,7 @@ from typing import Any
 from optim.experiments.results import Progress, part_of
 from optim.problem import Objective, Problem, objectives_of, score_of
 from optim.problems import problem_of_run
-from optim.problems.robot import RobotDesigning
+from optim.problems.robot_designing import RobotDesigning
 from optim.report.markup import (
     Html,
     Section,

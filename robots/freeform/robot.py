@@ -16,8 +16,8 @@ from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import try_designs
-from robots.lattice_robot.measures import measures_of
-from robots.lattice_robot.robot import LatticeRobot, checked_target
+from robots.lattice_robot.measures import checked_target, measures_of
+from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, counted

@@ -301,6 +301,8 @@ def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_sle
             f"channels: {len(waves)} are not allowed; the rig has {len(LINES)} lines for them, "
             "so let regions share a wave"
         )
+    if rig.cores > 1:
+        raise ValueError(f"rig: {rig.cores} lines for cores are not allowed for channels; give a rig with one")
     ring = np.zeros((rhythm.nodes, len(CHANNELS)))
     for line, wave in enumerate(waves, 1):
         ring[:, line] = wave.calibration.kpa(wave.values)

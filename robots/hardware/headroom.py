@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.rig import CHANNELS, Channel, PneumaticRig
-from robots.hardware.table import with_one_pressure
+from robots.hardware.rig import Channel, PneumaticRig
+from robots.hardware.table import on_lines
 from robots.hardware.timeline import Timeline, commands_of, timeline
 from robots.inflatable.design import InflatableDesign
 
@@ -84,11 +84,11 @@ def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> Rig
     """What a design asks of a rig, the dissertation's if None; a gait that is refused, too.
 
     Raises:
-        ValueError: for a design with several cores that are not alike.
+        ValueError: for a design with several cores that are not alike, and too few lines for them.
     """
     rig = rig or PneumaticRig()
     columns, repeats = design.schedule.columns, design.schedule.repeats
-    line = timeline(commands_of(with_one_pressure(design), rig.line_map), rig)
+    line = timeline(commands_of(on_lines(design, rig), rig.line_map, rig.cores), rig)
     lasting = [state.end_s - state.start_s for state in line.states]
     first, again = lasting[1 : columns + 1], lasting[columns + 1 : 2 * columns + 1]
     played = [*first, *again] if repeats > 1 else first
@@ -103,7 +103,9 @@ def uses_of(line: Timeline, rig: PneumaticRig) -> tuple[Use, ...]:
     rates = np.abs(np.diff(line.pressures, axis=0)[moving] / steps[moving, None]).max(axis=0)
     lowest, highest = line.pressures.min(axis=0), line.pressures.max(axis=0)
     uses: list[Use] = []
-    for name, *one in zip(CHANNELS, rig.channels, lowest.tolist(), highest.tolist(), rates.tolist(), strict=True):
+    for name, *one in zip(
+        rig.channel_names, rig.channels, lowest.tolist(), highest.tolist(), rates.tolist(), strict=True
+    ):
         if uses and uses[-1] == Use(uses[-1].names, *one):
             uses[-1] = Use((*uses[-1].names, name), *one)
         else:

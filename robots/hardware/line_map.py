@@ -68,31 +68,32 @@ class LineMap:
         """Line pressures [kPa] of states.
 
         Args:
-            pressures: simulated, of the core [Pa], one or shape (S,).
+            pressures: simulated, of the core [Pa], one or shape (S,); of each of C cores shape (C, S).
             levels: of the ten actuators in each state, from 0 (off) to 1 (on), shape (10, S).
 
         Returns:
-            The core's, then those of the actuators, shape (S, 11).
+            Those of the cores, then of the actuators, shape (S, C + 10).
         """
         simulated, told = np.asarray(pressures, float), np.asarray(levels, float).T
         core = np.where(simulated == 0, self.flat_kpa, self.core_kpa * simulated / self.simulated_pa)
         if self.ramp_pa > 0:
             core = np.where(simulated < self.ramp_pa, np.interp(simulated, (0.0, self.ramp_pa), self._ramp), core)
         actuators = (1.0 - told) * self.off_kpa + told * self.on_kpa
-        return np.column_stack([np.broadcast_to(core, len(told)), actuators])
+        return np.column_stack([np.broadcast_to(core, (*core.shape[:-1], len(told))).T, actuators])
 
     def simulated(self, lines: ArrayLike) -> tuple[Floats, Floats]:
         """The inverse of :meth:`lines`; beyond its two pressures an actuator is off or on.
 
         Returns:
-            Core pressures [Pa], shape (S,), and levels of the actuators, shape (10, S).
+            Core pressures [Pa], shape (S,), of several cores shape (C, S), and levels of the actuators, shape (10, S).
         """
         given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
-        core = np.round(np.maximum(given[:, 0], 0.0) * self.simulated_pa / self.core_kpa, _RESOLUTION)
+        told = given[:, :-ROWS].T if given.shape[1] > ROWS + 1 else given[:, 0]
+        core = np.round(np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa, _RESOLUTION)
         if self.ramp_pa > 0:
-            low = np.interp(given[:, 0], self._ramp, (0.0, self.ramp_pa))
-            core = np.where(given[:, 0] < self._ramp[1], np.round(low, _RESOLUTION), core)
-        levels = (given[:, 1:] - off) / (np.array(self.on_kpa) - off)
+            low = np.interp(told, self._ramp, (0.0, self.ramp_pa))
+            core = np.where(told < self._ramp[1], np.round(low, _RESOLUTION), core)
+        levels = (given[:, -ROWS:] - off) / (np.array(self.on_kpa) - off)
         return core, np.round(np.clip(levels, 0.0, 1.0), _LEVEL_RESOLUTION).T
 
     def told(self, pressures: ArrayLike) -> Self:

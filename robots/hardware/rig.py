@@ -17,15 +17,21 @@ from typing import Annotated, Any, TypeVar
 import tomli_w
 
 from robots.hardware.line_map import RAMP_PA, LineMap
-from robots.inflatable.schedule import BLADDERS, FEET, GaitSchedule
-from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, choice, number
+from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
+from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
 Described = TypeVar("Described", "Channel", LineMap)
 CHANNELS = ("core", *GaitSchedule.row_names)
+MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
 KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}
 UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
 _NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.]| pressures)")
+
+
+def channel_names(cores: int) -> tuple[str, ...]:
+    """Names of the lines of a rig with so many for cores: ``CHANNELS`` for one, else ``core1``, ``core2`` and on."""
+    return CHANNELS if cores == 1 else (*(f"core{n}" for n in range(1, cores + 1)), *GaitSchedule.row_names)
 
 
 @dataclass(frozen=True)
@@ -80,7 +86,7 @@ class PneumaticRig:
         name: for people.
         supply_kpa: pressure of the supply; no line can exceed it [kPa].
         vacuum_kpa: pressure of the vacuum, negative, or 0 without one; no line can fall below it [kPa].
-        channels: in the order of ``CHANNELS``: core, bladders 1 to 8, feet 1 and 2.
+        channels: in the order of :attr:`channel_names`: core, or several cores, bladders 1 to 8, feet 1 and 2.
         shortest_state_s: duration of a state in which nothing changes [s].
         line_map: pressures that lines take for what is simulated.
         units: ``"kpa"`` or ``"psi"``, in which people are told of it; all fields are in kPa.
@@ -100,9 +106,11 @@ class PneumaticRig:
         choice("units", self.units, KPA_PER_UNIT)
         check_fields(self)
         object.__setattr__(self, "channels", tuple(self.channels))
-        if (given := len(self.channels)) != len(CHANNELS):
+        if (given := len(self.channels)) < len(CHANNELS):
             raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)}")
-        for name, channel in zip(CHANNELS, self.channels, strict=True):
+        if self.cores > MOST_CORES:
+            raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)} to {ROWS + MOST_CORES}")
+        for name, channel in zip(self.channel_names, self.channels, strict=True):
             if channel.maximum_kpa > self.supply_kpa:
                 limit = f"the supply has {self.supply_kpa:g} kPa"
                 raise ValueError(f"{name}: maximum_kpa: {channel.maximum_kpa:g} is not allowed; {limit}")
@@ -110,14 +118,25 @@ class PneumaticRig:
                 limit = f"the vacuum has {self.vacuum_kpa:g} kPa"
                 raise ValueError(f"{name}: minimum_kpa: {channel.minimum_kpa:g} is not allowed; {limit}")
 
+    @property
+    def cores(self) -> int:
+        """How many of its lines are for cores."""
+        return len(self.channels) - ROWS
+
+    @property
+    def channel_names(self) -> tuple[str, ...]:
+        """What its lines drive, in their order."""
+        return channel_names(self.cores)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rig as TOML, every channel for itself, in kPa.
 
         Raises:
             ValueError: if the file cannot be written.
         """
-        channels = {name: asdict(channel) for name, channel in zip(CHANNELS, self.channels, strict=True)}
+        channels = {name: asdict(channel) for name, channel in zip(self.channel_names, self.channels, strict=True)}
         data = {name: getattr(self, name) for name in ("name", "supply_kpa", "vacuum_kpa", "shortest_state_s")}
+        data |= {"cores": self.cores} if self.cores > 1 else {}
         content = {"units": "kpa", **data, "map": asdict(self.line_map), "channels": channels}
         write_text(path, tomli_w.dumps(content))
 
@@ -126,6 +145,7 @@ class PneumaticRig:
         """Read a rig from TOML, or take a preset by its name; what a file leaves out is the default.
 
         In a file ``[channels.bladder]`` is all bladders, ``[channels.bladder3]`` what differs in the third.
+        With ``cores = 2`` it has two lines for cores: ``[channels.core]`` is both, ``[channels.core1]`` the first.
 
         Raises:
             ValueError: for an unreadable file, an unknown name or a value that is not allowed.
@@ -159,7 +179,7 @@ _LAGGED = replace(
 PRESETS: Mapping[str, PneumaticRig] = MappingProxyType({rig.name: rig for rig in (_DISSERTATION, _GENTLE, _LAGGED)})
 
 _ALL = {"bladder": CHANNELS[1:9], "foot": CHANNELS[9:]}  # tables that speak of several channels
-_NAMES = ("name", "units", "supply_kpa", "vacuum_kpa", "shortest_state_s", "map", "channels")
+_NAMES = ("name", "units", "supply_kpa", "vacuum_kpa", "shortest_state_s", "map", "channels", "cores")
 
 
 def _rig(data: dict[str, Any]) -> PneumaticRig:
@@ -185,10 +205,13 @@ def _built(data: dict[str, Any], units: str) -> PneumaticRig:
     """The rig of a file's content, all in kPa."""
     data = _known(data, "rig", _NAMES)
     default = PneumaticRig()
-    channels = dict(zip(CHANNELS, default.channels, strict=True))
-    tables = _known(data.pop("channels", {}), "channels", (*_ALL, *CHANNELS))
-    for table in sorted(tables, key=lambda name: name not in _ALL):  # one channel's own table wins
-        for name in _ALL.get(table, (table,)):
+    cores = whole_number("cores", data.pop("cores", 1), 1, MOST_CORES)
+    names = channel_names(cores)
+    channels = dict(zip(names, default.channels[:1] * cores + default.channels[1:], strict=True))
+    several = _ALL if cores == 1 else {**_ALL, "core": names[:cores]}
+    tables = _known(data.pop("channels", {}), "channels", (*several, *names))
+    for table in sorted(tables, key=lambda name: name not in several):  # one channel's own table wins
+        for name in several.get(table, (table,)):
             channels[name] = _changed(channels[name], table, tables[table])
     line_map = _changed(LineMap(), "map", data.pop("map", {}))  # files that say no ramp have none
     simple = {"name": "unnamed", **{name: value for name, value in data.items() if name != "units"}}

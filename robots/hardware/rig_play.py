@@ -18,9 +18,10 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, PUBLISHED, InflatableGeometry, skin_regions
 from robots.inflatable.body import SKIN_REGIONS as SKIN
 from robots.inflatable.numbers import Numbers
-from robots.inflatable.program import WHOLE, RobotEvents
+from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import InflatableResult, engine_of, summarise
+from robots.inflatable.timing import WHOLE
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -35,7 +36,8 @@ def commanded(table: GaitTable) -> tuple[Floats, Floats, float, float]:
     """Commands of prefix and all loops of the main, over time.
 
     Returns:
-        Times [s], shape (N,); pressures [kPa], shape (N, 11); when the body is shaped, and when its first column ends.
+        Times [s], shape (N,); pressures of L lines [kPa], shape (N, L); when the body is shaped, and when its first
+        column ends.
     """
     pressures, sections = table.pressures * KPA_PER_UNIT[table.units], np.array(table.sections)
     shaped = float(table.times[table.states == 0].max())
@@ -178,12 +180,17 @@ def _events(
 
 
 def _follow(events: RobotEvents, table: GaitTable, lines: Floats, steps: Ints, begin: int, dt: float) -> None:
-    """Write what the robot feels while lines have these pressures [kPa], shape (S, 11), at steps, shape (S,)."""
+    """Write what the robot feels while L lines have these pressures [kPa], shape (S, L), at steps, shape (S,)."""
     a = events.actuation
     core, levels = table.line_map.simulated(lines)
-    for region in events.skin(SKIN):
-        _course(events, Quantity.PRESSURE, core, region, steps)
-    along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * core / a.round_pressure
+    bodies = len(events.cores)
+    if core.ndim == 2 and len(core) != bodies:
+        raise ValueError(f"table: {len(core)} lines for cores are not allowed; the body has {bodies}, see --geometry")
+    for number, one in enumerate(np.broadcast_to(core, (bodies, core.shape[-1]))):
+        for region in skin_regions(SKIN, number):
+            _course(events, Quantity.PRESSURE, one, region, steps)
+    felt = core if core.ndim == 1 else np.array(events.shares) @ core
+    along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * felt / a.round_pressure
     sizes = np.ones((2, BLADDERS)) if events.bladder_sizes is None else events.bladder_sizes
     for bladder, level in enumerate(levels[:BLADDERS]):
         grown, region = level * (a.inflated - a.deflated), FIRST_BLADDER + bladder

@@ -8,6 +8,7 @@ Its CSV file has a header that carries what is played exactly, then rows for the
 import hashlib
 import itertools
 import os
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, UNIT_SPELLING
+from robots.hardware.rig import KPA_PER_UNIT, UNIT_SPELLING, channel_names
+from robots.inflatable.schedule import ROWS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text
 
@@ -59,7 +61,7 @@ class RigTable(ABC):
         times: of the rows [s], shape (N,); see :class:`GaitTable`.
         states: numbers of the states that rows belong to, shape (N,): 0 prepares, then the columns come twice, in
             prefix and main, then lines are vented.
-        pressures: gauge pressures of ``CHANNELS`` in ``units``, shape (N, 11).
+        pressures: gauge pressures of :attr:`channels` in ``units``, shape (N, 11), or (N, C + 10) of C cores.
         units: ``"kpa"`` or ``"psi"``.
         rig: name of the rig.
         rate: rows per second; None for rows at corners.
@@ -76,7 +78,10 @@ class RigTable(ABC):
     clipped: tuple[str, ...]
     timing: tuple[State, ...]
 
-    channels = CHANNELS
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What the lines drive, in the order of their pressures."""
+        return channel_names(self.pressures.shape[1] - ROWS)
 
     @property
     @abstractmethod
@@ -137,7 +142,7 @@ def write_csv(table: RigTable, path: str | os.PathLike[str]) -> None:
         ValueError: if the file cannot be written.
     """
     lines = [f"# {name}={value}" for name, value in table.header()]
-    lines.append(_column_names(table.units))
+    lines.append(_column_names(table.units, table.channels))
     for time, section, state, row in zip(table.times, table.sections, table.states, table.pressures, strict=True):
         lines.append(",".join([f"{time:.12g}", section, str(state), *(f"{pressure:.9g}" for pressure in row)]))
     lines.insert(1, f"# checksum={_checksum(lines)}")
@@ -213,7 +218,8 @@ def read_table(path: str | os.PathLike[str], build: Callable[[Sequence[str]], Ta
 
 def _check_columns(lines: Sequence[str], at: int, units: str) -> None:
     given = lines[at].split(",") if at < len(lines) else []
-    expected = _column_names(units).split(",")
+    cores = sum(re.fullmatch(rf"core\d+_{UNIT_SPELLING[units]}", name) is not None for name in given)
+    expected = _column_names(units, channel_names(max(1, cores))).split(",")
     if missing := [name for name in expected if name not in given]:
         raise ValueError(f"line {at + 1}: column {missing[0]} is missing; give {','.join(expected)}")
     if given != expected:
@@ -225,8 +231,9 @@ def _rows(lines: Sequence[str], start: int, columns: int) -> tuple[np.ndarray, n
     times: list[float] = []
     states: list[int] = []
     rows: list[list[float]] = []
+    size = len(lines[start - 1].split(","))  # of the names
     for index, line in enumerate(lines[start:], start + 1):
-        time, state, row = _row(line, index)
+        time, state, row = _row(line, index, size)
         if section_of(state, columns) != line.split(",")[1] or state > 2 * columns + 1:
             raise ValueError(f"line {index}: section {line.split(',')[1]!r} does not fit state {state}")
         if times:
@@ -246,9 +253,8 @@ def _rows(lines: Sequence[str], start: int, columns: int) -> tuple[np.ndarray, n
     return np.array(times), np.array(states), np.array(rows)
 
 
-def _row(line: str, index: int) -> tuple[float, int, list[float]]:
+def _row(line: str, index: int, size: int) -> tuple[float, int, list[float]]:
     parts = line.split(",")
-    size = len(_FIRST) + len(CHANNELS)
     try:
         time, state, row = float(parts[0]), int(parts[2]), [float(part) for part in parts[3:]]
         whole = len(parts) == size and bool(np.isfinite([time, *row]).all())
@@ -264,5 +270,5 @@ def _checksum(lines: Sequence[str]) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-def _column_names(units: str) -> str:
-    return ",".join((*_FIRST, *(f"{name}_{UNIT_SPELLING[units]}" for name in CHANNELS)))
+def _column_names(units: str, channels: Sequence[str]) -> str:
+    return ",".join((*_FIRST, *(f"{name}_{UNIT_SPELLING[units]}" for name in channels)))

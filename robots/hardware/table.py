@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import KPA_PER_UNIT
+from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
@@ -36,7 +36,7 @@ class GaitTable(RigTable):
             increase, but a section begins with the row that ends the one before.
         states: numbers of the states that rows belong to, shape (N,): 0 shapes the body, then the columns come
             twice, in prefix and main, then lines are vented.
-        pressures: gauge pressures of ``CHANNELS`` in ``units``, shape (N, 11).
+        pressures: gauge pressures of :attr:`channels` in ``units``, shape (N, 11), or (N, C + 10) of C cores.
         units: ``"kpa"`` or ``"psi"``.
         design: that it was made of, exactly.
         line_map: from simulated to line pressures, as played (after clipping).
@@ -81,7 +81,7 @@ class GaitTable(RigTable):
             ("units", self.units),
             ("robot_hash", design_hash(design)),
             ("seed", seed_text(self.seed)),
-            ("pressure_pa", repr(design.pressure)),
+            ("pressure_pa", ",".join(map(repr, np.atleast_1d(design.pressure).tolist()))),
             ("orientation_deg", repr(design.orientation)),
             ("schedule", design.schedule.to_text()),
             ("repeats", str(design.schedule.repeats)),
@@ -106,22 +106,29 @@ class GaitTable(RigTable):
         """
         last = np.append(np.flatnonzero(np.diff(self.states)), len(self.states) - 1)
         lines = self.pressures[last] * KPA_PER_UNIT[self.units]
-        core, levels = self.line_map.simulated(lines[:-1])  # the last state vents
+        told_core, levels = self.line_map.simulated(lines[:-1])  # the last state vents
+        core = np.atleast_2d(told_core)
         given = self.design.schedule
         if given.skip_idle:
             levels = np.round(levels)
-        if np.ptp(core) > 0 and given.core_pressure is None:
+        if np.ptp(core, axis=1).any() and given.core_pressure is None:
             raise ValueError(f"core: {core.min():g} to {core.max():g} Pa are not allowed; a gait has one core pressure")
         first, second = np.array_split(np.vstack([levels, core])[:, 1:], 2, axis=1)
         if not np.array_equal(first, second):
             raise ValueError("gait table: the columns of its prefix differ from those of its main")
-        told = None if given.core_pressure is None else second[ROWS]
+        own = given.core_pressure
+        alike = not np.ptp(core, axis=0).any() and not isinstance(self.design.pressure, tuple)
+        if alike and (own is None or own.ndim == 1):  # one pressure, on all lines
+            core, second = core[:1], second[: ROWS + 1]
+        told = None if own is None else second[ROWS] if len(core) == 1 else second[ROWS:]
         gait = GaitSchedule(second[:ROWS], self.loops + 1, told, skip_idle=given.skip_idle)
         gait = replace(gait, pace=given.pace)
         if given.has_own_times:
-            moved = np.zeros(gait.columns, int) if told is None else self._steps(slice(0, 1))[:, 0]
+            moved = np.zeros(gait.columns, int) if told is None else self._steps(slice(0, -ROWS))[:, 0]
             gait = replace(gait, motion_steps=moved, settle_steps=self._steps(slice(None))[:, 1])
-        return replace(self.design, pressure=float(core[0]), schedule=gait)
+        before = core[:, 0].tolist()
+        shared = len(set(before)) == 1 and not isinstance(self.design.pressure, tuple)
+        return replace(self.design, pressure=before[0] if shared else tuple(before), schedule=gait)
 
     def _steps(self, lines: slice) -> Ints:
         """Time steps of each column until some lines have arrived, and from there to its end, shape (T, 2).
@@ -139,19 +146,21 @@ class GaitTable(RigTable):
         return np.round(np.array(found) / TIME_STEP).astype(int)
 
 
-def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
-    """The design with the one core pressure that the rig's one line for the core stands for.
+def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:
+    """The design with a pressure for each of the rig's lines for cores, or with one for all of them.
 
     Raises:
-        ValueError: for a design with several cores that are not alike.
+        ValueError: for a design with several cores that are not alike, and another number of lines for them.
     """
-    if (pressure := common_pressure(design.pressure)) is None:
-        told = kilopascals(design.pressure)
-        raise ValueError(f"pressure: {told} are not allowed; a rig has one line for the core, so give all cores one")
-    schedule, core = design.schedule, design.schedule.core_pressure
-    if core is not None and core.ndim == 2:
+    pressure, schedule, core = design.pressure, design.schedule, design.schedule.core_pressure
+    lines = "a rig has one line for the core" if rig.cores == 1 else f"the rig has {rig.cores} lines for cores"
+    allowed = f"{lines}, so give all cores one, or name a rig with a line for each"
+    if isinstance(pressure, tuple) and len(pressure) != rig.cores:
+        if (common := common_pressure(pressure)) is None:
+            raise ValueError(f"pressure: {kilopascals(pressure)} are not allowed; {allowed}")
+        pressure = common
+    if core is not None and core.ndim == 2 and len(core) != rig.cores:
         if np.ptp(core, axis=0).any():
-            allowed = "a rig has one line for the core, so give all cores one"
             raise ValueError(f"core_pressure: {len(core)} rows are not allowed; {allowed}")
         schedule = replace(schedule, core_pressure=core[0])
     return InflatableDesign(pressure, design.orientation, schedule, design.materials)
@@ -159,8 +168,9 @@ def with_one_pressure(design: InflatableDesign) -> InflatableDesign:
 
 def design_hash(design: InflatableDesign) -> str:
     """A short fingerprint of a robot's design, equal for equal designs on every machine."""
-    played, schedule = with_one_pressure(design), design.schedule
-    content: list[Any] = [played.pressure, played.orientation, schedule.to_text(), schedule.repeats]
+    pressure, schedule = common_pressure(design.pressure), design.schedule
+    content: list[Any] = [design.pressure if pressure is None else float(pressure), float(design.orientation)]
+    content += [schedule.to_text(), schedule.repeats]
     content += [design.materials.given] if design.materials is not None else []
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
@@ -194,7 +204,8 @@ def _read(lines: Sequence[str]) -> GaitTable:
     try:
         schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
         materials = RegionMaterials.of(json.loads(header["materials"])) if "materials" in header else None
-        design = InflatableDesign(float(header["pressure_pa"]), float(header["orientation_deg"]), schedule, materials)
+        pressure = tuple(map(float, header["pressure_pa"].split(",")))
+        design = InflatableDesign(pressure, float(header["orientation_deg"]), schedule, materials)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
         seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
@@ -205,4 +216,8 @@ def _read(lines: Sequence[str]) -> GaitTable:
     if not fits:
         raise ValueError("header is damaged (robot_hash and loops do not fit its design)")
     times, states, pressures = content.rows(schedule.columns)
+    core, lines = schedule.core_pressure, pressures.shape[1] - ROWS
+    for told in (len(pressure), len(core) if core is not None and core.ndim == 2 else 1):
+        if told not in (1, lines):
+            raise ValueError(f"header is damaged (its design has {told} cores, the table {lines} lines for cores)")
     return GaitTable(times, states, pressures, content.units, design, line_map, seed, rig, rate, content.clipped)

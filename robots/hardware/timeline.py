@@ -16,9 +16,9 @@ from typing import Self
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, UNIT_SPELLING, PneumaticRig
+from robots.hardware.rig import KPA_PER_UNIT, UNIT_SPELLING, PneumaticRig
 from robots.hardware.rig_table import State, section_of, write_csv
-from robots.hardware.table import TIME_STEP, GaitTable, with_one_pressure
+from robots.hardware.table import TIME_STEP, GaitTable, on_lines
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS
@@ -33,11 +33,11 @@ _CLOSEST = 6  # decimals of a time [s] that tell corners apart
 
 @dataclass(frozen=True, eq=False)
 class Commands:
-    """What all lines are told in S states: shaping of the body, the columns twice, venting.
+    """What all L lines, those of cores first, are told in S states: shaping of the body, the columns twice, venting.
 
     Attributes:
-        targets: pressures [kPa], shape (S, 11).
-        portions: of the rig's time of a whole stroke that each line takes, shape (S, 11): how far an actuator goes
+        targets: pressures [kPa], shape (S, L).
+        portions: of the rig's time of a whole stroke that each line takes, shape (S, L): how far an actuator goes
             between off and on; 1 for the core, for shaping and for venting.
         moving_s: that states take at least before they dwell [s], shape (S,).
         resting_s: that they dwell once all lines are done [s], shape (S,).
@@ -55,41 +55,43 @@ class Commands:
 
     @property
     def before(self) -> Floats:
-        """Pressures with which states begin [kPa], shape (S, 11); all lines start vented."""
-        return np.vstack([np.zeros(len(CHANNELS)), self.targets[:-1]])
+        """Pressures with which states begin [kPa], shape (S, L); all lines start vented."""
+        return np.vstack([np.zeros(self.targets.shape[1]), self.targets[:-1]])
 
     def within(self, low: Floats, high: Floats) -> Self:
-        """The same with pressures cut to limits [kPa], shape (11,) each."""
+        """The same with pressures cut to limits [kPa], shape (L,) each."""
         return replace(self, targets=np.clip(self.targets, low, high))
 
     def strokes(self, rig: PneumaticRig, keep_slew: bool) -> Floats:
-        """How long lines take to their targets; with ``keep_slew`` not faster than their limits [s], shape (S, 11)."""
+        """How long lines take to their targets; with ``keep_slew`` not faster than their limits [s], shape (S, L)."""
         rise, fall, slew = np.array([(c.rise_s, c.fall_s, c.slew_kpa_per_s) for c in rig.channels]).T
         times = np.where(self.targets > self.before, rise, fall) * self.portions
         return np.maximum(times, np.abs(self.targets - self.before) / slew) if keep_slew else times
 
 
-def commands_of(design: InflatableDesign, line_map: LineMap) -> Commands:
+def commands_of(design: InflatableDesign, line_map: LineMap, cores: int = 1) -> Commands:
     """The commands of a gait.
 
     Args:
-        design: with one core pressure.
+        design: with one core pressure, or one for each of several lines.
+        cores: lines for them.
         line_map: from simulated to line pressures.
     """
     schedule = design.schedule
     shaping = (np.arange(ROWS) >= BLADDERS).astype(float)  # the feet grip
     levels = np.column_stack([shaping, schedule.levels, schedule.levels])
-    core, times = np.full(levels.shape[1], design.pressure), np.zeros((schedule.columns, 2))
+    core, times = np.empty((cores, levels.shape[1])), np.zeros((schedule.columns, 2))
+    core.T[:] = design.pressure
     if schedule.core_pressure is not None:
-        core[1:] = np.tile(schedule.core_pressure, 2)
+        core[:, 1:] = np.tile(schedule.core_pressure, 2)
     if schedule.has_own_times:
         times = np.array(durations(schedule, ACTUATION))[: schedule.columns] * TIME_STEP
     states = line_map.lines(core, levels)
     portions = np.ones((len(states) + 1, states.shape[1]))
     ways = np.abs(np.diff(levels, axis=1)).T
-    portions[1:-1, 1:] = np.where(ways > 0, ways, 1.0)
+    portions[1:-1, cores:] = np.where(ways > 0, ways, 1.0)
     if schedule.pace is not None:  # a stroke takes the longer, the slower it is
-        portions[1:-1, 1 : BLADDERS + 1] /= np.tile(schedule.pace, 2).T
+        portions[1:-1, cores : cores + BLADDERS] /= np.tile(schedule.pace, 2).T
     moving, resting = np.pad(np.tile(times.T, 2), ((0, 0), (1, 1)))
     return Commands(np.vstack([states, np.zeros(states.shape[1])]), portions, moving, resting)
 
@@ -103,7 +105,7 @@ class Timeline:
         times: of the rows [s], shape (N,); increasing, but for the first row of a section, which is the last of the
             section before.
         numbers: of the states that rows belong to, shape (N,).
-        pressures: [kPa], shape (N, 11).
+        pressures: [kPa], shape (N, L).
     """
 
     states: tuple[State, ...]
@@ -149,8 +151,8 @@ def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, k
         numbers.extend([place] * len(moments))
         rows.extend(before + (target - before) * np.minimum(passed[:-1, None] / stroke, 1.0))
         rows.append(target)  # free of rounding
-        slowest = CHANNELS[changing[np.argmax(done)]] if changing.size else ""
-        names = tuple(CHANNELS[index] for index in changing)
+        slowest = rig.channel_names[changing[np.argmax(done)]] if changing.size else ""
+        names = tuple(rig.channel_names[index] for index in changing)
         states.append(State(place, section, start, times[-1], slowest, names))
         start = times[-1]
     return Timeline(tuple(states), np.array(times), np.array(numbers), np.array(rows))
@@ -161,7 +163,7 @@ class Violation:
     """One limit exceeded once.
 
     Attributes:
-        channel: one of ``CHANNELS``.
+        channel: one of the rig's.
         time_s: when the command passes the limit of pressure, or begins to change too fast [s].
         value: asked for, in the unit.
         limit: of the rig, in the same unit.
@@ -205,7 +207,7 @@ def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -
     unit, factor = UNIT_SPELLING[rig.units], KPA_PER_UNIT[rig.units]
     before, rates = commands.before, np.abs(commands.targets - commands.before) / commands.strokes(rig, False)
     for place, index in np.argwhere(commands.targets != before):
-        name, channel, start = CHANNELS[index], rig.channels[index], states[place].start_s
+        name, channel, start = rig.channel_names[index], rig.channels[index], states[place].start_s
         first, last, rate = (float(each[place, index]) for each in (before, commands.targets, rates))
         if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
             found.append(Violation(name, start, rate / factor, channel.slew_kpa_per_s / factor, f"{unit}/s"))
@@ -232,7 +234,8 @@ def gait_table(
     by vacuum. The feet grip meanwhile, as in the simulation's initialisation.
 
     Args:
-        design: pressure [Pa], the same of all cores, orientation [degrees] and schedule.
+        design: pressure [Pa], one for each of the rig's lines for cores where they differ, orientation [degrees] and
+            schedule.
         rig: the dissertation's if None.
         units: ``"kpa"`` or ``"psi"``.
         rate: rows per second, and states last whole samples; None: rows at the corners of the pressures.
@@ -252,19 +255,21 @@ def gait_table(
     if rate is not None:
         number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
-    design = with_one_pressure(design)
+    design = on_lines(design, rig)
     after = design.schedule.core_pressure
     pressures = np.append(design.pressure, [] if after is None else after)
     line_map, clip = rig.line_map.told(pressures), on_violation == "clip"
-    commands = commands_of(design, line_map)
+    commands = commands_of(design, line_map, rig.cores)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:
         raise RigViolation(found)
     if found:
         low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
-        line_map = line_map.within(low[1:], high[1:])
-        commands = commands_of(design, line_map).within(low, high)
+        line_map = line_map.within(low[rig.cores :], high[rig.cores :])
+        commands = commands_of(design, line_map, rig.cores).within(low, high)
     line = timeline(commands, rig, rate, keep_slew=clip)
+    if found:  # rounding of rows on the way to a limit
+        line = replace(line, pressures=np.clip(line.pressures, low, high))
     return GaitTable(
         line.times,
         line.numbers,

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from robots.inflatable.gradient import InflatableGradient as InflatableGradient
     from robots.inflatable.gradient import differentiate as differentiate
     from robots.inflatable.materials import RegionMaterials as RegionMaterials
-    from robots.inflatable.program import Counting as Counting
     from robots.inflatable.schedule import MAXIMUM_PRESSURE as MAXIMUM_PRESSURE
     from robots.inflatable.schedule import GaitSchedule as GaitSchedule
     from robots.inflatable.simulation import InflatableResult as InflatableResult
     from robots.inflatable.simulation import sideways as sideways
     from robots.inflatable.simulation import simulate as simulate
+    from robots.inflatable.timing import Counting as Counting
     from robots.inflatable.timing import predicted_steps as predicted_steps
 
 __getattr__, __dir__ = exported_names(__name__)

@@ -18,7 +18,7 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_act
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.numbers import Numbers, numbers_of
-from robots.inflatable.program import WHOLE, Counting, build_program, write_gait
+from robots.inflatable.program import build_program, write_gait
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.simulation import (
     PER_ROBOT,
@@ -31,6 +31,7 @@ from robots.inflatable.simulation import (
     summarise,
     travel_directions,
 )
+from robots.inflatable.timing import WHOLE, Counting
 from robots.world import Terrain, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.arrays import Array, trace

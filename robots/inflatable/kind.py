@@ -1,17 +1,12 @@
-"""The inflatable robot as a kind of robot, and what one offers to commands, searches, views and reports.
+"""The inflatable robot as a kind of robot: its options on the command line, its worlds, and the files it recognises.
 
 What is heavy is imported when it is used, as commands ask kinds for their options before they do any work.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from numpy.typing import ArrayLike
 
 from robots.inflatable.actuation import ACTUATION, WEIGHTS
 from robots.inflatable.design import (
@@ -19,42 +14,20 @@ from robots.inflatable.design import (
     FORMATS,
     InflatableDesign,
     Pressure,
-    common_pressure,
     load_design,
-    save_design,
 )
-from robots.inflatable.schedule import BLADDERS
-from robots.outcome import recorded
+from robots.inflatable.robot import InflatableRobot
 from robots.robot import (
-    HERE,
-    Facts,
-    Judgement,
-    Measure,
     Option,
-    Outcome,
-    Picture,
-    Progress,
-    Quantity,
-    Replay,
     Robot,
-    Trial,
     World,
 )
-from robots.uncertainty import QUANTITIES
 from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, friction_of_parts, terrain_of
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Floats
-from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import checked, number, numbers, spelled, value_of, whole
 
 if TYPE_CHECKING:
-    from robots.calibration import Properties
-    from robots.hardware import GaitTable, PneumaticRig
-    from robots.inflatable.actuation import InflatableActuation
-    from robots.inflatable.body import InflatableGeometry
-    from robots.inflatable.simulation import InflatableResult
-    from robots.uncertainty import Perturbation
-    from robots.view.motion import Motion
+    pass
 
 GAITS = tuple(BY_HAND)
 GEOMETRIES = ("published", "small", "two-core", "closed", "small-closed")
@@ -63,12 +36,6 @@ RIG_OPTION = Option(
     "properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
     Path,
     "FILE",
-)
-MEASURES = (
-    Measure("speed", "BL/s", "speed, in body lengths a second by the published convention"),
-    Measure("distance", "m", "distance along its heading"),
-    Measure("speed_simulated", "BL/s", "speed in the time simulated"),
-    Measure("sideways", "m", "drift to the left"),
 )
 
 
@@ -210,273 +177,6 @@ class InflatableKind(TerrainKind):
         return form in FORMATS or path.suffix.lower() == ".csv"
 
 
-@dataclass(frozen=True, eq=False)
-class InflatableRobot(Robot):
-    """The robot with a gait; nothing of it is free, as searches encode gaits in ways of their own.
-
-    Attributes:
-        gait: pressure, orientation and schedule.
-        geometry: name of the body.
-        weight: of bladders, ``"published"`` or ``"physical"``.
-        properties: of a rig, or None.
-        calibration: the file that these come from, if any.
-        perturbation: standard deviation of noise on the start positions [m].
-        seed: of that noise.
-        speeds: counts the speeds of a result; None is the published convention.
-        counted_steps: time steps by which pictures count the speed; None is the published convention.
-        name: what people call it.
-        rig: that plays a gait table; None plays the gait itself.
-        rig_table: that it plays.
-    """
-
-    gait: InflatableDesign
-    geometry: str = "published"
-    weight: str = "published"
-    properties: "Properties | None" = None
-    calibration: Path | None = None
-    perturbation: float = 0.0
-    seed: int = 0
-    speeds: "Callable[[InflatableResult], Floats] | None" = None
-    counted_steps: int | None = None
-    name: str = "inflatable robot"
-    rig: "PneumaticRig | None" = None
-    rig_table: "GaitTable | None" = None
-
-    kind = "inflatable"
-    measures = MEASURES
-    uncertain_in = QUANTITIES
-    actuators = BLADDERS
-    worlds = (Terrain(),)
-    pictured = True
-
-    def __post_init__(self) -> None:
-        from robots.inflatable.body import NAMED_GEOMETRIES
-
-        if self.properties is not None and self.gait.schedule.has_own_times:
-            self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
-
-    @property
-    def exportable(self) -> bool:  # type: ignore[override]
-        """Whether its cores share a pressure, as a rig has one line for them."""
-        core = self.gait.schedule.core_pressure
-        shared = core is None or core.ndim == 1 or not np.ptp(core, axis=0).any()
-        return shared and common_pressure(self.gait.pressure) is not None
-
-    @cached_property
-    def parts(self) -> "tuple[InflatableGeometry, InflatableActuation]":
-        """Its body, and how it is driven."""
-        from robots.calibration import robot_of
-
-        return robot_of(self.geometry, self.weight, self.properties)
-
-    def changed(self, options: Mapping[str, Any]) -> "InflatableRobot":
-        """With another body, the properties of another rig, a part of the gait, or noise."""
-        from robots.calibration import load_calibration
-
-        rig = load_calibration(options["calibration"]) if "calibration" in options else None
-        gait = {name: options[name] for name in ("pressure", "orientation") if name in options}
-        schedule = self.gait.schedule.cut(options.get("columns"), options.get("repeats"))
-        own = {"properties": rig[0], "calibration": options["calibration"]} if rig else {}
-        if "columns" in options or "repeats" in options:
-            own["speeds"] = None  # they are counted by the whole gait
-        more = {name: options[name] for name in ("geometry", "weight", "perturbation", "seed") if name in options}
-        changed = dataclasses.replace(self.gait, schedule=schedule, **gait)
-        return dataclasses.replace(self, gait=changed, **{**own, **more})
-
-    @property
-    def foot_friction(self) -> tuple[float, float]:  # type: ignore[override]
-        """Of feet that grip and that slide."""
-        return self.parts[1].high_friction, self.parts[1].low_friction
-
-    def run(self, points: Floats, trial: Trial) -> Outcome:
-        """Play the gait, as often as there are points."""
-        return self._play(terrain_of(trial.world), len(points), trial)
-
-    def simulate_in(
-        self,
-        worlds: Sequence[World],
-        *,
-        draws: "Sequence[Perturbation]" = (),
-        compute: Compute = HERE,
-        progress: Progress | None = None,
-    ) -> list[Outcome]:
-        """Play the gait on several terrains, as one batch; with draws, as bladders then play it."""
-        terrains = [terrain_of(world) for world in worlds]
-        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress), draws)
-        return [
-            Outcome({name: values[n : n + 1] for name, values in found.measures.items()}, found.status[n : n + 1])
-            for n in range(len(worlds))
-        ]
-
-    def _play(
-        self,
-        terrain: Terrain | Sequence[Terrain],
-        count: int,
-        trial: Trial,
-        draws: "Sequence[Perturbation]" = (),
-    ) -> Outcome:
-        """Play the gait so often, on a terrain or one each; or the table on the rig, once."""
-        from robots.inflatable import simulation
-        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
-
-        more: dict[str, Floats] = {}
-        if self.rig is not None:
-            from robots.inflatable.on_rig import played_by_rig
-
-            result, more = played_by_rig(self, trial)
-        else:
-            geometry, actuation = self.parts
-            result = simulation.simulate(
-                [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * count,
-                terrain,
-                geometry=geometry,
-                actuation=[perturbed_drive(actuation, drawn) for drawn in draws] or actuation,
-                **trial.compute.options,
-                record_every=trial.record_every,
-                perturbation=self.perturbation,
-                seed=self.seed,
-                progress=trial.progress,
-            )
-        measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
-        measures["sideways"] = simulation.sideways(result.displacement, [self.gait.orientation] * len(result.status))
-        measures |= more
-        if self.speeds is not None:
-            measures["speed"] = self.speeds(result)
-        return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)
-
-    @property
-    def steps(self) -> int:
-        """Time steps of the gait."""
-        from robots.inflatable.timing import gait_steps
-
-        return gait_steps(self.gait.schedule, self.parts[1])
-
-    @property
-    def _seconds(self) -> float:
-        """Time of the gait in the simulation [s]."""
-        return float(self.steps * self.parts[0].time_step)
-
-    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of the robot, with its gait."""
-        from robots.view.soft_motion import inflatable_motion
-
-        return inflatable_motion(outcome.result, self.gait, terrain_of(world), actuation=self.parts[1], name=name)
-
-    def title_of(self, outcome: Outcome, world: World) -> str:
-        """Speed, as it is counted, terrain, pressure and heading."""
-        from robots.view.picture import inflatable_title
-
-        counted = dataclasses.replace(outcome.result, speed=outcome.measures["speed"])
-        return inflatable_title(counted, self.gait, terrain_of(world))
-
-    def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design, for ``robots.inflatable.load_design``."""
-        save_design(self.gait, path)
-
-    def document(self) -> dict[str, Any]:
-        """The design, and the body that plays it."""
-        gait = self.gait
-        return {
-            "pressure": gait.pressure,
-            "orientation": gait.orientation,
-            "schedule": gait.schedule.to_text(),
-            "repeats": gait.schedule.repeats,
-            "geometry": self.geometry,
-            "weight": self.weight,
-            **({} if gait.materials is None else {"materials": gait.materials.given}),
-            **({} if self.rig is None else {"rig": self.rig.name}),
-            **({} if self.calibration is None else {"calibration": str(self.calibration)}),
-        }
-
-    def spoken(self, outcome: Outcome) -> str:
-        """Distance, drift and speeds."""
-        numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
-        side = "left" if numbers["sideways"] >= 0 else "right"
-        text = (
-            f"distance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the {side}, "
-            f"speed {numbers['speed']:.4f} BL/s (published convention; {numbers['speed_simulated']:.4f} in the time "
-            "simulated)"
-        )
-        if self.rig is not None:
-            from robots.inflatable.on_rig import told
-
-            text += "\n" + told(self.rig, numbers)
-        return text
-
-    def facts_of(self, point: ArrayLike) -> Facts:
-        """Shape, heading and gait."""
-        from robots.hardware.rig import KPA_PER_UNIT
-
-        gait = self.gait
-        cores: list[tuple[str, str | Quantity]] = []
-        for name, kpa in kilopascals("Core pressure", gait).items():
-            cores += [
-                (name, Quantity(kpa, "kPa", 2)),
-                (f"{name} in psi", Quantity(kpa / KPA_PER_UNIT["psi"], "psi", 2)),
-            ]
-        times = {1: "once", 2: "twice"}.get(gait.schedule.repeats, f"{gait.schedule.repeats} times")
-        return [
-            *cores,
-            ("Orientation, 0° rolls and 90° inches", Quantity(gait.orientation, "°", 1)),
-            ("Gait", f"{gait.schedule.columns} columns, played {times}, {self._seconds:.2f} s simulated"),
-            *([] if gait.materials is None else [("Of its own", ", ".join(gait.materials.given))]),
-        ]
-
-    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
-        """When its actuators are on."""
-        from robots.inflatable.timing import gait_timeline
-        from robots.view.drawing import draw_schedule
-
-        played = gait_timeline(self.gait, self.parts[1])
-        edges = played.edges * self.parts[0].time_step
-
-        def draw(axes: Any) -> None:
-            draw_schedule(axes, self.gait.schedule, edges)
-            axes.set_xlabel("time [s]")
-
-        share = f"on in {100 * played.levels.mean():.0f} % of the columns"
-        words = f"When its ten actuators are on over {edges[-1]:.1f} s, {share}: bladders inflate, feet grip."
-        return [Picture(words, draw, (4.8, 2.1), "medium screen-only" if replays else "medium")]
-
-    def judge(
-        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Judgement:
-        """Mean speed of runs with noise, what remains of it under other conditions, and how far its parts slip."""
-        from robots.inflatable.robustness import judge_gait
-
-        if self.perturbation:
-            raise ValueError(
-                f"perturbation: {self.perturbation} is not allowed with --judge, which plays with noise of its own"
-            )
-        geometry, drive = self.parts
-        more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
-        found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, closely=True, **more)
-        return Judgement(found.spoken, found.to_document(), found.diverged)
-
-    def table(self, **settings: Any) -> Any:
-        """Pressures of a rig's lines over time, see ``robots.hardware.gait_table``."""
-        from robots.hardware import gait_table
-
-        if "full_scale" in settings:
-            raise ValueError("full-scale: the rig's map says what pressures stand for; leave it out")
-        return gait_table(self.gait, **settings)
-
-    def rig_report(self, rig: Any) -> tuple[Any, float]:
-        """What the gait asks of each line of a rig, and the time of the gait in the simulation [s]."""
-        from robots.hardware.headroom import rig_report
-
-        return rig_report(self.gait, rig), self._seconds
-
-    def save_picture(self, world: World, path: Path) -> None:
-        """Draw poses and gait."""
-        from robots.view import picture
-
-        geometry, drive = self.parts
-        picture.save_motion_picture(
-            self.gait, terrain_of(world), path, geometry=geometry, actuation=drive, counted_steps=self.counted_steps
-        )
-
-
 def friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
     """Friction of feet that slide and that grip, from ``friction`` or ``floor``; None if neither is given."""
     friction, floor = options.get("friction"), options.get("floor")
@@ -514,10 +214,3 @@ def load_gait(text: str, from_rows: bool = False) -> InflatableDesign:
 
         return read_design(path, from_rows)
     return load_design(path)
-
-
-def kilopascals(name: str, gait: InflatableDesign) -> dict[str, float]:
-    """Pressure of the core by that name, or of several by the name and a number [kPa]."""
-    if not isinstance(gait.pressure, tuple):
-        return {name: gait.pressure / 1000}
-    return {f"{name} {number}": one / 1000 for number, one in enumerate(gait.pressure, start=1)}

@@ -18,7 +18,7 @@ from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
-    from robots.inflatable.kind import InflatableRobot
+    from robots.inflatable.robot import InflatableRobot
 
 IDEAL = "ideal"
 SOURCES = {"delay": "delays of valves", "slew": "limits of rate", "resolution": "regulators", "lag": "lag"}

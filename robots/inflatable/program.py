@@ -5,8 +5,7 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,35 +27,11 @@ from robots.inflatable.body import (
 )
 from robots.inflatable.design import InflatableDesign, each_pressure, highest_pressure
 from robots.inflatable.numbers import Numbers, Scalar
-from robots.inflatable.timing import Column, play, stage_starts
+from robots.inflatable.timing import WHOLE, Column, Counting, play, stage_starts
 from robots.world import NO_WEIGHT, Terrain, Vector, one_each, weights
 from taichi_sim.autodiff.arrays import Array, value_of
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.checks import check_fields, whole_number
 from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
-
-
-@dataclass(frozen=True)
-class Counting:
-    """Which part of a gait counts, and how it is divided.
-
-    Attributes:
-        warm_up: time steps of the gait before its distance begins to count, and the rest of the cycle in which they
-            end.
-        stages: equally long parts of which distances are known, see ``timing.stage_starts``.
-        window: cycles at the end of a gait by which its distance is differentiated, all if it has fewer; 0 is all that
-            counts, see ``differentiate``.
-    """
-
-    warm_up: Annotated[int, partial(whole_number, low=0)] = 0
-    stages: Annotated[int, partial(whole_number, low=1)] = 1
-    window: Annotated[int, partial(whole_number, low=0)] = 0
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-
-
-WHOLE = Counting()
 
 
 def build_program(

@@ -15,8 +15,8 @@ from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_actuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
-from robots.inflatable.program import WHOLE, Counting, build_program
-from robots.inflatable.timing import counted_steps, predicted_steps
+from robots.inflatable.program import build_program
+from robots.inflatable.timing import WHOLE, Counting, counted_steps, predicted_steps
 from robots.world import Terrain, medium_of, one_each, standing
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number

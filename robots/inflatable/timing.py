@@ -10,7 +10,8 @@ Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimizat
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import Annotated
 
 import numpy as np
 
@@ -20,9 +21,33 @@ from robots.inflatable.design import InflatableDesign, highest_pressure
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
 from taichi_sim.autodiff.arrays import Array, revalued, value_of
 from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.checks import check_fields, whole_number
 
 ROUNDING = 1e-6  # of a step: more than a sum of thousands of steps is off
 MOST_COLUMNS = 2000  # that are played to fill time; shorter ones hardly move, and programs of more grow long
+
+
+@dataclass(frozen=True)
+class Counting:
+    """Which part of a gait counts, and how it is divided.
+
+    Attributes:
+        warm_up: time steps of the gait before its distance begins to count, and the rest of the cycle in which they
+            end.
+        stages: equally long parts of which distances are known, see :func:`stage_starts`.
+        window: cycles at the end of a gait by which its distance is differentiated, all if it has fewer; 0 is all that
+            counts, see ``differentiate``.
+    """
+
+    warm_up: Annotated[int, partial(whole_number, low=0)] = 0
+    stages: Annotated[int, partial(whole_number, low=1)] = 1
+    window: Annotated[int, partial(whole_number, low=0)] = 0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+WHOLE = Counting()
 
 
 @lru_cache(maxsize=4096)

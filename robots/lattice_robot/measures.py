@@ -4,6 +4,7 @@ Measures are functions of arrays that may be traced (``taichi_sim.autodiff.array
 derivatives by everything that it depends on.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,6 +27,21 @@ MEASURES = (
     Measure("payload", "kg", "mass of what nothing drives"),
 )
 TARGETED = Measure("remaining", "m", "distance that remains to the target")
+
+
+def checked_target(given: Any) -> tuple[float, float]:
+    """A point (x, y) [m].
+
+    Raises:
+        ValueError: for anything else.
+    """
+    try:
+        x, y = (float(each) for each in given)
+    except (TypeError, ValueError):
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ValueError(f"target: {given!r} is not allowed; give (x, y) in metres")
+    return x, y
 
 
 @dataclass(frozen=True, eq=False)

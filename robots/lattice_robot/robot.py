@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
@@ -17,7 +16,7 @@ from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
-from robots.lattice_robot.measures import measures_of
+from robots.lattice_robot.measures import checked_target, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
@@ -42,21 +41,6 @@ SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "n
 LATER = ("target", "reference_length", "perturbation", "seed")  # settings that files have where they are not as usual
 AT_REST = 1e-9  # of its largest swing: how far from rest a wave may begin
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
-
-
-def checked_target(given: Any) -> tuple[float, float]:
-    """A point (x, y) [m].
-
-    Raises:
-        ValueError: for anything else.
-    """
-    try:
-        x, y = (float(each) for each in given)
-    except (TypeError, ValueError):
-        x = y = math.nan
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ValueError(f"target: {given!r} is not allowed; give (x, y) in metres")
-    return x, y
 
 
 @dataclass(frozen=True, eq=False)

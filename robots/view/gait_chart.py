@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.hardware import CHANNELS
 from robots.hardware.rig_table import RigTable
+from robots.inflatable.schedule import ROWS
 from robots.view.scene import BLADDERS, FEET, GROUND, INK
 
 if TYPE_CHECKING:
@@ -28,9 +28,11 @@ def gait_chart(table: RigTable) -> Figure:
     Args:
         table: a table that was made in this process, not read from a file: only such a table knows its states.
     """
-    figure = Figure(figsize=(_WIDTH, _ROW * len(CHANNELS) + _MARGINS), facecolor="white")
+    names = table.channels
+    colours = (*(_CORE,) * (len(names) - ROWS), *BLADDERS, *FEET)
+    figure = Figure(figsize=(_WIDTH, _ROW * len(names) + _MARGINS), facecolor="white")
     axes = figure.add_axes((0.09, 0.5 / figure.get_figheight(), 0.78, 1 - _MARGINS / figure.get_figheight()))
-    for row, (name, colour) in enumerate(zip(CHANNELS, (_CORE, *BLADDERS, *FEET), strict=True)):
+    for row, (name, colour) in enumerate(zip(names, colours, strict=True)):
         pressures = table.pressures[:, row]
         low, high = min(0.0, pressures.min()), max(0.0, pressures.max())
         base, scale = row + 0.88 - 0.74 * -low / (high - low or 1.0), 0.74 / (high - low or 1.0)
@@ -42,9 +44,9 @@ def gait_chart(table: RigTable) -> Figure:
         text = f"{low:.3g} to {high:.3g}".replace("-", "\N{MINUS SIGN}")
         axes.text(1.01, row + 0.5, text, transform=axes.get_yaxis_transform(), va="center", fontsize=7, color=INK)
     _mark_sections(table, axes)
-    axes.set(xlim=(table.times[0], table.times[-1]), ylim=(len(CHANNELS), 0.0))
-    labels = [re.sub(r"(\d)", r" \1", name) for name in CHANNELS]
-    axes.set_yticks(np.arange(len(CHANNELS)) + 0.5, labels)
+    axes.set(xlim=(table.times[0], table.times[-1]), ylim=(len(names), 0.0))
+    labels = [re.sub(r"(\d)", r" \1", name) for name in names]
+    axes.set_yticks(np.arange(len(names)) + 0.5, labels)
     axes.tick_params(length=0, labelsize=7.5, labelcolor=INK)
     axes.set_xlabel("time [s], the main played once", fontsize=8, color=INK)
     axes.spines[:].set_visible(False)
@@ -61,7 +63,7 @@ def _mark_sections(table: RigTable, axes: "Axes") -> None:
             axes.axvspan(start, end, color=GROUND, zorder=0)
         label = f"main, played {table.loops}\N{MULTIPLICATION SIGN}" if name == "main" else name
         axes.text((start + end) / 2, -0.3, label, ha="center", fontsize=8, color=INK)
-        axes.vlines([state.start_s for state in states], 0, len(CHANNELS), color="white", lw=0.7)
+        axes.vlines([state.start_s for state in states], 0, len(table.channels), color="white", lw=0.7)
         axes.axvline(start, color=INK, lw=0.6)
 
 

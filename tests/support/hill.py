@@ -7,8 +7,7 @@ import numpy as np
 
 from optim.studies.beyond.gait_hunt.study import _search
 from robots.inflatable import simulation
-from robots.inflatable.program import WHOLE
-from robots.inflatable.timing import gait_steps
+from robots.inflatable.timing import WHOLE, gait_steps
 
 
 class Hill:

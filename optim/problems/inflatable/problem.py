@@ -20,20 +20,19 @@ from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
-from optim.problems.robot import subject_of
+from optim.problems.robot_designing import subject_of
 from optim.problems.uncertain import held_out_products
 from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, Pressure, each_pressure, save_design
-from robots.inflatable.kind import InflatableRobot, kilopascals
 from robots.inflatable.materials import RegionMaterials
-from robots.inflatable.program import Counting
+from robots.inflatable.robot import InflatableRobot, kilopascals
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
-from robots.inflatable.timing import counted_steps, gait_steps, nominal_steps
+from robots.inflatable.timing import Counting, counted_steps, gait_steps, nominal_steps
 from robots.robot import Robot, part_of
 from robots.uncertainty import Risk, Uncertainty
 from taichi_sim.base.arrays import Floats, Indices, Ints

@@ -12,7 +12,7 @@ from optim.problem import GAIT, check_kind
 from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, MaterialGenes, ShapeGenes
 from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
 from optim.problems.inflatable.outcomes import NEXT
-from optim.problems.robot import RobotDesigning
+from optim.problems.robot_designing import RobotDesigning
 from optim.problems.uncertain import checked_uncertain
 from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation

@@ -33,7 +33,7 @@ from robots.calibration import Properties
 from robots.inflatable import simulation
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import load_design, save_design
-from robots.inflatable.program import Counting
+from robots.inflatable.timing import Counting
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, positive

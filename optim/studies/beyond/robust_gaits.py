@@ -28,7 +28,7 @@ from optim.runs.history import read_history
 from optim.studies.beyond.gait_hunt.searches import search_within
 from optim.studies.chapter5.gaits import repeated
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, load_design, save_design
-from robots.inflatable.kind import InflatableRobot
+from robots.inflatable.robot import InflatableRobot
 from robots.inflatable.schedule import BLADDERS
 from robots.uncertainty import HELD_OUT, Uncertainty, summary
 from robots.world import FLOORS, STEEPEST, Terrain

@@ -137,6 +137,12 @@ def test_bad_tasks_are_refused_in_one_line_before_any_simulation(tmp_path, text,
     assert "\n" not in str(error.value)
 
 
+def test_a_rig_with_lines_for_several_cores_is_refused(tmp_path):
+    (tmp_path / "rig.toml").write_text("cores = 2\n")
+    with pytest.raises(ValueError, match=r"^rig: 2 lines for cores are not allowed; the tables of a package have one"):
+        task_of(tmp_path, "terrains = ['flat']\nrig = 'rig.toml'\ngaits = ['rolling']")
+
+
 def test_gaits_that_the_rig_cannot_play_are_refused_or_left_out(tmp_path, monkeypatch):
     (tmp_path / "rig.toml").write_text("[channels.core]\nmaximum_kpa = 40.0\n")
     text = "terrains = ['flat']\nrig = 'rig.toml'\ngaits = "

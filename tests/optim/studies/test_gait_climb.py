@@ -27,9 +27,8 @@ from optim.studies.beyond.gait_hunt.program import (
 )
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, sideways, simulation
 from robots.inflatable.design import InflatableDesign, load_design
-from robots.inflatable.program import WHOLE
 from robots.inflatable.simulation import simulate
-from robots.inflatable.timing import gait_steps
+from robots.inflatable.timing import WHOLE, gait_steps
 from robots.world import Terrain
 
 BODY = NAMED_GEOMETRIES["published"]

@@ -12,11 +12,11 @@ import pytest
 
 from optim.studies.chapter5 import hardware_friction
 from optim.studies.chapter5.gaits import Robot
-from optim.studies.chapter5.hardware_friction import (
+from optim.studies.chapter5.hardware_friction import HardwareFriction
+from optim.studies.chapter5.hardware_speeds import (
     MEASURED,
     MEASURED_FEET,
     SIMULATOR,
-    HardwareFriction,
     effects_of,
     rows_of,
     sets_of,

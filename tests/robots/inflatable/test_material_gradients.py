@@ -8,9 +8,9 @@ from graded import GRIPPING, LOW, QUICK, TINY, tabled
 
 from robots.inflatable import InflatableDesign, differentiate, simulate
 from robots.inflatable.materials import RegionMaterials
-from robots.inflatable.program import Counting, build_program
+from robots.inflatable.program import build_program
 from robots.inflatable.simulation import engine_of, travel_directions
-from robots.inflatable.timing import predicted_steps
+from robots.inflatable.timing import Counting, predicted_steps
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners

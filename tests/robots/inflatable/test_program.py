@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from robots.inflatable import ACTUATION, INCHING, ROLLING, InflatableActuation, InflatableDesign
 from robots.inflatable.body import BLADDER_REGIONS, FIRST_BLADDER, FOOT_1, FOOT_2, REGION_COUNT, SKIN
 from robots.inflatable.gradient import check_alike
-from robots.inflatable.program import Counting, build_program
+from robots.inflatable.program import build_program
 from robots.inflatable.schedule import GaitSchedule
-from robots.inflatable.timing import full_stroke_steps, play, rest_levels
+from robots.inflatable.timing import Counting, full_stroke_steps, play, rest_levels
 from robots.world import Terrain, gravity_vector
 from taichi_sim.lattice import LatticeProgram, Quantity
 

@@ -11,9 +11,9 @@ from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
 from robots.inflatable import InflatableDesign, load_design, save_design
 from robots.inflatable.body import PUBLISHED, bodies_of
 from robots.inflatable.journeys import Leg, simulate_journey
-from robots.inflatable.kind import InflatableRobot
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.program import build_program
+from robots.inflatable.robot import InflatableRobot
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import checked_designs
 from robots.inflatable.timing import approach, gait_timeline, play

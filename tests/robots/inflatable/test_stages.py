@@ -12,11 +12,10 @@ from robots.inflatable import robustness as judgement
 from robots.inflatable.body import FOOT_1, FOOT_2
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import differentiate
-from robots.inflatable.program import Counting
 from robots.inflatable.robustness import GaitJudgement, harder, judge_gait
 from robots.inflatable.simulation import simulate
 from robots.inflatable.slip import slip_under_load
-from robots.inflatable.timing import GaitTimeline, cycle_starts, gait_steps, stage_starts
+from robots.inflatable.timing import Counting, GaitTimeline, cycle_starts, gait_steps, stage_starts
 from robots.world import Terrain
 
 ROBOT = {"geometry": TINY, "actuation": QUICK, "precision": "f64"}
