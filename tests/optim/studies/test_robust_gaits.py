@@ -31,7 +31,7 @@ def test_settings_are_checked():
             RobustGaits(**bad)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     """A second call computes nothing again."""
