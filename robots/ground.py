@@ -118,6 +118,8 @@ class Ground:
     text: str
 
     def __post_init__(self) -> None:
+        if not isinstance(self.text, str):
+            raise ValueError(f"ground: {self.text!r} is not allowed; give its name, such as 'rough:0.01'")
         self._checked()
 
     def _checked(self) -> tuple[Named | None, tuple[float, ...]]:
@@ -142,6 +144,8 @@ class Ground:
             if name not in SIGNED and (value < 0 or (value == 0 and name in POSITIVE)):
                 allowed = "more than 0" if name in POSITIVE else "at least 0"
                 raise ValueError(f"terrain: {name} {value:g} of {self.text!r} is not allowed; give {allowed}")
+            if name == "SEED" and not (value.is_integer() and value < 2**32):
+                raise ValueError(f"terrain: SEED {value:g} of {self.text!r} is not allowed; give a whole number")
         return named, numbers
 
     def _file_numbers(self, file: str, given: str) -> tuple[float, ...]:
@@ -160,7 +164,9 @@ class Ground:
         Raises:
             ValueError: for ground that is too steep on a grid of half an edge, and files that are no heights.
         """
-        return _relief(self.text, float(heading), float(edge))
+        named, _ = self._checked()
+        changed = None if named else Path(self.text.rpartition(":")[0]).stat().st_mtime_ns
+        return _relief(self.text, float(heading), float(edge), changed)
 
     @property
     def spoken(self) -> str:
@@ -201,9 +207,9 @@ def ways() -> str:
     return ", ".join([*map(_way, GROUNDS), "FILE.npy:SPACING", "FILE.png:HEIGHT,SPACING"])
 
 
-@lru_cache(maxsize=64)
-def _relief(text: str, heading: float, edge: float) -> "Relief":
-    """:meth:`Ground.relief`; a batch shares the ground of robots that head alike."""
+@lru_cache(maxsize=16)
+def _relief(text: str, heading: float, edge: float, changed: int | None) -> "Relief":
+    """:meth:`Ground.relief`; a batch shares the ground of robots that head alike, of a file as it last changed."""
     from taichi_sim.lattice import Relief
 
     spacing = _spacing(edge)
@@ -248,13 +254,13 @@ def _table(file: str) -> Floats:
         else:
             from matplotlib.image import imread
 
-            table = np.asarray(imread(file), float)
+            raw = np.asarray(imread(file))
+            most = np.iinfo(raw.dtype).max if np.issubdtype(raw.dtype, np.integer) else 1
+            table = raw / most
             if table.ndim == 3:  # grey, or colours and maybe how opaque they are
                 table = table[..., :3].mean(axis=2) if table.shape[2] >= 3 else table[..., 0]
-            if table.size and table.max() > 1:
-                table = table / 255
             table = table[::-1].T  # upwards is along y, to the right along x
-    except (OSError, ValueError, SyntaxError) as failed:
+    except (OSError, EOFError, ValueError, SyntaxError) as failed:
         raise ValueError(f"terrain: {file!r} cannot be read as heights: {failed}") from None
     if not np.issubdtype(table.dtype, np.number) or table.ndim != 2 or not np.isfinite(table).all():
         raise ValueError(f"terrain: {file!r} is no table of finite numbers, shape (X, Y)")

@@ -178,7 +178,7 @@ class Terrain:
             ValueError: for any other name or slope.
         """
         hill, plus, ground = text.partition("+")
-        if plus:
+        if plus and hill.partition(":")[0] in ("flat", "hill", "water"):
             return dataclasses.replace(cls.parse(hill), ground=ground)
         kind, _, degrees = text.partition(":")
         if text == "flat":

@@ -132,7 +132,7 @@ def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> 
         make_product(folder, name, write)
         written.append(name)
     for world in problem.tried_in if robot.pictured else ():
-        name = f"robot_{world.name.replace(':', '_')}.png"
+        name = f"robot_{world.name.replace(':', '_').replace('/', '_')}.png"
         make_product(folder, name, functools.partial(robot.save_picture, world))
         written.append(name)
     return written

@@ -143,7 +143,7 @@ class PipelineTask:
 
 def slug(terrain: Terrain) -> str:
     """The name of a terrain in names of files."""
-    return terrain.name.replace(":", "-")
+    return terrain.name.replace(":", "-").replace("/", "-")
 
 
 def read_task(path: Path) -> PipelineTask:

@@ -36,7 +36,16 @@ def _senses(field_name: str, value: Any) -> tuple[str, ...]:
 
 
 def _hidden(field_name: str, value: Any) -> tuple[int, ...]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give nodes of each layer, such as (8,)")
     return tuple(checks.whole_number(field_name, each, 1, 1000) for each in value)
+
+
+def _place(given: Any) -> tuple[float, float]:
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise ValueError(f"light: {given!r} is not allowed; give (x, y) in metres")
+    x, y = (checks.number("light", each, unit="m") for each in given)
+    return x, y
 
 
 @dataclass(frozen=True)
@@ -65,8 +74,12 @@ class Reflexes:
     def __post_init__(self) -> None:
         checks.check_fields(self)
         if self.weights is not None:
+            if not isinstance(self.weights, list | tuple):
+                raise ValueError(f"weights: {self.weights!r} is not allowed; give several numbers")
             given = tuple(checks.number("weights", each) for each in self.weights)
             object.__setattr__(self, "weights", given)
+        if self.light is not None:
+            object.__setattr__(self, "light", _place(self.light))
         if ("light" in self.senses) != (self.light is not None):
             told = "is not allowed without the sense" if self.light else "is needed by the sense"
             raise ValueError(f"light: {self.light} {told} light; give both, or neither")
@@ -171,8 +184,10 @@ class Anatomy:
     def clearance(self, positions: Any) -> Any:
         """Height of voxel centres above where they would touch the ground [edges], shape (B, V)."""
         x, y, z = positions[:, :, 0], positions[:, :, 1], positions[:, :, 2]
-        height = 0.0 if self.ground is None else self.ground.height_below(x, y)
-        return (z - height) / self.edge
+        if self.ground is None:
+            return z / self.edge
+        height, nz = self.ground.plane_below(x, y)
+        return (z - height) * nz / self.edge - 0.5 * (1.0 - nz)
 
 
 def felt_by(reflexes: Reflexes, anatomy: Anatomy, phase: float, per_reading: float, before: Any, now: Any) -> Any:

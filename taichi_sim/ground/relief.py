@@ -64,9 +64,10 @@ class Relief:
         """Height over the floor at places [m], as the simulation has it."""
         return self._below(np.asarray(x, float), np.asarray(y, float))[0]
 
-    def height_below(self, x: Any, y: Any) -> Any:
-        """:meth:`height` at places that may be traced."""
-        return self._below(x, y)[0]
+    def plane_below(self, x: Any, y: Any) -> tuple[Any, Any]:
+        """:meth:`below` at places that may be traced."""
+        height, nz, _ = self._below(x, y)
+        return height, nz
 
     def factor(self, x: Any, y: Any) -> np.ndarray:
         """Factor of friction at places [m], as the simulation has it."""

@@ -1,6 +1,7 @@
 """Uneven ground by name, and robots that stand and move on it."""
 
 import json
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -152,3 +153,22 @@ def test_a_batch_of_inflatable_robots_has_ground_of_its_own():
     assert (together.status == "ok").all()
     assert np.allclose(together.distance, [each.distance[0] for each in alone], rtol=1e-3, atol=1e-5)
     assert np.ptp(together.distance) > 1e-3
+
+
+def test_files_that_change_and_deep_images(tmp_path):
+    """Heights are those of the file as it is now; the brightest that an image can say is 1."""
+    file = tmp_path / "h.npy"
+    np.save(file, np.zeros((3, 3)))
+    ground = Ground(f"{file}:0.1")
+    assert ground.relief(0, EDGE).height(0, 0) == 0
+    np.save(file, np.full((3, 3), 0.01))
+    os.utime(file, ns=(1, 1))
+    assert ground.relief(0, EDGE).height(0, 0) == pytest.approx(0.01)
+    (tmp_path / "empty.npy").write_bytes(b"")
+    with pytest.raises(ValueError, match="cannot be read as heights"):
+        Ground(f"{tmp_path / 'empty.npy'}:0.1").relief(0, EDGE)
+    for text, message in (("rough:0.01,0.05,0.5", "SEED 0.5"), ("rough:0.01,0.05,1e12", "SEED 1e")):
+        with pytest.raises(ValueError, match=message):
+            Terrain.parse(text)
+    with pytest.raises(ValueError, match=r"^ground: 5 is not allowed"):
+        Terrain(ground=5)
