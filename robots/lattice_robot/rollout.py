@@ -150,14 +150,12 @@ class Rollout:
             **medium,
             compute=compute,
         )
-        if starts is None and terrain.ground:
-            starts = np.tile(first.start_positions, (len(self.bodies), 1, 1))
-        if starts is not None:
-            starts = standing(starts, medium, first.voxel_size)
-            self._engine.set_positions(starts)
+        at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
+        at = standing(at, medium, first.voxel_size)
+        if starts is not None or terrain.ground:
+            self._engine.set_positions(at)
         self._loop: ReflexLoop | None = None
         if (feeling := channels.feeling) is not None:
-            at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
             ground = None if isinstance(medium["floor"], bool) else medium["floor"][0]
             anatomy = Anatomy.of(first, feeling.regions, aim.length, ground)
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])

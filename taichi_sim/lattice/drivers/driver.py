@@ -231,7 +231,7 @@ class Reverse(ABC):
     def add_seeds(self, snapshot: int, poses: np.ndarray, strains: np.ndarray) -> None:
         """Add to the cotangents of a recording that is still to come, shapes (B, V, 7) and (B, L)."""
         host, put, marks = self.driver.host, self.driver.put, self.marks
-        whole, links = host(marks.poses).copy(), host(marks.strains).copy()
+        whole, links = host(marks.poses), host(marks.strains)
         whole[:, snapshot] += poses
         links[:, snapshot, : strains.shape[1]] += strains
         self.marks = marks._replace(poses=put(whole), strains=put(links))
