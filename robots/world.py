@@ -15,6 +15,7 @@ from robots.robot import Option, RobotKind, World
 from taichi_sim.base.checks import NotNegative, check_fields, number
 from taichi_sim.base.options import checked
 from taichi_sim.base.options import number as number_type
+from taichi_sim.base.options import value_of as number_of
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief
@@ -29,6 +30,7 @@ FLOORS = {"wood": (0.56, 0.70), "acrylic": (0.38, 0.51)}
 FRICTION_OF_PARTS = ("bladder_friction", "skin_friction", "seam_friction")
 FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)  # of the inflatable robot
 MATERIAL_FRICTION = ("static_friction", "kinetic_friction")  # of lattice robots
+LIGHT = "light"  # begins its place in the name of a terrain
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
@@ -60,6 +62,7 @@ class Terrain:
         static_friction, kinetic_friction: Coulomb coefficients that replace those of all materials of a lattice robot;
             None keeps them.
         ground: uneven ground, see ``robots.ground``, such as ``"rough:0.01"``; tilted with the slope. None is a plane.
+        light: place (x, y) of a light that robots may feel, ahead of where they start and to the left of it [m].
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -74,9 +77,12 @@ class Terrain:
     static_friction: NotNegative | None = None
     kinetic_friction: NotNegative | None = None
     ground: str | None = None
+    light: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.light is not None:
+            object.__setattr__(self, "light", checked_place("light", self.light))
         if self.ground is not None:
             Ground(self.ground)
         low, high = self.low_friction, self.high_friction
@@ -108,7 +114,7 @@ class Terrain:
     @property
     def document(self) -> dict[str, Any]:
         """All fields, but those that came later only where they are given: as earlier versions wrote terrains."""
-        later, fields = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground"), dataclasses.asdict(self)
+        later, fields = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground", "light"), dataclasses.asdict(self)
         return {name: fields[name] for name in fields if name not in later or fields[name] is not None}
 
     @property
@@ -118,14 +124,15 @@ class Terrain:
 
     @property
     def name(self) -> str:
-        """``"flat"``, ``"hill:15"``, ``"hill:5+rough:0.01"`` or ``"water"``, as :meth:`parse` reads it.
+        """``"flat"``, ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"water"`` or ``"flat+light:0.5,0.1"``.
+
+        :meth:`parse` reads it.
 
         Coefficients are not part of it.
         """
-        if self.is_fluid:
-            return "water"
         hill = [f"hill:{self.slope!r}".removesuffix(".0")] if self.slope else []
-        return "+".join([*hill, *([self.ground] if self.ground else [])]) or "flat"
+        where = "water" if self.is_fluid else "+".join([*hill, *([self.ground] if self.ground else [])]) or "flat"
+        return f"{where}+{LIGHT}:{self.light[0]!r},{self.light[1]!r}" if self.light else where
 
     @property
     def friction(self) -> str:
@@ -147,12 +154,13 @@ class Terrain:
     @property
     def spoken(self) -> str:
         """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"`` or ``"in water"``."""
+        light = "to a light at ({:g}, {:g}) m".format(*self.light) if self.light else ""
         if self.is_fluid:
-            return self.where
+            return ", ".join(filter(None, ["in water", light]))
         way = "up" if self.slope > 0 else "down"
         slope = f"{way} a slope of {abs(self.slope):g}°" if self.slope else ""
         ground = f"on {Ground(self.ground).spoken}" if self.ground else "" if slope else "on flat ground"
-        return ", ".join(filter(None, [slope, ground, self.friction]))
+        return ", ".join(filter(None, [slope, ground, self.friction, light]))
 
     @property
     def resistance(self) -> tuple[float, float]:
@@ -172,11 +180,16 @@ class Terrain:
         """The terrain of a name.
 
         It is ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, ``"water"``, uneven ground such as ``"rough:0.01"``
-        (see ``robots.ground``), or that on a slope, ``"hill:5+rough:0.01"``.
+        (see ``robots.ground``), or that on a slope, ``"hill:5+rough:0.01"``; any of them with a light at the end,
+        ``"flat+light:0.5,0.1"``.
 
         Raises:
             ValueError: for any other name or slope.
         """
+        rest, found, place = text.rpartition(f"+{LIGHT}:")
+        if found:
+            light = checked_place(LIGHT, [number_of(part) for part in place.split(",")])
+            return dataclasses.replace(cls.parse(rest), light=light)
         hill, plus, ground = text.partition("+")
         if plus and hill.partition(":")[0] in ("flat", "hill", "water"):
             return dataclasses.replace(cls.parse(hill), ground=ground)
@@ -195,12 +208,27 @@ class Terrain:
         return cls(slope)
 
 
+def checked_place(field: str, given: Any) -> tuple[float, float]:
+    """A place (x, y) [m].
+
+    Raises:
+        ValueError: for anything else, naming the field.
+    """
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise ValueError(f"{field}: {given!r} is not allowed; give (x, y) in metres")
+    x, y = (number(field, each, unit="m") for each in given)
+    return x, y
+
+
 class TerrainKind(RobotKind):
     """A kind of robot whose worlds are terrains."""
 
     world_option = "terrain"
     world_type = staticmethod(checked(Terrain.parse))
-    world_hint = "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own)"
+    world_hint = (
+        "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own); with a light for "
+        "robots that feel it, flat+light:X,Y"
+    )
     view_precision = "f32"
 
     @property

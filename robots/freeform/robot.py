@@ -139,7 +139,7 @@ class FreeformRobot(Robot):
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """Those of lattice robots; speeds are in lengths of the grid."""
-        return measures_of(self.target)
+        return measures_of(self.target is not None)
 
     @property
     def descriptors(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]

@@ -98,7 +98,7 @@ class Constants:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the measures that can be told."""
-        return tuple(m.name for m in measures_of(self.target))
+        return tuple(m.name for m in measures_of(self.target is not None))
 
     @property
     def materials(self) -> tuple[Any, Any, Any]:
@@ -114,9 +114,9 @@ class Constants:
         return np.stack([row @ share for row, share in zip(positions, self.shares(), strict=True)])
 
 
-def measures_of(target: tuple[float, float] | None) -> tuple[Measure, ...]:
+def measures_of(targeted: bool) -> tuple[Measure, ...]:
     """The measures of a robot, with or without a target."""
-    return MEASURES if target is None else (*MEASURES, TARGETED)
+    return (*MEASURES, TARGETED) if targeted else MEASURES
 
 
 def measure(name: str, record: Record, constants: Constants) -> Any:

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS, Cycle
+from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
@@ -41,13 +42,6 @@ def _hidden(field_name: str, value: Any) -> tuple[int, ...]:
     return tuple(checks.whole_number(field_name, each, 1, 1000) for each in value)
 
 
-def _place(given: Any) -> tuple[float, float]:
-    if not isinstance(given, list | tuple) or len(given) != 2:
-        raise ValueError(f"light: {given!r} is not allowed; give (x, y) in metres")
-    x, y = (checks.number("light", each, unit="m") for each in given)
-    return x, y
-
-
 @dataclass(frozen=True)
 class Reflexes:
     """What a robot feels, and the network that answers; its weights are free.
@@ -57,11 +51,11 @@ class Reflexes:
         hidden: nodes of hidden layers, whose output is a hyperbolic tangent; none make a linear answer.
         gain: most by which an answer changes a muscle's scale.
         limit: of weights, either way.
-        light: place (x, y) of the light, from where the body's centre starts [m].
+        light: place (x, y) of the light, from where the body's centre starts [m]; None is that of the terrain.
         weights: of all layers; None are free.
 
     Raises:
-        ValueError: for unknown senses, layers without nodes, and a light that no sense sees, or none that one needs.
+        ValueError: for unknown senses, layers without nodes, and a light that no sense sees.
     """
 
     senses: Annotated[tuple[str, ...], _senses] = ("strain", "touch", "tilt", "velocity", "clock")
@@ -79,10 +73,9 @@ class Reflexes:
             given = tuple(checks.number("weights", each) for each in self.weights)
             object.__setattr__(self, "weights", given)
         if self.light is not None:
-            object.__setattr__(self, "light", _place(self.light))
-        if ("light" in self.senses) != (self.light is not None):
-            told = "is not allowed without the sense" if self.light else "is needed by the sense"
-            raise ValueError(f"light: {self.light} {told} light; give both, or neither")
+            object.__setattr__(self, "light", checked_place("light", self.light))
+            if "light" not in self.senses:
+                raise ValueError(f"light: {self.light} is not allowed without the sense light; give both, or neither")
 
     @property
     def spoken(self) -> str:

@@ -20,7 +20,7 @@ from robots.lattice_robot.measures import checked_target, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
-from robots.lattice_robot.rollout import Aim, ahead
+from robots.lattice_robot.rollout import Aim, ahead, turned
 from robots.lattice_robot.simulation import try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
@@ -244,8 +244,19 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """What it is judged by; a target adds the distance that remains."""
-        return measures_of(self.target)
+        """What it is judged by; a target, or a light that it feels, adds the distance that remains."""
+        return measures_of(self.target is not None or self.feels_light)
+
+    def light_in(self, terrain: Terrain) -> tuple[float, float] | None:
+        """Place (x, y) of the light, from where the body's centre starts [m]: the terrain's, or the reflexes'."""
+        if terrain.light is not None:
+            return turned(terrain.light, self.heading)
+        return self.reflexes.light if self.reflexes is not None else None
+
+    @property
+    def feels_light(self) -> bool:
+        """Whether it has that sense."""
+        return self.reflexes is not None and "light" in self.reflexes.senses
 
     @property
     def direction(self) -> Floats:
@@ -289,16 +300,24 @@ class LatticeRobot(OutOfTheLab):
         return perturbed_robot(self, drawn)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
-        """With the friction of a terrain, where it has one.
+        """With the friction of a terrain, where it has one, and its light, which is the target unless there is one.
 
         Raises:
-            ValueError: if the terrain gives a friction for parts of the inflatable robot.
+            ValueError: if the terrain gives a friction for parts of the inflatable robot, or has no light to feel.
         """
-        if not (friction := material_friction(terrain)):
-            return self
-        changed: Any = friction
-        materials = tuple(dataclasses.replace(material, **changed) for material in self.body.materials)
-        return dataclasses.replace(self, body=dataclasses.replace(self.body, materials=materials))
+        changed: dict[str, Any] = {}
+        if friction := material_friction(terrain):
+            given: Any = friction
+            materials = tuple(dataclasses.replace(material, **given) for material in self.body.materials)
+            changed["body"] = dataclasses.replace(self.body, materials=materials)
+        light = self.light_in(terrain)
+        if self.reflexes is not None and self.feels_light:
+            if light is None:
+                raise ValueError(f"light: {terrain.name} has none to feel; give one, as {terrain.name}+light:0.5,0.1")
+            changed["reflexes"] = dataclasses.replace(self.reflexes, light=light)
+        if light is not None and self.target is None:
+            changed["target"] = light
+        return dataclasses.replace(self, **changed) if changed else self
 
     def _shares(self, points: Any) -> list[Any]:
         """What of points, shape (N, P), is free of each drive."""

@@ -32,6 +32,12 @@ def ahead(heading: float) -> Floats:
     return np.array([np.cos(angle), np.sin(angle), 0.0])
 
 
+def turned(place: tuple[float, float], heading: float) -> tuple[float, float]:
+    """A place ahead and to the left [m] of a robot that heads somewhere [degrees], as (x, y) [m]."""
+    (along, across), (x, y, _) = place, ahead(heading).tolist()
+    return along * x - across * y, along * y + across * x
+
+
 @dataclass(frozen=True, eq=False)
 class Aim:
     """What a robot's motion is measured by.

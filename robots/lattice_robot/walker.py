@@ -217,7 +217,7 @@ def simulate(
         tick = part_of(progress, done, len(groups))
         found = simulate_lattice_robot(robot, points, terrain, record_every=record_every, progress=tick, **compute)
         parts.append((np.array(members), found))
-    names = [m.name for m in measures_of(None)]
+    names = [m.name for m in measures_of(False)]
     result = assembled(parts, reason, walker_cycle(drive, tissue).time_step, names, {})
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
     speed = result.distance / lengths * drive.frequency / drive.cycles

@@ -1,6 +1,7 @@
 """Build motions of voxel robots: the inflatable robot, lattice robots."""
 
 import colorsys
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -184,7 +185,13 @@ def lattice_robot_motion(
         )
         for v, (n, label) in enumerate(zip(shown.tolist(), region.tolist(), strict=True))
     ]
-    return _voxels(name, frames, body, 0, nodes, driven, terrain, robot.heading)
+    seen = _voxels(name, frames, body, 0, nodes, driven, terrain, robot.heading)
+    light = robot.light_in(terrain or Terrain())
+    if light is None:
+        return seen
+    x, y, z = body.start_positions.mean(axis=0).tolist()
+    lamp: Floats = np.array([[x + light[0], y + light[1], z]])
+    return dataclasses.replace(seen, lights=lamp, light_radius=0.5 * body.voxel_size)
 
 
 def _phase_colour(phase: float) -> tuple[float, float, float]:

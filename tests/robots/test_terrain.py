@@ -16,6 +16,16 @@ def test_names_of_terrains():
     assert Terrain.parse("hill:15") == Terrain(15.0)
 
 
+def test_a_terrain_may_have_a_light():
+    for name in ("flat+light:0.5,-0.25", "hill:5+rough:0.01+light:1.0,0.0", "water+light:0.3,0.1"):
+        terrain = Terrain.parse(name)
+        assert terrain.name == name and Terrain(**terrain.document) == terrain
+    assert Terrain(light=(0.5, -0.25)).spoken == "on flat ground, to a light at (0.5, -0.25) m"
+    for name in ("flat+light:0.5", "flat+light:there", "flat+light:nan,0"):
+        with pytest.raises(ValueError, match=r"^light: "):
+            Terrain.parse(name)
+
+
 @given(st.floats(-45, 45, allow_subnormal=False))  # Taichi, once started, has the process flush subnormals to zero
 def test_every_slope_survives_its_name(slope):
     assert Terrain.parse(Terrain(slope).name) == Terrain(slope)

@@ -119,6 +119,19 @@ def test_senses_feel_what_they_say():
     assert felt("strain") == pytest.approx([0, 0, 0])
 
 
+@pytest.mark.kernels
+def test_the_light_may_be_the_terrains():
+    """It is felt and aimed at like the reflexes' own, ahead of a robot that heads somewhere."""
+    own, felt = (Reflexes(("light", "clock"), light=light) for light in ((0.05, 0.02), None))
+    points = weighted(legs(own))[None]
+    there = simulate(dataclasses.replace(legs(own), target=(0.05, 0.02)), points)
+    given = simulate(legs(felt), points, Terrain.parse("flat+light:0.05,0.02"))
+    assert there.distance[0] == given.distance[0]
+    assert there.measures["remaining"][0] == given.measures["remaining"][0] > 0
+    assert "remaining" in [each.name for each in legs(felt).measures]
+    assert legs(felt, heading=90.0).light_in(Terrain(light=(2.0, 1.0))) == pytest.approx((-1.0, 2.0))
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -131,7 +144,7 @@ def test_senses_feel_what_they_say():
         (lambda: Reflexes(("light",), light=(1.0, np.nan)), "light: nan"),
         (lambda: Reflexes(("light",), light=5), "light: 5 is not allowed"),
         (lambda: Reflexes(("tilt",), weights=3.0), "weights: 3.0 is not allowed"),
-        (lambda: Reflexes(("light",)), "light: None is needed by the sense light"),
+        (lambda: legs(Reflexes(("light",))).on(Terrain()), r"light: flat has none to feel; give one, as flat\+light:"),
         (lambda: Reflexes(("tilt",), light=(1.0, 0.0)), "light: .* is not allowed without the sense light"),
         (lambda: legs(Reflexes(("tilt",), weights=(1.0, 2.0))), "weights: 2 are not allowed; give 9"),
         (lambda: legs(Reflexes(("tilt",), weights=(np.nan,) * 9)), "weights: nan"),
