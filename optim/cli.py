@@ -30,6 +30,7 @@ from optim.commands import (
     status,
     stopped_by,
     sweep,
+    tasks,
     train,
     view,
 )
@@ -78,6 +79,7 @@ def build_parser() -> argparse.ArgumentParser:
         simulate,
         view,
         codesign,
+        tasks,
         status,
         compare,
         report,

@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> Report:
             written = _write_best(problem, last, folder)
         except KeyboardInterrupt as interrupt:
             return _interrupted(shown, planned, folder.path, stopped_by(interrupt))
-    return _report(last, folder.path, written, planned)
+    return _of_task(_report(last, folder.path, written, planned), args.task, problem, last)
 
 
 def _search(
@@ -161,6 +161,22 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
         document["robust"] = read_robust(folder)
         told[1:1] = told_of(folder)
     return Report(document, "\n".join(told))
+
+
+def _of_task(report: Report, given: str | None, problem: "Problem", last: "Generation") -> Report:
+    """The report with whether the best design has succeeded, where a task says what that is."""
+    from optim.problems.robot import RobotProblem
+    from robots.tasks import find_task
+
+    if given is None or last.best_point is None or not isinstance(problem, RobotProblem):
+        return report
+    task = find_task(given)
+    done = task.succeeded(problem.robot_of(problem.space.from_dict(last.best_point)), problem.tried_in, problem.compute)
+    if done is None:
+        return report
+    asked = " and ".join(one.text for one in task.success)
+    text = f"{report.text}\ntask {task.name}: {'succeeded' if done else 'not succeeded'}, {asked} was asked"
+    return dataclasses.replace(report, document={**report.document, "task": task.name, "succeeded": done}, text=text)  # type: ignore[dict-item]
 
 
 def _interrupted(shown: "list[Generation]", planned: Plan, folder: Path, code: int) -> Report:

@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from optim.problems.designer import Design, Request, designer_of
 from optim.runs.config import has_run, read_config, settings_of
 from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
+from robots.tasks import find_task
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -111,7 +111,7 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
     found = early([word for word in words if word != "--resume"], "--robot", "--task", "--out")
     robot = found.robot
     if robot is None and found.task is not None:
-        robot = tomllib.loads(Path(found.task).read_text(encoding="utf-8")).get("robot")
+        robot = find_task(found.task).source
     if robot is None and "--resume" in words and found.out is not None and (Path(found.out) / "config.toml").exists():
         return [kind_of_run(Path(found.out), read_config(Path(found.out)))]
     return [find_robot_doing(robot)[0]]

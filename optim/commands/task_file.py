@@ -1,36 +1,34 @@
-"""Options in a file: a TOML document whose keys are the names of a command's options."""
+"""Tasks as options: those that come with the lab, and TOML documents whose keys are the names of options."""
 
 import argparse
 import json
-import tomllib
 from typing import Any
 
-from optim.commands.options import path_to
+from optim.commands.options import Option
+from robots.tasks import builtin_tasks, find_task
 from taichi_sim.base.checks import nearest
-from taichi_sim.base.files import why_unread
 
-TASK = path_to(
-    "task", "FILE", "TOML with options by name, such as terrain = ['flat', 'hill:15']; the command line counts more"
+TASK = Option(
+    "task",
+    f"one of {', '.join(builtin_tasks())}; or TOML with options by name, such as terrain = ['flat', 'hill:15']; the "
+    "command line counts more",
+    metavar="NAME|FILE",
 )
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
 
 
 def take_task(args: argparse.Namespace) -> None:
-    """Set what the command line leaves open to what the task file of ``--task`` says.
+    """Set what the command line leaves open to what the task of ``--task`` says.
 
     Raises:
-        ValueError: if the file cannot be read, or has a key that is no option.
+        ValueError: if there is none of that name, or its file cannot be read, or it has a key that is no option.
     """
     if args.task is None:
         return
     parser: argparse.ArgumentParser = args.parser
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in OWN}
-    try:
-        task = tomllib.loads(args.task.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"task: {args.task} cannot be read ({why_unread(error)})") from None
-    arguments: list[str] = []
-    for key, value in task.items():
+    task, arguments = find_task(args.task), list[str]()
+    for key, value in {**task.options, **({"robot": task.source} if task.source else {})}.items():
         action = known.get(key.replace("-", "_"))
         if action is None:
             names = [name.replace("_", "-") for name in known]

@@ -17,7 +17,10 @@ def _region(text: str) -> Any:
 
 
 class LatticeRobotKind(LatticeGroundKind):
-    """Lattice robots: Python that sets ``robot``, JSON of ``save_robot``, files of VoxCAD and voxcraft, and meshes."""
+    """Lattice robots: Python that sets ``robot``, JSON of ``save_robot``, files of VoxCAD and voxcraft, and meshes.
+
+    Some come with the lab, see ``robots.lattice_robot.offered``.
+    """
 
     name = "lattice"
     title = "lattice robot"
@@ -49,12 +52,18 @@ class LatticeRobotKind(LatticeGroundKind):
         Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
     )
 
+    designs = ("soft-quadruped", "feeling-quadruped", "light-seeker", "soft-swimmer")
+
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
-        """The robot of a file; one of Python may set a robot of any kind."""
+        """The robot of a file, where one of Python may set a robot of any kind; or one that comes with the lab."""
         from robots.lattice_robot.sources import load_robot, robot_of_python
 
         if source is None:
             raise ValueError("robot: a lattice robot is made of a file; give it, such as my_robot.py")
+        if source in self.designs:
+            from robots.lattice_robot.offered import OFFERED
+
+            return OFFERED[source]().changed(options)
         if source.lower().endswith(MESH_SUFFIXES):
             return _of_mesh(source, options)
         if source.lower().endswith(".py") and Path(source).is_file():

@@ -1,5 +1,6 @@
 """Options from a file."""
 
+import json
 import shutil
 import tomllib
 
@@ -102,3 +103,20 @@ def test_a_wrong_task_is_one_line(morpholab, tmp_path, task, message):
 def test_a_task_that_is_not_there_is_one_line(morpholab):
     code, _, error = morpholab("codesign --terrain flat --task task.toml --out a")
     assert code == 2 and "task: task.toml cannot be read" in error and error.count("\n") == 1
+
+
+@pytest.mark.kernels
+def test_a_task_that_comes_with_the_lab(morpholab, tmp_path):
+    """It is searched like any robot, goes on, and tells whether it has succeeded."""
+    line = "codesign --task walk --method random --climbers 4 --precision f32 --quiet --out a"
+    code, out, _ = morpholab(f"{line} --generations 1")
+    assert code == 0 and "task walk: not succeeded, speed >= 0.5 was asked" in out
+    code, out, _ = morpholab(f"{line} --generations 2 --resume --json")
+    assert code == 0 and json.loads(out)["succeeded"] is False
+    assert method(tmp_path)["name"] == "random"
+
+
+def test_tasks_are_listed(morpholab):
+    code, out, _ = morpholab("tasks")
+    assert code == 0 and "walk: walk on flat ground\n  soft-quadruped, 40 variables, flat\n" in out
+    assert {"rough", "stairs", "light"} <= {each["name"] for each in json.loads(morpholab("tasks --json")[1])}

@@ -1,0 +1,182 @@
+"""Tasks: a robot, worlds in which it is tried, what is to be raised, and when a design has succeeded.
+
+Tasks that come with the lab are named in ``tasks.toml``; one of the user's own is a TOML file with the same keys. A
+task says nothing of how it is solved: searches, learned controllers and designs by hand are told apart by the same
+numbers.
+"""
+
+import operator
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robots.robot import HERE, Option, Outcome, Robot, World, find_robot_doing, make_robot
+from taichi_sim.base.arrays import Bools
+from taichi_sim.base.checks import nearest
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import why_unread
+
+BUILTIN = Path(__file__).with_name("tasks.toml")
+OWN = ("title", "success")  # keys that are no options of commands
+SIGNS: Mapping[str, Callable[[Any, Any], Any]] = {">=": operator.ge, "<=": operator.le}
+_BOUND = re.compile(r"\s*(\w+)\s*(>=|<=)\s*(\S+)\s*")
+
+
+@dataclass(frozen=True)
+class Success:
+    """A bound that a measure has to keep in every world.
+
+    Attributes:
+        measure: its name.
+        sign: ``">="`` or ``"<="``.
+        bound: in the measure's unit.
+    """
+
+    measure: str
+    sign: str
+    bound: float
+
+    @classmethod
+    def parse(cls, text: Any) -> "Success":
+        """The bound of a text, such as ``"speed >= 0.5"``.
+
+        Raises:
+            ValueError: for anything else.
+        """
+        found = _BOUND.fullmatch(text) if isinstance(text, str) else None
+        try:
+            bound = float(found[3]) if found else np.nan
+        except ValueError:
+            bound = np.nan
+        if found is None or not np.isfinite(bound):
+            raise ValueError(f"success: {text!r} is not allowed; give MEASURE >= NUMBER or MEASURE <= NUMBER")
+        return cls(found[1], found[2], bound)
+
+    @property
+    def text(self) -> str:
+        """As it is written."""
+        return f"{self.measure} {self.sign} {self.bound:g}"
+
+    def kept(self, outcome: Outcome) -> Bools:
+        """Which designs of an outcome keep it; none that failed."""
+        values = np.asarray(outcome.measures[self.measure], float)
+        found: Bools = SIGNS[self.sign](values, self.bound) & (np.asarray(outcome.status) == "ok")
+        return found
+
+
+@dataclass(frozen=True)
+class Task:
+    """Something that robots shall do.
+
+    Attributes:
+        name: of the task, or of its file.
+        options: of ``codesign``, by name: robot, worlds, objective, and what else a file says.
+        title: what is to be done, for people.
+        success: bounds that a design has to keep in every world; none for a task that cannot be solved or missed.
+        folder: where files that it names are looked for, beside the working directory.
+    """
+
+    name: str
+    options: Mapping[str, Any]
+    title: str = ""
+    success: tuple[Success, ...] = ()
+    folder: Path | None = None
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot, with what is free of it.
+
+        Raises:
+            ValueError: for robots that are not there, and bounds on what it has no measure of.
+        """
+        kind, source = find_robot_doing(self.source)
+        given = {option.name: option for option in kind.options}
+        own = {key: value for key, value in self.options.items() if key in given}
+        typed = {key: _typed(given[key], value) for key, value in own.items()}
+        found = make_robot(kind, source, typed)
+        names = [measure.name for measure in found.measures]
+        for one in self.success:
+            if one.measure not in names:
+                raise ValueError(f"success: {one.measure!r} is unknown; choose one of {', '.join(names)}")
+        return found
+
+    @property
+    def source(self) -> str | None:
+        """The robot as commands name it; a file beside the task's is found there."""
+        given = self.options.get("robot")
+        if isinstance(given, str) and self.folder is not None and not Path(given).exists():
+            beside = self.folder / given
+            return str(beside) if beside.is_file() else given
+        return given
+
+    @property
+    def worlds(self) -> tuple[World, ...]:
+        """Where the robot is tried."""
+        kind, _ = find_robot_doing(self.source)
+        common = {name: self.options[name] for name in kind.ground_options if name in self.options}
+        found = []
+        for option in kind.world_options:
+            given = self.options.get(option.name, [])
+            for value in [] if option.name in common else given if isinstance(given, list) else [given]:
+                found.append(kind.chosen_world({option.name: _typed(option, value), **common}))
+        return tuple(world for world in found if world is not None) or self.robot.worlds
+
+    def succeeded(self, robot: Robot, worlds: Sequence[World] = (), compute: Compute = HERE) -> bool | None:
+        """Whether a robot, of which nothing is free, keeps all bounds in all worlds; None if there are no bounds."""
+        if not self.success:
+            return None
+        outcomes = [robot.simulate((), world, compute=compute) for world in worlds or self.worlds]
+        return all(bool(one.kept(outcome)[0]) for outcome in outcomes for one in self.success)
+
+
+def _typed(option: Option, value: Any) -> Any:
+    """The value of an option as the command line would make it of its text."""
+    return option.type(str(value)) if option.type else value
+
+
+def builtin_tasks() -> dict[str, Task]:
+    """All tasks that come with the lab, by name."""
+    tables = tomllib.loads(BUILTIN.read_text(encoding="utf-8"))
+    return {name: task_of(name, table) for name, table in tables.items()}
+
+
+def task_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> Task:
+    """The task of a table of TOML.
+
+    Raises:
+        ValueError: for a title that is no text, and bounds that are none.
+    """
+    title, success = table.get("title", ""), table.get("success", [])
+    if not isinstance(title, str):
+        raise ValueError(f"title: {title!r} is not allowed; give a text")
+    bounds = tuple(Success.parse(each) for each in (success if isinstance(success, list) else [success]))
+    options = {key: value for key, value in table.items() if key not in OWN}
+    return Task(name, options, title, bounds, folder)
+
+
+def find_task(given: str | Path) -> Task:
+    """The task of a name or of a TOML file.
+
+    Raises:
+        ValueError: if there is none, or the file cannot be read.
+    """
+    known = builtin_tasks()
+    if str(given) in known:
+        return known[str(given)]
+    path = Path(given)
+    if not path.suffix and not path.exists():
+        raise ValueError(
+            f"task: {str(given)!r} is unknown; give a file, or one of {', '.join(known)}"
+            f"{nearest(str(given), list(known))}"
+        )
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"task: {given} cannot be read ({why_unread(error)})") from None
+    return task_of(path.stem, table, path.parent)

@@ -1,0 +1,81 @@
+"""Tasks that come with the lab, and those of the user's own."""
+
+import numpy as np
+import pytest
+
+from robots.outcome import Outcome
+from robots.robot import Compute
+from robots.tasks import Success, builtin_tasks, find_task
+
+OWN = """
+title = "crawl"
+robot = "crawler.py"
+terrain = ["flat", "hill:5"]
+success = ["speed >= 0.1", "energy <= 2"]
+"""
+
+
+@pytest.mark.parametrize("name", builtin_tasks())
+def test_every_task_has_a_robot_worlds_and_bounds_that_it_can_keep(name):
+    task = builtin_tasks()[name]
+    assert task.robot.parameters and task.robot.differentiable and task.worlds and task.title
+    assert task.success and len(task.worlds) == len(task.options["terrain"])
+    assert find_task(name) == task
+
+
+def test_a_bound_is_kept_by_designs_that_are_whole():
+    found = Outcome({"speed": np.array([0.2, 0.5, 0.9])}, np.array(["ok", "ok", "diverged"]))
+    assert Success.parse("speed >= 0.5").kept(found).tolist() == [False, True, False]
+    assert Success.parse("speed<=0.2").kept(found).tolist() == [True, False, False]
+    assert Success.parse("speed <= 2e-1").text == "speed <= 0.2"
+
+
+@pytest.mark.kernels
+def test_a_design_succeeds_in_every_world():
+    task = find_task("walk")
+    robot = task.robot.design(task.robot.start)
+    compute = Compute(precision="f32", threads=1)
+    (outcome,) = (robot.simulate((), world, compute=compute) for world in task.worlds)
+    speed = float(outcome.measures["speed"][0])
+    for bound, succeeds in ((speed - 0.01, True), (speed + 0.01, False)):
+        asked = (Success("speed", ">=", bound), Success("mass", "<=", 1.0))
+        assert type(task)(task.name, task.options, success=asked).succeeded(robot, (), compute) is succeeds
+    assert type(task)(task.name, task.options).succeeded(robot) is None
+
+
+def test_a_task_of_the_users_own(tmp_path):
+    """Its robot's file is found beside it; values are those that the command line would take."""
+    source = "from robots.lattice_robot.offered import soft_quadruped\nrobot = soft_quadruped(2)\n"
+    (tmp_path / "crawler.py").write_text(source)
+    (tmp_path / "crawl.toml").write_text(OWN)
+    task = find_task(tmp_path / "crawl.toml")
+    assert task.name == "crawl" and task.title == "crawl" and task.robot.describe()["cycles"] == 2
+    assert [world.name for world in task.worlds] == ["flat", "hill:5"]
+    assert [one.text for one in task.success] == ["speed >= 0.1", "energy <= 2"]
+    (tmp_path / "vehicle.toml").write_text('robot = "vehicle"\nenvironment = 2\n')
+    assert [world.name for world in find_task(tmp_path / "vehicle.toml").worlds] == ["2"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("success = ['speed > 1']", "success: 'speed > 1' is not allowed; give MEASURE >= NUMBER"),
+        ("success = ['speed >= fast']", "success: 'speed >= fast' is not allowed"),
+        ("success = 3", "success: 3 is not allowed"),
+        ("title = 3", "title: 3 is not allowed; give a text"),
+        ("robot = ", "task: .*task.toml cannot be read"),
+    ],
+)
+def test_bad_files(tmp_path, text, message):
+    (tmp_path / "task.toml").write_text(text)
+    with pytest.raises(ValueError, match="^" + message):
+        find_task(tmp_path / "task.toml")
+
+
+def test_what_is_not_there():
+    with pytest.raises(
+        ValueError, match=r"^task: 'wlk' is unknown; give a file, or one of walk, .* did you mean walk\?"
+    ):
+        find_task("wlk")
+    with pytest.raises(ValueError, match=r"^success: 'height' is unknown; choose one of speed, "):
+        _ = type(find_task("walk"))("walk", {"robot": "soft-quadruped"}, success=(Success("height", ">=", 1.0),)).robot
