@@ -25,6 +25,7 @@ STUDIES: Registry[Study] = Registry(
         "freeform": "optim.studies.beyond.freeform:STUDY",
         "gait-hunt": "optim.studies.beyond.gait_hunt.study:STUDY",
         "gait-climb": "optim.studies.beyond.gait_hunt.climb:STUDY",
+        "tasks": "optim.studies.beyond.tasks:STUDY",
         "robust-gaits": "optim.studies.beyond.robust_gaits:STUDY",
         "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",
         "friction-sweeps": "optim.studies.chapter5.friction:STUDY",

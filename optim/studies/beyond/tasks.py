@@ -1,0 +1,203 @@
+"""Tasks of the lab, each searched by a gradient method and by an evolutionary one, at equal CPU time.
+
+All searches begin at random, with settings that are the same for every task. The best design of a run moves again in
+double precision: whether it succeeds, and its objective, are those of that trial.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
+from optim.experiments.jobs import run_parallel
+from optim.experiments.results import Progress, check_folder, part_of, write_json
+from optim.experiments.study import Count, Settings, Study
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, read_records, where, write_records
+from optim.measures.statistics import mean_interval
+from optim.problem import Request, judge
+from optim.problems.robot import RobotProblem
+from optim.problems.task import problem_of_task
+from optim.runs.history import read_history
+from robots.tasks import builtin_tasks, find_task
+from taichi_sim.base.checks import positive
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import write_text
+
+NAME = "tasks"
+TABLE = "runs.csv"
+FILES = ("table.md", TABLE, "summary.json", "runs", "designs")
+EXACT = Compute(precision="f64", threads=1)
+WARM_UP = 3  # seed of the point that has the kernels compiled
+ARMS = {
+    "race": Arm("gradient race", "race", {"climbers": 8, "halving": 4, "moves": 60}, True),
+    "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
+}
+
+
+@dataclass(frozen=True)
+class Solving(Settings):
+    """How tasks are searched.
+
+    Attributes:
+        seconds: of CPU time of a run.
+        seeds: runs of every search.
+        tasks: by name.
+    """
+
+    seconds: Annotated[float, positive] = 60.0
+    seeds: Count = 3
+    tasks: tuple[str, ...] = tuple(builtin_tasks())
+
+    @property
+    def runs(self) -> list[tuple[str, str, int]]:
+        """Task, search and seed of every run, seed by seed."""
+        return [(task, arm, seed) for seed in range(self.seeds) for task in self.tasks for arm in ARMS]
+
+    def contest(self, task: str, folder: Path) -> Contest:
+        """The searches of a task."""
+        entries = {name: Entry(partial(designed, task), arm.method, arm.settings) for name, arm in ARMS.items()}
+        return Contest(entries, "cpu", self.seconds, folder / "runs" / task, lambda line: None)
+
+
+def designed(name: str) -> RobotProblem:
+    """The problem of a task, for one thread in single precision."""
+    return problem_of_task(find_task(name), precision="f32", threads=1)
+
+
+def study(folder: Path, settings: Solving, progress: Progress = None, jobs: int = 1) -> None:
+    """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
+    check_folder(folder, FILES, NAME)
+    known = read_records(folder / TABLE) if (folder / TABLE).exists() else []
+    missing = [run for run in settings.runs if not _told(known, run, settings)]
+    parts = [("-".join(map(str, run)), partial(_part, folder, settings, run)) for run in missing]
+    run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
+    for number, (run, (_, part)) in enumerate(zip(missing, parts, strict=True)):
+        part({}, None)
+        known = [row for row in known if (row["task"], row["search"], row["seed"]) != run]
+        known += read_records(_kept(folder, *run))
+        write_records(folder / TABLE, known)  # what there is so far is of use
+        if progress:
+            progress((number + 1) / len(parts))
+    _report(folder, settings, known)
+
+
+def _told(rows: Sequence[Record], run: tuple[str, str, int], settings: Solving) -> bool:
+    """Whether rows tell what a run has found in its CPU time."""
+    task, arm, seed = run
+    return bool(where(rows, task=task, search=arm, seed=seed, seconds=settings.seconds))
+
+
+def _kept(folder: Path, task: str, arm: str, seed: int) -> Path:
+    return folder / "designs" / f"{task}-{arm}-{seed}.csv"
+
+
+@cache
+def warm_up(name: str, gradients: bool) -> None:
+    """Have the kernels of this process ready before the clock of a search starts."""
+    problem = designed(name)
+    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
+    judge(problem, Request(point, "gradients" if gradients else "points", np.inf))
+
+
+def _part(
+    folder: Path, settings: Solving, run: tuple[str, str, int], options: Mapping[str, Any], progress: Progress
+) -> None:
+    """Search, and judge what was found, if that is not done."""
+    task, arm, seed = run
+    kept, contest = _kept(folder, *run), settings.contest(task, folder)
+    if kept.exists() and _told(read_records(kept), run, settings):
+        return
+    warm_up(task, ARMS[arm].gradients)
+    contest.run_one(arm, seed)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    write_records(kept, [_found(folder, contest, run, settings.seconds)])
+
+
+def _found(folder: Path, contest: Contest, run: tuple[str, str, int], seconds: float) -> Record:
+    """What a run had found when its CPU time was used up, in double precision; its design is saved."""
+    name, arm, seed = run
+    about: Record = {"task": name, "search": arm, "seed": seed, "seconds": seconds}
+    last = contest.last_within(arm, seed, seconds)
+    best = None if last is None else read_history(contest.folder(arm, seed)).generations[last].best_point
+    evaluations = 0 if last is None else contest.curve(arm, seed)[last]["evaluations"]
+    if best is None:
+        return {**about, "evaluations": evaluations, "objective": None, "succeeded": 0}
+    made, task = problem_of_task(find_task(name), precision=EXACT.precision, threads=1), find_task(name)
+    point = made.space.from_dict(best)
+    made.save(point, folder / "designs" / f"{name}-{arm}-{seed}.json")
+    judged = made.evaluate(point[None])
+    succeeded = bool(task.succeeded(made.robot_of(point), made.tried_in, EXACT))
+    return {
+        **about,
+        "evaluations": evaluations,
+        "objective": float(judged.objectives[0, 0]),
+        "succeeded": int(succeeded),
+    }
+
+
+def _report(folder: Path, settings: Solving, rows: Sequence[Record]) -> None:
+    """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
+    found = {task: _summary(where(rows, task=task)) for task in distinct(rows, "task")}
+    write_json(folder / "summary.json", {"seconds": settings.seconds, "tasks": found})
+    write_text(folder / "table.md", page(_table(found)))
+
+
+def _summary(rows: Sequence[Record]) -> dict[str, Any]:
+    """What each search of a task has found."""
+    task = find_task(rows[0]["task"])
+    problem = problem_of_task(task)
+    searches = {}
+    for arm in distinct(rows, "search"):
+        own = [row for row in where(rows, search=arm) if row["objective"] is not None]
+        values = column(own, "objective")
+        low, high = mean_interval(values) if len(values) > 1 else (None, None)
+        searches[arm] = {
+            "label": ARMS[arm].label,
+            "seeds": len(where(rows, search=arm)),
+            "mean": float(values.mean()) if len(values) else None,
+            "low": low,
+            "high": high,
+            "succeeded": int(column(where(rows, search=arm), "succeeded").sum()),
+            "evaluations": float(np.median(column(where(rows, search=arm), "evaluations"))),
+        }
+    (objective,) = problem.objective_names
+    about = {"title": task.title, "robot": task.source, "variables": len(problem.space.names)}
+    asked = " and ".join(one.text for one in task.success)
+    return {**about, "objective": objective, "unit": problem.objective_units[0], "asked": asked, "searches": searches}
+
+
+def _table(found: Mapping[str, Any]) -> list[str]:
+    """Tasks with what a gradient and an evolutionary method made of them."""
+    arms = [*of_kind(ARMS, ARMS, True), *of_kind(ARMS, ARMS, False)]
+    lines = []
+    for name, each in found.items():
+        told = []
+        for arm in arms:
+            one = each["searches"].get(arm)
+            if one is None:
+                told += ["", ""]
+                continue
+            interval = f" ({cell(one['low'], '.3g')} to {cell(one['high'], '.3g')})" if one["low"] is not None else ""
+            told += [f"{cell(one['mean'], '.3g')}{interval}", f"{one['succeeded']} of {one['seeds']}"]
+        objective = f"{each['objective']} [{each['unit']}]"
+        lines.append((f"`{name}`", each["robot"], str(each["variables"]), objective, each["asked"], *told))
+    heads = [head for arm in arms for head in (ARMS[arm].label, "succeeded")]
+    return markdown(("task", "robot", "variables", "objective", "success", *heads), "llrllrrrr", lines)
+
+
+STUDY = Study(
+    title="tasks of the lab, each searched along gradients and by evolution",
+    source="beyond chapter 5",
+    scales={
+        "small": Solving(seconds=10.0, seeds=1, tasks=("walk", "jump")),
+        "medium": Solving(),
+        "full": Solving(seconds=300.0, seeds=5),
+    },
+    run=study,
+    writes=FILES,
+    cost="ten hours of one core; medium takes an hour",
+)
