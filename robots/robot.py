@@ -116,6 +116,19 @@ class Robot:
         """
         raise NotImplementedError
 
+    def run_in(self, points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
+        """What N designs do in several worlds; a kind may make one batch of them, with the same results.
+
+        Args:
+            points: shape (N, P), checked.
+            worlds: where.
+            trial: computation, and what is asked for.
+        """
+        count = len(worlds)
+        parts = (part_of(trial.progress, number, count) for number in range(count))
+        each = zip(worlds, parts, strict=True)
+        return [self.run(points, dataclasses.replace(trial, world=world, progress=part)) for world, part in each]
+
     def simulate(
         self,
         points: ArrayLike,

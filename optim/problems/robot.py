@@ -26,10 +26,9 @@ from optim.problems.uncertain import (
     under_risk,
 )
 from optim.space import Space
-from robots.robot import KINDS, Facts, Measure, Outcome, Robot, World, part_of
+from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World, part_of
 from robots.uncertainty import Risk
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.compute import Compute
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
 
@@ -102,7 +101,7 @@ class JudgedRobot(RobotDesigning):
         Details: the other measures by name, each of shape (N,); in several worlds all of them, such as
         ``speed_flat``.
         """
-        return self._scored(self.space.validate(points), lambda robot: robot.simulate)
+        return self._scored(self.space.validate(points), Trial(self.tried_in[0], self.compute))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         """Judge points as :meth:`evaluate` does, with the gradient of the objective if wanted.
@@ -119,30 +118,18 @@ class JudgedRobot(RobotDesigning):
             compute = dataclasses.replace(compute, precision=self.relaxed_precision or self.precision)
         if not gradients and sharpness == math.inf:
             return self.evaluate(points)
-        if not gradients:
-            return self._scored(points, lambda robot: partial(robot.simulate, sharpness=sharpness), compute)
-        measures = self._objective.differentiated(self.judged_by)
-        way: dict[str, Any] = {"sharpness": sharpness, "measures": measures}
-        return self._scored(points, lambda robot: partial(robot.differentiate, **way), compute, True)
+        if gradients and not robot.differentiable:
+            raise ValueError(f"robot: {KINDS[robot.kind].title} has no gradients; choose a method that needs none")
+        measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
+        return self._scored(points, Trial(self.tried_in[0], compute, gradients=measures, sharpness=sharpness))
 
-    def _scored(
-        self,
-        points: ArrayLike,
-        attempt: Callable[[Robot], Callable[..., Outcome]],
-        compute: Compute | None = None,
-        gradients: bool = False,
-    ) -> Evaluation:
-        """Judge points by what an attempt finds of the robot in every world; over draws, if something is uncertain."""
+    def _scored(self, points: ArrayLike, trial: Trial) -> Evaluation:
+        """Judge points by what the robot does in every world; over draws, if something is uncertain."""
         points = self.space.relaxed().validate(np.atleast_2d(points))
-        trials, outcomes = self._trials, []
+        trials, gradients, outcomes = self._trials, bool(trial.gradients), []
         for draw, (robot, worlds) in enumerate(trials):
-            done, way, count = draw * len(worlds), attempt(robot), len(trials) * len(worlds)
-            outcomes.append(
-                [
-                    way(points, w, compute=compute or self.compute, progress=part_of(self.progress, done + n, count))
-                    for n, w in enumerate(worlds)
-                ]
-            )
+            told = dataclasses.replace(trial, progress=part_of(self.progress, draw, len(trials)))
+            outcomes.append(robot.run_in(robot.points(points), worlds, told))
         values = [self._objective.values(each, self.judged_by) for each in outcomes]
         slopes = [self._objective.gradients(each, self.judged_by) for each in outcomes] if gradients else []
         if not self.uncertain:

@@ -82,7 +82,8 @@ class Constants:
         length: in which speeds are told [m].
         duration: of the cycles that count [s].
         frequency: cycles per second [Hz].
-        target: point (x, y) that the centre of mass should come near, from where it starts [m]; None for none.
+        target: point (x, y) that the centre of mass should come near, from where it starts [m], or that of each robot,
+            shape (B, 2); None for none.
     """
 
     density: Any
@@ -93,7 +94,7 @@ class Constants:
     length: float
     duration: float
     frequency: float
-    target: tuple[float, float] | None
+    target: tuple[float, float] | Floats | None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -181,8 +182,8 @@ def _payload(record: Record, constants: Constants) -> Any:
 
 
 def _remaining(record: Record, constants: Constants) -> Any:
-    away = []
-    for axis, goal in enumerate(constants.target or ()):
+    goals, away = np.broadcast_to(np.asarray(constants.target, float), (len(constants.density), 2)), []
+    for axis, goal in enumerate(goals.T):
         end = constants.centres(record.positions[:, 1, :, axis])
         start = np.broadcast_to(constants.body.start_positions[:, axis], constants.density.shape)
         away.append(end - constants.centres(start) - goal)

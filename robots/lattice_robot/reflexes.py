@@ -131,12 +131,14 @@ class Feeling:
         weights: shape (B, K).
         regions: that are driven, R of them, in the order of answers.
         answers: which answer moves each channel, -1 for none, shape (C,).
+        lights: where each robot's light is, from where its centre starts [m], shape (B, 2); None is the reflexes'.
     """
 
     reflexes: Reflexes
     weights: Floats
     regions: tuple[int, ...]
     answers: Ints
+    lights: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,7 @@ class Anatomy:
         length: in which speeds are told [m].
         ground: uneven ground below, or None.
         origin: mean of the voxel centres before noise, shape (3,).
+        lights: see ``Feeling``.
     """
 
     members: Floats
@@ -158,9 +161,17 @@ class Anatomy:
     length: float
     ground: Relief | None
     origin: Floats
+    lights: Floats | None = None
 
     @classmethod
-    def of(cls, body: LatticeBody, regions: Sequence[int], length: float, ground: Relief | None) -> "Anatomy":
+    def of(
+        cls,
+        body: LatticeBody,
+        regions: Sequence[int],
+        length: float,
+        ground: Relief | None,
+        lights: Floats | None = None,
+    ) -> "Anatomy":
         """The anatomy of a body that is driven in some regions."""
         every, ends = np.asarray(body.regions), body.topology.links
         members = np.array([every == region for region in regions], float)
@@ -172,6 +183,7 @@ class Anatomy:
             length,
             ground,
             body.start_positions.mean(axis=0),
+            lights,
         )
 
     def clearance(self, positions: Any) -> Any:
@@ -219,11 +231,11 @@ def felt_by(reflexes: Reflexes, anatomy: Anatomy, phase: float, per_reading: flo
 
 def _light(reflexes: Reflexes, anatomy: Anatomy, positions: Any) -> Any:
     """Brightness at the middle of every driven region: 1 at the light, 1/2 a length away from it."""
-    assert reflexes.light is not None
+    places: Floats = np.array([reflexes.light], float) if anatomy.lights is None else anatomy.lights
     total = 0.0
-    for axis, place in enumerate(reflexes.light):
+    for axis in (0, 1):
         middle = (positions[:, None, :, axis] * anatomy.members).sum(axis=2)
-        total = total + ((middle - (anatomy.origin[axis] + place)) / anatomy.length) ** 2
+        total = total + ((middle - (anatomy.origin[axis] + places[:, axis, None])) / anatomy.length) ** 2
     return 1.0 / (1.0 + total)
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import product
@@ -21,8 +21,7 @@ from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, turned
-from robots.lattice_robot.simulation import try_points
-from robots.outcome import recorded
+from robots.lattice_robot.simulation import outcome_of, try_points
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
@@ -395,10 +394,19 @@ class LatticeRobot(OutOfTheLab):
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
-        found = try_points(self, points, trial)
-        return Outcome(
-            found.measures, found.status, found.reason, found.steps, found.gradients, recorded(found.frames[0]), found
-        )
+        return outcome_of(try_points(self, points, trial))
+
+    def run_in(self, points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
+        """Let the robot move at N points in several worlds, in one batch where only the light differs."""
+        terrains = [terrain_of(world) for world in worlds]
+        alike = {dataclasses.replace(terrain, light=None) for terrain in terrains}
+        places = [self.light_in(terrain) for terrain in terrains]
+        if len(terrains) < 2 or len(alike) > 1 or None in places or self.target is not None or trial.record_every:
+            return super().run_in(points, worlds, trial)
+        count, lights = len(points), np.repeat(np.array(places, float), len(points), axis=0)
+        tried = dataclasses.replace(trial, world=worlds[0])
+        found = try_points(self, np.tile(points, (len(worlds), 1)), tried, lights=lights)
+        return [outcome_of(found.rows(slice(n * count, (n + 1) * count))) for n in range(len(worlds))]
 
     @property
     def steps(self) -> int:

@@ -45,12 +45,13 @@ class Aim:
     Attributes:
         heading: direction of travel [degrees] from x towards y.
         length: in which speeds are told [m].
-        target: point (x, y) [m] that it should come near, from where its centre of mass starts; None for none.
+        target: point (x, y) [m] that it should come near, from where its centre of mass starts, or that of each robot
+            of a batch, shape (B, 2); None for none.
     """
 
     heading: float
     length: float
-    target: tuple[float, float] | None = None
+    target: tuple[float, float] | Floats | None = None
 
     @property
     def direction(self) -> Floats:
@@ -163,7 +164,7 @@ class Rollout:
         self._loop: ReflexLoop | None = None
         if (feeling := channels.feeling) is not None:
             ground = None if isinstance(medium["floor"], bool) else medium["floor"][0]
-            anatomy = Anatomy.of(first, feeling.regions, aim.length, ground)
+            anatomy = Anatomy.of(first, feeling.regions, aim.length, ground, feeling.lights)
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
             self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at.mean(axis=1))
             self._program = self._loop.plan(self._program)

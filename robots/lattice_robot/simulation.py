@@ -11,7 +11,8 @@ from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
 from robots.lattice_robot.reflexes import Feeling
 from robots.lattice_robot.rollout import Channels, Moved, Rollout
-from robots.robot import Progress, Trial, part_of
+from robots.outcome import recorded
+from robots.robot import Outcome, Progress, Trial, part_of
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats, Ints
@@ -60,6 +61,13 @@ class LatticeRobotResult:
     def speed(self) -> Floats:
         """Body lengths along the heading per second, shape (N,)."""
         return self.measures["speed"]
+
+    def rows(self, which: slice) -> "LatticeRobotResult":
+        """What some of the points did."""
+        bodies, frames = self.bodies[which], self.frames[which]
+        measures, gradients = ({n: v[which] for n, v in each.items()} for each in (self.measures, self.gradients))
+        told = self.status[which], self.reason[which], self.steps[which]
+        return LatticeRobotResult(measures, *told, self.time_step, bodies, frames, gradients)
 
     @property
     def gradient(self) -> Floats | None:
@@ -120,8 +128,13 @@ def differentiate(
     return try_points(robot, robot.start if points is None else points, trial, memory)
 
 
-def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: float = 1e9) -> LatticeRobotResult:
-    """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`."""
+def try_points(
+    robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: float = 1e9, lights: Floats | None = None
+) -> LatticeRobotResult:
+    """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`.
+
+    Each of the points may have a light of its own, from where its centre starts [m], shape (N, 2).
+    """
     compute = trial.compute
     if trial.record_every is not None:
         trial = replace(trial, record_every=whole_number("record_every", trial.record_every, 1))
@@ -135,30 +148,34 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
     for done, group in enumerate(groups):
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
         if len(rows):
-            parts.append((rows, _try_group(robot, points[rows], trial, memory, tick)))
+            own = None if lights is None else lights[rows]
+            parts.append((rows, _try_group(robot, points[rows], replace(trial, progress=tick), memory, own)))
     names, slopes = [m.name for m in robot.measures], {name: points.shape[1] for name in trial.gradients}
     return assembled(parts, reason, robot.cycle.time_step, names, slopes)
 
 
 def _try_group(
-    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float, progress: Progress | None
+    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float, lights: Floats | None
 ) -> LatticeRobotResult:
     """What a robot does at points that all are robots; gradients at points that settle to a tie come from beside it."""
     tied = robot.settles_at_rest(points)
-    if not trial.gradients:
-        return _moved(robot, points, replace(trial, progress=progress))
-    if not tied.any():
-        return _moved(robot, points, replace(trial, progress=progress), memory)
-    told = progress or (lambda _: None)
+    if not trial.gradients or not tied.any():
+        return _moved(robot, points, trial, memory, lights=lights)
+    told = trial.progress or (lambda _: None)
     beside = replace(trial, progress=lambda fraction: told(0.9 * fraction))
-    found = _moved(robot, points, beside, memory, BESIDE * tied)
-    plain = _moved(robot, points, replace(trial, gradients=(), progress=None))
+    found = _moved(robot, points, beside, memory, BESIDE * tied, lights)
+    plain = _moved(robot, points, replace(trial, gradients=(), progress=None), lights=lights)
     failed = (plain.status != "ok")[:, None]
     return replace(plain, gradients={name: np.where(failed, np.nan, g) for name, g in found.gradients.items()})
 
 
 def _moved(
-    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float = 1e9, later: ArrayLike = 0.0
+    robot: "LatticeRobot",
+    points: Floats,
+    trial: Trial,
+    memory: float = 1e9,
+    later: ArrayLike = 0.0,
+    lights: Floats | None = None,
 ) -> LatticeRobotResult:
     """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
     bodies, drives = robot.bodies(points), robot.drives
@@ -167,7 +184,7 @@ def _moved(
         np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
         np.concatenate([robot.rest_of(drive).ravel() for drive in drives]),
     )
-    channels = replace(channels, feeling=_feeling(robot, points, channels))
+    channels = replace(channels, feeling=_feeling(robot, points, channels, lights))
 
     def swing(points: Any) -> Any:
         """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
@@ -177,7 +194,8 @@ def _moved(
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
     terrain, every, starts = terrain_of(trial.world), trial.record_every, robot.starts(len(points))
-    rollout = Rollout(bodies, channels, swung, robot.cycle, terrain, robot.aim, trial.compute, every, starts)
+    aim = robot.aim if lights is None else replace(robot.aim, target=lights)
+    rollout = Rollout(bodies, channels, swung, robot.cycle, terrain, aim, trial.compute, every, starts)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, memory, trial.progress)
@@ -192,7 +210,7 @@ def _moved(
     return result_of(rollout, moved, gradients)
 
 
-def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels) -> Feeling | None:
+def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels, lights: Floats | None) -> Feeling | None:
     """The reflexes of a robot at N points, shape (N, P), and which of them answers in each channel."""
     if robot.reflexes is None:
         return None
@@ -200,7 +218,7 @@ def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels) -> Feeli
     quantities, driven = np.asarray(channels.quantities), np.asarray(channels.regions)
     scales = (quantities >= Quantity.SCALE) & (quantities < Quantity.SCALE + 3)
     answers = [places[r] if scale else -1 for r, scale in zip(driven.tolist(), scales.tolist(), strict=True)]
-    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, np.array(answers))
+    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, np.array(answers), lights)
 
 
 def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -> LatticeRobotResult:
@@ -208,6 +226,13 @@ def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -
     reason, dt = np.full(len(rollout.bodies), ""), rollout.cycle.time_step
     found = moved.measures, moved.status, reason, moved.steps, dt, rollout.bodies, moved.frames
     return LatticeRobotResult(*found, gradients)
+
+
+def outcome_of(found: LatticeRobotResult) -> Outcome:
+    """A result as commands and searches see it."""
+    return Outcome(
+        found.measures, found.status, found.reason, found.steps, found.gradients, recorded(found.frames[0]), found
+    )
 
 
 def assembled(

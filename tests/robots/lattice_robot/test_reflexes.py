@@ -9,6 +9,7 @@ import pytest
 from robots.lattice_robot import Drive, Free, LatticeRobot, differentiate, load_robot, save_robot, simulate
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.reflexes import SENSES, Anatomy, Reflexes, felt_by
+from robots.robot import Compute, Trial
 from robots.world import Terrain
 from taichi_sim.lattice import Material, Relief, body_from_array
 
@@ -130,6 +131,25 @@ def test_the_light_may_be_the_terrains():
     assert there.measures["remaining"][0] == given.measures["remaining"][0] > 0
     assert "remaining" in [each.name for each in legs(felt).measures]
     assert legs(felt, heading=90.0).light_in(Terrain(light=(2.0, 1.0))) == pytest.approx((-1.0, 2.0))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("names", [(), ("remaining",)])
+def test_worlds_that_differ_in_their_light_make_one_batch(names):
+    """With the bits of one world after the other."""
+    robot = legs(Reflexes(("light", "clock"), (3,)))
+    worlds = [Terrain(2.0, light=light) for light in ((0.05, 0.02), (0.04, -0.03), (-0.05, 0.0))]
+    points = np.stack([weighted(robot, 1), weighted(robot, 2)])
+    trial = Trial(worlds[0], Compute(threads=1), gradients=names)
+    together = robot.run_in(points, worlds, trial)
+    for world, found in zip(worlds, together, strict=True):
+        alone = robot.run(points, dataclasses.replace(trial, world=world))
+        assert (found.measures["remaining"] == alone.measures["remaining"]).all() and found.status.tolist() == [
+            "ok"
+        ] * 2
+        for name in names:
+            np.testing.assert_allclose(found.gradients[name], alone.gradients[name], rtol=1e-9, atol=1e-12)
+    assert len({each.measures["remaining"][0] for each in together}) == 3
 
 
 @pytest.mark.parametrize(
