@@ -13,15 +13,14 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, check_folder, part_of, write_json
+from optim.experiments.judged_runs import JudgedRuns, Run, best_within
+from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, read_records, where, write_records
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval
 from optim.problem import Request, judge
 from optim.problems.robot import RobotProblem
 from optim.problems.task import problem_of_task
-from optim.runs.history import read_history
 from robots.tasks import builtin_tasks, find_task
 from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute
@@ -53,7 +52,7 @@ class Solving(Settings):
     tasks: tuple[str, ...] = tuple(builtin_tasks())
 
     @property
-    def runs(self) -> list[tuple[str, str, int]]:
+    def runs(self) -> list[Run]:
         """Task, search and seed of every run, seed by seed."""
         return [(task, arm, seed) for seed in range(self.seeds) for task in self.tasks for arm in ARMS]
 
@@ -71,28 +70,8 @@ def designed(name: str) -> RobotProblem:
 def study(folder: Path, settings: Solving, progress: Progress = None, jobs: int = 1) -> None:
     """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
     check_folder(folder, FILES, NAME)
-    known = read_records(folder / TABLE) if (folder / TABLE).exists() else []
-    missing = [run for run in settings.runs if not _told(known, run, settings)]
-    parts = [("-".join(map(str, run)), partial(_part, folder, settings, run)) for run in missing]
-    run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
-    for number, (run, (_, part)) in enumerate(zip(missing, parts, strict=True)):
-        part({}, None)
-        known = [row for row in known if (row["task"], row["search"], row["seed"]) != run]
-        known += read_records(_kept(folder, *run))
-        write_records(folder / TABLE, known)  # what there is so far is of use
-        if progress:
-            progress((number + 1) / len(parts))
-    _report(folder, settings, known)
-
-
-def _told(rows: Sequence[Record], run: tuple[str, str, int], settings: Solving) -> bool:
-    """Whether rows tell what a run has found in its CPU time."""
-    task, arm, seed = run
-    return bool(where(rows, task=task, search=arm, seed=seed, seconds=settings.seconds))
-
-
-def _kept(folder: Path, task: str, arm: str, seed: int) -> Path:
-    return folder / "designs" / f"{task}-{arm}-{seed}.csv"
+    runs = JudgedRuns(folder, TABLE, "task", settings.seconds, partial(_judged, folder, settings))
+    _report(folder, settings, runs.complete(settings.runs, progress, jobs))
 
 
 @cache
@@ -103,40 +82,23 @@ def warm_up(name: str, gradients: bool) -> None:
     judge(problem, Request(point, "gradients" if gradients else "points", np.inf))
 
 
-def _part(
-    folder: Path, settings: Solving, run: tuple[str, str, int], options: Mapping[str, Any], progress: Progress
-) -> None:
-    """Search, and judge what was found, if that is not done."""
-    task, arm, seed = run
-    kept, contest = _kept(folder, *run), settings.contest(task, folder)
-    if kept.exists() and _told(read_records(kept), run, settings):
-        return
-    warm_up(task, ARMS[arm].gradients)
-    contest.run_one(arm, seed)
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    write_records(kept, [_found(folder, contest, run, settings.seconds)])
-
-
-def _found(folder: Path, contest: Contest, run: tuple[str, str, int], seconds: float) -> Record:
-    """What a run had found when its CPU time was used up, in double precision; its design is saved."""
+def _judged(folder: Path, settings: Solving, run: Run) -> Record:
+    """What a search finds, in double precision; its design is saved."""
     name, arm, seed = run
-    about: Record = {"task": name, "search": arm, "seed": seed, "seconds": seconds}
-    last = contest.last_within(arm, seed, seconds)
-    best = None if last is None else read_history(contest.folder(arm, seed)).generations[last].best_point
-    evaluations = 0 if last is None else contest.curve(arm, seed)[last]["evaluations"]
+    contest = settings.contest(name, folder)
+    warm_up(name, ARMS[arm].gradients)
+    contest.run_one(arm, seed)
+    best, evaluations = best_within(contest, arm, seed, settings.seconds)
     if best is None:
-        return {**about, "evaluations": evaluations, "objective": None, "succeeded": 0}
-    made, task = problem_of_task(find_task(name), precision=EXACT.precision, threads=1), find_task(name)
+        return {"evaluations": evaluations, "objective": None, "succeeded": 0}
+    task = find_task(name)
+    made = problem_of_task(task, precision=EXACT.precision, threads=1)
     point = made.space.from_dict(best)
+    (folder / "designs").mkdir(parents=True, exist_ok=True)
     made.save(point, folder / "designs" / f"{name}-{arm}-{seed}.json")
-    judged = made.evaluate(point[None])
+    objective = float(made.evaluate(point[None]).objectives[0, 0])
     succeeded = bool(task.succeeded(made.robot_of(point), made.tried_in, EXACT))
-    return {
-        **about,
-        "evaluations": evaluations,
-        "objective": float(judged.objectives[0, 0]),
-        "succeeded": int(succeeded),
-    }
+    return {"evaluations": evaluations, "objective": objective, "succeeded": int(succeeded)}
 
 
 def _report(folder: Path, settings: Solving, rows: Sequence[Record]) -> None:

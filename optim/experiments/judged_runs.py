@@ -1,0 +1,77 @@
+"""Runs of a study that are searched up to a budget and then judged: one row of a table each, resumable."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from optim.experiments.equal_cost import Contest
+from optim.experiments.jobs import run_parallel
+from optim.experiments.results import Progress, part_of
+from optim.experiments.tables import Record, read_records, where, write_records
+from optim.runs.history import read_history
+
+Run = tuple[str, str, int]  # problem, search, seed
+
+
+@dataclass(frozen=True)
+class JudgedRuns:
+    """Runs in a folder, told by a table there.
+
+    Attributes:
+        folder: of the study.
+        table: name of its file of rows.
+        subject: what the first column is called, such as ``"task"``.
+        seconds: of CPU time of each run.
+        judge: searches and judges one run, and returns its row.
+    """
+
+    folder: Path
+    table: str
+    subject: str
+    seconds: float
+    judge: Callable[[Run], Record]
+
+    def complete(self, runs: Sequence[Run], progress: Progress = None, jobs: int = 1) -> list[Record]:
+        """Run what the table does not tell yet, so many at a time; the rows of all."""
+        path = self.folder / self.table
+        known: list[Record] = list(read_records(path)) if path.exists() else []
+        missing = [run for run in runs if not self._told(known, run)]
+        parts = [("-".join(map(str, run)), partial(self.run_one, run)) for run in missing]
+        run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
+        for number, (run, (_, part)) in enumerate(zip(missing, parts, strict=True)):
+            part({}, None)
+            known = [row for row in known if (row[self.subject], row["search"], row["seed"]) != run]
+            known += read_records(self._kept(run))
+            write_records(path, known)  # what there is so far is of use
+            if progress:
+                progress((number + 1) / len(parts))
+        return known
+
+    def run_one(self, run: Run, options: Mapping[str, Any], progress: Progress) -> None:
+        """Search and judge, if that is not done."""
+        kept = self._kept(run)
+        if kept.exists() and self._told(read_records(kept), run):
+            return
+        row = self.judge(run)
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        subject, search, seed = run
+        write_records(kept, [{self.subject: subject, "search": search, "seed": seed, "seconds": self.seconds, **row}])
+
+    def _kept(self, run: Run) -> Path:
+        return self.folder / "designs" / f"{'-'.join(map(str, run))}.csv"
+
+    def _told(self, rows: Sequence[Record], run: Run) -> bool:
+        subject, search, seed = run
+        about = {self.subject: subject, "search": search, "seed": seed}
+        return bool(where(rows, **about, seconds=self.seconds))
+
+
+def best_within(contest: Contest, name: str, seed: int, seconds: float) -> tuple[dict[str, Any] | None, int]:
+    """The best point of a run when its CPU time was used up, None if nothing had succeeded, and its evaluations."""
+    last = contest.last_within(name, seed, seconds)
+    if last is None:
+        return None, 0
+    generation = read_history(contest.folder(name, seed)).generations[last]
+    return generation.best_point, int(contest.curve(name, seed)[last]["evaluations"])
