@@ -256,7 +256,10 @@ class TerrainKind(RobotKind):
     def world_record(self, world: World) -> dict[str, Any]:
         """A terrain's fields, without those that are None."""
         assert isinstance(world, Terrain)
-        return {name: value for name, value in dataclasses.asdict(world).items() if value is not None}
+        fields = dataclasses.asdict(world)
+        if world.light is not None:
+            fields["light"] = list(world.light)  # as it is read again
+        return {name: value for name, value in fields.items() if value is not None}
 
     def world_of(self, record: Any) -> Terrain:
         """The terrain of a record."""

@@ -116,6 +116,14 @@ def test_a_task_that_comes_with_the_lab(morpholab, tmp_path):
     assert method(tmp_path)["name"] == "random"
 
 
+@pytest.mark.kernels
+def test_a_robot_that_feels_a_light_goes_on(morpholab, tmp_path):
+    line = "codesign --task light --method random --climbers 2 --precision f32 --quiet --json --out a"
+    assert morpholab(f"{line} --generations 0")[0] == 0
+    code, out, _ = morpholab(f"{line} --generations 1 --resume")
+    assert code == 0 and json.loads(out)["generation"] == 1 and json.loads(out)["best"] < 0
+
+
 def test_tasks_are_listed(morpholab):
     code, out, _ = morpholab("tasks")
     assert code == 0 and "walk: walk on flat ground\n  soft-quadruped, 40 variables, flat\n" in out
