@@ -39,7 +39,7 @@ WIDEST = 60.0  # degrees to either side of the way ahead
 NEAR, FAR = 0.06, 0.1  # distance of held-out lights [m]; those of training are half way
 OBJECTIVE = ("mean", "minimise:remaining")
 ARMS = {
-    "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "learning_rate": 0.02}, True),
+    "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "candidates": 16, "patience": 30}, True),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
 }

@@ -1,0 +1,130 @@
+"""Lattice robots among props: one lattice of all bodies, and which part of it is the robot."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from robots.props import Prop
+from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.lattice import LatticeBody, Material, Relief
+from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
+
+MODULUS = 1e5  # Pa
+FRICTION = 1.0, 0.8  # static and kinetic, where the terrain says nothing
+APART = 3  # voxels between bodies on the lattice, so that nothing links them
+TOUCH = 2 * SPHERE_RADIUS  # edges between centres of voxels that touch
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A robot and props as one lattice.
+
+    Attributes:
+        robot: the robot's own body.
+        body: of all; the robot's voxels come first.
+        shift: from places on the lattice to where voxels start [m], shape (V, 3).
+        groups: which body each voxel belongs to: 0 the robot, then the props, shape (V,).
+        lifted: whether each body starts above the ground, at a height that counts from where the robot stands.
+    """
+
+    robot: LatticeBody
+    body: LatticeBody
+    shift: Floats
+    groups: Ints
+    lifted: tuple[bool, ...]
+
+    @property
+    def own(self) -> int:
+        """How many voxels are the robot's."""
+        return self.robot.voxel_count
+
+    @cached_property
+    def own_links(self) -> Ints:
+        """Numbers of the robot's links."""
+        found: Ints = np.flatnonzero((self.body.topology.links < self.own).all(axis=1))
+        return found
+
+    def of(self, group: int) -> Bools:
+        """Which voxels are those of a body, shape (V,)."""
+        found: Bools = self.groups == group
+        return found
+
+    def own_part(self, positions: Any, orientations: Any, strains: Any) -> tuple[Any, Any, Any]:
+        """What of positions and orientations (B, V, ...) and strains (B, L) is the robot's."""
+        return positions[:, : self.own], orientations[:, : self.own], strains[:, self.own_links]
+
+    def widened(self, positions: Floats, orientations: Floats, strains: Floats) -> tuple[Floats, Floats, Floats]:
+        """Derivatives by what is the robot's as those by all."""
+        batch, count, links = len(positions), self.body.voxel_count, len(self.body.topology.links)
+        every = np.zeros((batch, count, 3)), np.zeros((batch, count, 4)), np.zeros((batch, links))
+        every[0][:, : self.own], every[1][:, : self.own], every[2][:, self.own_links] = positions, orientations, strains
+        return every
+
+    def standing(self, centres: Floats, relief: Relief) -> Floats:
+        """Voxel centres at the start [m], shape (V, 3), each body raised so that it stands on uneven ground."""
+        raised, edge = np.array(centres), self.body.voxel_size
+        base = relief.rise(centres[self.of(0)], edge)
+        for group, lifted in enumerate(self.lifted):
+            rows = self.of(group)
+            raised[rows, 2] += base if lifted or group == 0 else relief.rise(centres[rows], edge)
+        return raised
+
+
+def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction: tuple[float, float]) -> Placed:
+    """The lattice of a robot and props.
+
+    Args:
+        robot: its body.
+        props: beside it.
+        heading: its direction of travel, shape (3,).
+        friction: of the props, static and kinetic.
+
+    Raises:
+        ValueError: for bodies that overlap at the start.
+    """
+    edge, middle = robot.voxel_size, robot.start_positions.mean(axis=0)
+    left = np.array([-heading[1], heading[0], 0.0])
+    voxels, materials, indices = [robot.voxels], list(robot.materials), [robot.material_index]
+    regions, fixed = [np.asarray(robot.regions)], [np.asarray(robot.fixed)]
+    starts, groups = [robot.start_positions], [np.zeros(robot.voxel_count, int)]
+    for number, prop in enumerate(props, start=1):
+        cells = prop.cells(edge)
+        centred = (cells - (cells.max(axis=0) / 2) * [1, 1, 0]) * edge
+        place = middle * [1, 1, 0] + prop.x * heading + prop.y * left + [0.0, 0.0, prop.z or 0.0]
+        beyond = max(int(each[:, 0].max()) for each in voxels) + APART - int(cells[:, 0].min())
+        voxels.append(cells + np.array([beyond, 0, 0]))
+        static, kinetic = friction
+        indices.append(np.full(len(cells), len(materials)))
+        materials.append(Material(MODULUS, prop.density, static_friction=static, kinetic_friction=kinetic))
+        regions.append(np.full(len(cells), max(int(each.max()) for each in regions) + 1))
+        fixed.append(np.full((len(cells), 6), prop.held))
+        starts.append(place + centred)
+        groups.append(np.full(len(cells), number))
+        _check_apart(prop, starts, edge)
+    whole = {"voxels": voxels, "material_index": indices, "regions": regions, "fixed": fixed}
+    more = robot.voxel_count, sum(len(each) for each in voxels[1:])
+    for name in ("pressure_normals", "chambers"):
+        own = np.asarray(getattr(robot, name))
+        whole[name] = [own, np.zeros((more[1], *own.shape[1:]), own.dtype)]
+    fields: dict[str, Any] = {name: np.concatenate(each) for name, each in whole.items()}
+    body = dataclasses.replace(robot, materials=tuple(materials), **fields)
+    shift = np.concatenate(starts) - body.start_positions
+    return Placed(robot, body, shift, np.concatenate(groups), (False, *(prop.z is not None for prop in props)))
+
+
+def _check_apart(prop: Prop, starts: Sequence[Floats], edge: float) -> None:
+    """Refuse a prop whose voxels begin nearer to others than where they would touch."""
+    from scipy.spatial import cKDTree
+
+    for number, other in enumerate(starts[:-1]):
+        nearest = float(cKDTree(other).query(starts[-1])[0].min())
+        if nearest < TOUCH * edge * (1 - 1e-9):
+            beside = "the robot" if number == 0 else "another prop"
+            raise ValueError(
+                f"prop: {prop.name} is not allowed {nearest:.3g} m from {beside} (between centres of voxels); give at "
+                f"least {TOUCH * edge:.3g} m"
+            )
