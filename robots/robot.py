@@ -116,6 +116,10 @@ class Robot:
         """
         raise NotImplementedError
 
+    def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
+        """What it is judged by in all of some worlds; the same everywhere by default."""
+        return self.measures
+
     def run_in(self, points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
         """What N designs do in several worlds; a kind may make one batch of them, with the same results.
 

@@ -100,7 +100,7 @@ class Task:
         own = {key: value for key, value in self.options.items() if key in given}
         typed = {key: _typed(given[key], value) for key, value in own.items()}
         found = make_robot(kind, source, typed)
-        names = [measure.name for measure in found.measures]
+        names = [measure.name for measure in found.measures_in(self._worlds or found.worlds)]
         for one in self.success:
             if one.measure not in names:
                 raise ValueError(f"success: {one.measure!r} is unknown; choose one of {', '.join(names)}")
@@ -118,6 +118,11 @@ class Task:
     @property
     def worlds(self) -> tuple[World, ...]:
         """Where the robot is tried."""
+        return self._worlds or self.robot.worlds
+
+    @property
+    def _worlds(self) -> tuple[World, ...]:
+        """The worlds that it names."""
         kind, _ = find_robot_doing(self.source)
         common = {name: self.options[name] for name in kind.ground_options if name in self.options}
         found = []
@@ -125,7 +130,7 @@ class Task:
             given = self.options.get(option.name, [])
             for value in [] if option.name in common else given if isinstance(given, list) else [given]:
                 found.append(kind.chosen_world({option.name: _typed(option, value), **common}))
-        return tuple(world for world in found if world is not None) or self.robot.worlds
+        return tuple(world for world in found if world is not None)
 
     def succeeded(self, robot: Robot, worlds: Sequence[World] = (), compute: Compute = HERE) -> bool | None:
         """Whether a robot, of which nothing is free, keeps all bounds in all worlds; None if there are no bounds."""

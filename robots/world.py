@@ -11,6 +11,7 @@ import numpy as np
 
 from robots.ground import Ground, is_ground, ways
 from robots.ground import level as level_ground
+from robots.props import LIGHT, Prop, split_name
 from robots.robot import Option, RobotKind, World
 from taichi_sim.base.checks import NotNegative, check_fields, number
 from taichi_sim.base.options import checked
@@ -30,7 +31,6 @@ FLOORS = {"wood": (0.56, 0.70), "acrylic": (0.38, 0.51)}
 FRICTION_OF_PARTS = ("bladder_friction", "skin_friction", "seam_friction")
 FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)  # of the inflatable robot
 MATERIAL_FRICTION = ("static_friction", "kinetic_friction")  # of lattice robots
-LIGHT = "light"  # begins its place in the name of a terrain
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
@@ -63,6 +63,7 @@ class Terrain:
             None keeps them.
         ground: uneven ground, see ``robots.ground``, such as ``"rough:0.01"``; tilted with the slope. None is a plane.
         light: place (x, y) of a light that robots may feel, ahead of where they start and to the left of it [m].
+        props: bodies beside the robot, see ``robots.props``; None without any.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -78,11 +79,13 @@ class Terrain:
     kinetic_friction: NotNegative | None = None
     ground: str | None = None
     light: tuple[float, float] | None = None
+    props: tuple[Prop, ...] | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
+        object.__setattr__(self, "props", tuple(_prop(each) for each in self.props or ()) or None)
         if self.ground is not None:
             Ground(self.ground)
         low, high = self.low_friction, self.high_friction
@@ -114,7 +117,8 @@ class Terrain:
     @property
     def document(self) -> dict[str, Any]:
         """All fields, but those that came later only where they are given: as earlier versions wrote terrains."""
-        later, fields = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground", "light"), dataclasses.asdict(self)
+        later = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground", "light", "props")
+        fields = _plain(self)
         return {name: fields[name] for name in fields if name not in later or fields[name] is not None}
 
     @property
@@ -124,15 +128,14 @@ class Terrain:
 
     @property
     def name(self) -> str:
-        """``"flat"``, ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"water"`` or ``"flat+light:0.5,0.1"``.
-
-        :meth:`parse` reads it.
+        """Such as ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"flat+light:0.5,0.1"``, as :meth:`parse` reads it.
 
         Coefficients are not part of it.
         """
         hill = [f"hill:{self.slope!r}".removesuffix(".0")] if self.slope else []
         where = "water" if self.is_fluid else "+".join([*hill, *([self.ground] if self.ground else [])]) or "flat"
-        return f"{where}+{LIGHT}:{self.light[0]!r},{self.light[1]!r}" if self.light else where
+        light = [f"{LIGHT}:{self.light[0]!r},{self.light[1]!r}"] if self.light else []
+        return "+".join([where, *light, *(prop.name for prop in self.props or ())])
 
     @property
     def friction(self) -> str:
@@ -155,12 +158,13 @@ class Terrain:
     def spoken(self) -> str:
         """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"`` or ``"in water"``."""
         light = "to a light at ({:g}, {:g}) m".format(*self.light) if self.light else ""
+        props = f"with {' and '.join(f'a {prop.kind}' for prop in self.props)}" if self.props else ""
         if self.is_fluid:
-            return ", ".join(filter(None, ["in water", light]))
+            return ", ".join(filter(None, ["in water", props, light]))
         way = "up" if self.slope > 0 else "down"
         slope = f"{way} a slope of {abs(self.slope):g}°" if self.slope else ""
         ground = f"on {Ground(self.ground).spoken}" if self.ground else "" if slope else "on flat ground"
-        return ", ".join(filter(None, [slope, ground, self.friction, light]))
+        return ", ".join(filter(None, [slope, ground, self.friction, props, light]))
 
     @property
     def resistance(self) -> tuple[float, float]:
@@ -180,16 +184,21 @@ class Terrain:
         """The terrain of a name.
 
         It is ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, ``"water"``, uneven ground such as ``"rough:0.01"``
-        (see ``robots.ground``), or that on a slope, ``"hill:5+rough:0.01"``; any of them with a light at the end,
-        ``"flat+light:0.5,0.1"``.
+        (see ``robots.ground``), or that on a slope, ``"hill:5+rough:0.01"``; any of them with a light and props at
+        the end, ``"flat+light:0.5,0.1+ball:0.04,0.12,0"``.
 
         Raises:
             ValueError: for any other name or slope.
         """
-        rest, found, place = text.rpartition(f"+{LIGHT}:")
-        if found:
-            light = checked_place(LIGHT, [number_of(part) for part in place.split(",")])
-            return dataclasses.replace(cls.parse(rest), light=light)
+        text, things = split_name(text)
+        if things:
+            given = [each for each in things if not each.startswith(f"{LIGHT}:")]
+            lights = [each.partition(":")[2] for each in things if each.startswith(f"{LIGHT}:")]
+            if len(lights) > 1:
+                raise ValueError(f"light: {len(lights)} are not allowed; give one")
+            places = [checked_place(LIGHT, [number_of(part) for part in each.split(",")]) for each in lights]
+            props = tuple(map(Prop.parse, given))
+            return dataclasses.replace(cls.parse(text), light=places[0] if places else None, props=props)
         hill, plus, ground = text.partition("+")
         if plus and hill.partition(":")[0] in ("flat", "hill", "water"):
             return dataclasses.replace(cls.parse(hill), ground=ground)
@@ -220,6 +229,22 @@ def checked_place(field: str, given: Any) -> tuple[float, float]:
     return x, y
 
 
+def _prop(given: Any) -> Prop:
+    """A prop, which may be given by its name."""
+    if isinstance(given, str):
+        return Prop.parse(given)
+    if not isinstance(given, Prop):
+        raise ValueError(f"props: {given!r} is not allowed; give a Prop, or its name")
+    return given
+
+
+def _plain(terrain: Terrain) -> dict[str, Any]:
+    """All fields of a terrain as values that fit JSON: the light as a list, props by their names."""
+    found = {each.name: getattr(terrain, each.name) for each in dataclasses.fields(terrain)}
+    light, props = terrain.light and list(terrain.light), terrain.props and [prop.name for prop in terrain.props]
+    return {**found, "light": light, "props": props}
+
+
 class TerrainKind(RobotKind):
     """A kind of robot whose worlds are terrains."""
 
@@ -227,7 +252,7 @@ class TerrainKind(RobotKind):
     world_type = staticmethod(checked(Terrain.parse))
     world_hint = (
         "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own); with a light for "
-        "robots that feel it, flat+light:X,Y"
+        "robots that feel it, flat+light:X,Y, or a box, ball or wall, flat+box:LX,LY,LZ,X,Y[,Z]"
     )
     view_precision = "f32"
 
@@ -256,10 +281,7 @@ class TerrainKind(RobotKind):
     def world_record(self, world: World) -> dict[str, Any]:
         """A terrain's fields, without those that are None."""
         assert isinstance(world, Terrain)
-        fields = dataclasses.asdict(world)
-        if world.light is not None:
-            fields["light"] = list(world.light)  # as it is read again
-        return {name: value for name, value in fields.items() if value is not None}
+        return {name: value for name, value in _plain(world).items() if value is not None}
 
     def world_of(self, record: Any) -> Terrain:
         """The terrain of a record."""
@@ -302,6 +324,18 @@ def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, Any]:
     """Friction that a terrain or an actuation gives to bladders, skin and seams, times a factor; nothing of others."""
     given = {name: getattr(described, name) for name in FRICTION_OF_PARTS}
     return {name: factor * value for name, value in given.items() if value is not None}
+
+
+def without_props(terrain: Terrain) -> None:
+    """Refuse a terrain with props, for robots that meet none.
+
+    Raises:
+        ValueError: if it has any.
+    """
+    if terrain.props:
+        raise ValueError(
+            f"props: {terrain.props[0].name} is not allowed, as only lattice robots meet any; leave it out"
+        )
 
 
 def terrain_of(world: World) -> Terrain:

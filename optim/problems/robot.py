@@ -64,14 +64,15 @@ class JudgedRobot(RobotDesigning):
     @property
     def judged_by(self) -> Measure:
         """The measure that the objective is about."""
-        names = [measure.name for measure in self.offered.measures]
+        measures = self.offered.measures_in(self.tried_in)
+        names = [measure.name for measure in measures]
         if self.measure and self.measure not in names:
             raise ValueError(f"measure: {self.measure!r} is unknown; choose one of {', '.join(names)}")
-        return self.offered.measures[names.index(self.measure) if self.measure else 0]
+        return measures[names.index(self.measure) if self.measure else 0]
 
     @cached_property
     def _objective(self) -> RobotObjective:
-        return objective_of(self.objective, self.offered.measures, self.summed)
+        return objective_of(self.objective, self.offered.measures_in(self.tried_in), self.summed)
 
     @property
     def _objectives(self) -> tuple[Objective, ...]:

@@ -14,7 +14,7 @@ from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.rollout import Channels, Rollout
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled, result_of
 from robots.robot import Progress, Trial, part_of
-from robots.world import terrain_of
+from robots.world import terrain_of, without_props
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, Quantity
@@ -82,7 +82,8 @@ def _built(
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
     bodies = [shell.body] * len(points)
     every, starts = trial.record_every, shell.starts(len(points))
-    rollout = Rollout(bodies, _sizes(regions), swung, robot.cycle, terrain, robot.aim, trial.compute, every, starts)
+    aim = dataclasses.replace(robot.aim, placed=shell.placed)
+    rollout = Rollout(bodies, _sizes(regions), swung, robot.cycle, terrain, aim, trial.compute, every, starts)
     if pull_back is None:
         return result_of(rollout, rollout.run(progress), {})
     moved = rollout.differentiate(trial.gradients, MEMORY, progress)
@@ -102,6 +103,7 @@ def _between(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRob
 
 def _mixed(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobotResult:
     grid, palette, terrain = robot.grid, robot.palette, terrain_of(trial.world)
+    without_props(terrain)  # which mixtures do not meet
     wave = np.stack([np.sin(ANGLES), np.cos(ANGLES)], axis=1)  # of the components of a swing
 
     def mixture(points: Any) -> tuple[Any, ...]:

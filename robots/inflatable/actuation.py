@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
 
-from robots.world import FRICTION_FIELDS, Terrain
+from robots.world import FRICTION_FIELDS, Terrain, without_props
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, whole_number
 
 WEIGHTS = ("published", "physical")
@@ -79,6 +79,7 @@ class InflatableActuation:
         Raises:
             ValueError: for the friction of a lattice robot's materials.
         """
+        without_props(terrain)
         if terrain.static_friction is not None:
             raise ValueError(
                 f"static_friction: {terrain.static_friction} is not allowed, as it is of lattice robots; give "

@@ -6,12 +6,13 @@ derivatives by everything that it depends on.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
+from robots.lattice_robot.props import Placed
 from robots.robot import Measure
 from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.arrays import Floats
@@ -27,6 +28,10 @@ MEASURES = (
     Measure("payload", "kg", "mass of what nothing drives"),
 )
 TARGETED = Measure("remaining", "m", "distance that remains to the target")
+OF_PROPS = (  # of the first of them, where there are any
+    Measure("prop_distance", "m", "distance of the prop along the heading"),
+    Measure("prop_height", "m", "height of the prop's middle at the end, above the ground where the robot began"),
+)
 
 
 def checked_target(given: Any) -> tuple[float, float]:
@@ -63,6 +68,11 @@ class Record:
         """The part of a run that counts."""
         return cls(*(each[:, :FRAMES_FROM] for each in (run.positions, run.strains, run.sizes)))
 
+    def own(self, placed: Placed) -> "Record":
+        """That of the robot without props."""
+        own = placed.own
+        return Record(self.positions[:, :, :own], self.strains[:, :, placed.own_links], self.sizes[:, :, :own])
+
     @property
     def arrays(self) -> tuple[Any, Any, Any]:
         """Positions, strains, sizes."""
@@ -84,6 +94,7 @@ class Constants:
         frequency: cycles per second [Hz].
         target: point (x, y) that the centre of mass should come near, from where it starts [m], or that of each robot,
             shape (B, 2); None for none.
+        placed: the robot among props; None without.
     """
 
     density: Any
@@ -95,11 +106,22 @@ class Constants:
     duration: float
     frequency: float
     target: tuple[float, float] | Floats | None
+    placed: Placed | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the measures that can be told."""
-        return tuple(m.name for m in measures_of(self.target is not None))
+        found = measures_of(self.target is not None)
+        return tuple(m.name for m in ((*found, *OF_PROPS) if self.placed else found))
+
+    @property
+    def own(self) -> "Constants":
+        """Those of the robot without props."""
+        assert self.placed is not None
+        own = self.placed.own
+        parts = {"density": self.density, "modulus": self.modulus, "driven": self.driven}
+        cut = {name: each[:, :own] for name, each in parts.items()}
+        return replace(self, **cut, body=self.placed.robot, placed=None)
 
     @property
     def materials(self) -> tuple[Any, Any, Any]:
@@ -121,7 +143,9 @@ def measures_of(targeted: bool) -> tuple[Measure, ...]:
 
 
 def measure(name: str, record: Record, constants: Constants) -> Any:
-    """A measure by its name, shape (B,)."""
+    """A measure by its name, shape (B,); unless it is of props, of the robot alone."""
+    if constants.placed is not None and name not in (each.name for each in OF_PROPS):
+        return _LAWS[name](record.own(constants.placed), constants.own)
     return _LAWS[name](record, constants)
 
 
@@ -190,6 +214,24 @@ def _remaining(record: Record, constants: Constants) -> Any:
     return np.sqrt(away[0] * away[0] + away[1] * away[1])
 
 
+def _prop_rows(constants: Constants) -> tuple[Any, Any]:
+    """Which voxels are those of the first prop, and the part of its mass that each has."""
+    assert constants.placed is not None
+    rows = np.flatnonzero(constants.placed.of(1))
+    return rows, np.full(len(rows), 1 / len(rows))
+
+
+def _prop_distance(record: Record, constants: Constants) -> Any:
+    rows, shares = _prop_rows(constants)
+    way = (record.positions[:, :2][:, :, rows] @ constants.direction) @ shares
+    return way[:, 1] - way[:, 0]
+
+
+def _prop_height(record: Record, constants: Constants) -> Any:
+    rows, shares = _prop_rows(constants)
+    return record.positions[:, 1, :, 2][:, rows] @ shares + 0.5 * constants.body.voxel_size
+
+
 _LAWS: dict[str, Callable[[Record, Constants], Any]] = {
     "speed": _speed,
     "distance": _distance,
@@ -199,4 +241,6 @@ _LAWS: dict[str, Callable[[Record, Constants], Any]] = {
     "mass": _mass,
     "payload": _payload,
     "remaining": _remaining,
+    "prop_distance": _prop_distance,
+    "prop_height": _prop_height,
 }

@@ -10,8 +10,9 @@ import numpy as np
 
 from robots.props import Prop
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.lattice import LatticeBody, Material, Relief
+from taichi_sim.lattice import LatticeBody, Material, Quantity, Relief
 from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
+from taichi_sim.lattice.program import EVENT
 
 MODULUS = 1e5  # Pa
 FRICTION = 1.0, 0.8  # static and kinetic, where the terrain says nothing
@@ -29,6 +30,7 @@ class Placed:
         shift: from places on the lattice to where voxels start [m], shape (V, 3).
         groups: which body each voxel belongs to: 0 the robot, then the props, shape (V,).
         lifted: whether each body starts above the ground, at a height that counts from where the robot stands.
+        held: whether the world holds each body.
     """
 
     robot: LatticeBody
@@ -36,6 +38,7 @@ class Placed:
     shift: Floats
     groups: Ints
     lifted: tuple[bool, ...]
+    held: tuple[bool, ...]
 
     @property
     def own(self) -> int:
@@ -63,6 +66,18 @@ class Placed:
         every = np.zeros((batch, count, 3)), np.zeros((batch, count, 4)), np.zeros((batch, links))
         every[0][:, : self.own], every[1][:, : self.own], every[2][:, self.own_links] = positions, orientations, strains
         return every
+
+    def holding(self, centres: Floats) -> Any:
+        """Events that hold bodies where they start, not where they are on the lattice; voxel centres (B, V, 3) [m]."""
+        events = []
+        for group in np.flatnonzero(self.held).tolist():
+            first = int(np.argmax(self.of(group)))
+            moved, region = centres[:, first] - self.body.start_positions[first], np.asarray(self.body.regions)[first]
+            one = np.zeros((len(centres), 3), EVENT)
+            one["robot"], one["region"] = np.arange(len(centres))[:, None], region
+            one["quantity"], one["value"] = Quantity.TRANSLATION + np.arange(3), moved
+            events.append(one.ravel())
+        return np.concatenate(events) if events else np.zeros(0, EVENT)
 
     def standing(self, centres: Floats, relief: Relief) -> Floats:
         """Voxel centres at the start [m], shape (V, 3), each body raised so that it stands on uneven ground."""
@@ -113,7 +128,8 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
     fields: dict[str, Any] = {name: np.concatenate(each) for name, each in whole.items()}
     body = dataclasses.replace(robot, materials=tuple(materials), **fields)
     shift = np.concatenate(starts) - body.start_positions
-    return Placed(robot, body, shift, np.concatenate(groups), (False, *(prop.z is not None for prop in props)))
+    lifted, held = (prop.z is not None for prop in props), (prop.held for prop in props)
+    return Placed(robot, body, shift, np.concatenate(groups), (False, *lifted), (False, *held))
 
 
 def _check_apart(prop: Prop, starts: Sequence[Floats], edge: float) -> None:

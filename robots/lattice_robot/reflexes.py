@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS, Cycle
+from robots.lattice_robot.props import Placed
 from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base import checks
@@ -153,6 +154,7 @@ class Anatomy:
         ground: uneven ground below, or None.
         origin: mean of the voxel centres before noise, shape (3,).
         lights: see ``Feeling``.
+        placed: the robot among props, which it does not feel but by touching them; None without.
     """
 
     members: Floats
@@ -162,6 +164,7 @@ class Anatomy:
     ground: Relief | None
     origin: Floats
     lights: Floats | None = None
+    placed: Placed | None = None
 
     @classmethod
     def of(
@@ -303,6 +306,8 @@ class ReflexLoop:
             self.begin()
         wave = self.swing[:, :, (number + 2) % SEGMENTS]
         now = [np.nan_to_num(each) for each in (felt.positions, felt.orientations, felt.strains)]
+        if self.anatomy.placed is not None:
+            now = list(self.anatomy.placed.own_part(*now))
         given = (self.weights, wave, self._at, self._before, *now)
         if self.keeps:
             self._given[number] = given
@@ -321,4 +326,4 @@ class ReflexLoop:
         self.by_swing[:, :, (number + 2) % SEGMENTS] += by_wave
         if number == 0:
             self.by_swing[:, :, 1] += self._by_at
-        return Felt(*felt)
+        return Felt(*(felt if self.anatomy.placed is None else self.anatomy.placed.widened(*felt)))

@@ -16,8 +16,9 @@ from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
-from robots.lattice_robot.measures import checked_target, measures_of
+from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
+from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, turned
@@ -62,6 +63,7 @@ class LatticeRobot(OutOfTheLab):
         perturbation: standard deviation of noise on the start positions [m], below a voxel's edge.
         seed: of the noise.
         reflexes: what it feels, and how that changes its waves; None for a robot that feels nothing.
+        placed: the robot among the props of a terrain, see :meth:`on`; ``body`` is then that of all.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -81,6 +83,7 @@ class LatticeRobot(OutOfTheLab):
     perturbation: float = 0.0
     seed: int = 0
     reflexes: Reflexes | None = None
+    placed: Placed | None = None
 
     kind = "lattice"
     worlds = (Terrain(),)
@@ -246,6 +249,11 @@ class LatticeRobot(OutOfTheLab):
         """What it is judged by; a target, or a light that it feels, adds the distance that remains."""
         return measures_of(self.target is not None or self.feels_light)
 
+    def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
+        """Where there are props, what becomes of the first of them, too."""
+        found = measures_of(self.target is not None or all(self.light_in(terrain_of(world)) for world in worlds))
+        return (*found, *OF_PROPS) if all(terrain_of(world).props for world in worlds) else found
+
     def light_in(self, terrain: Terrain) -> tuple[float, float] | None:
         """Place (x, y) of the light, from where the body's centre starts [m]: the terrain's, or the reflexes'."""
         if terrain.light is not None:
@@ -272,16 +280,19 @@ class LatticeRobot(OutOfTheLab):
     @property
     def aim(self) -> Aim:
         """What its motion is measured by."""
-        return Aim(self.heading, self.length, self.target)
+        return Aim(self.heading, self.length, self.target, self.placed)
 
     def starts(self, count: int) -> Floats | None:
         """Voxel centres of so many robots at the start [m], with its noise, shape (count, V, 3); None without noise.
 
         All have the same noise, so that none depends on the others.
         """
-        if not self.perturbation:
-            return None
-        return self.body.scattered(self.perturbation, self.seed, np.zeros(count, int))
+        found = None
+        if self.perturbation:
+            found = self.body.scattered(self.perturbation, self.seed, np.zeros(count, int))
+        if self.placed is not None:
+            found = (np.tile(self.body.start_positions, (count, 1, 1)) if found is None else found) + self.placed.shift
+        return found
 
     @property
     def actuators(self) -> int:  # type: ignore[override]
@@ -299,7 +310,7 @@ class LatticeRobot(OutOfTheLab):
         return perturbed_robot(self, drawn)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
-        """With the friction of a terrain, where it has one, and its light, which is the target unless there is one.
+        """With the friction, the light and the props of a terrain, where it has any; a light is the target by default.
 
         Raises:
             ValueError: if the terrain gives a friction for parts of the inflatable robot, or has no light to feel.
@@ -316,6 +327,10 @@ class LatticeRobot(OutOfTheLab):
             changed["reflexes"] = dataclasses.replace(self.reflexes, light=light)
         if light is not None and self.target is None:
             changed["target"] = light
+        if terrain.props and self.placed is None:
+            pair = friction.get("static_friction", FRICTION[0]), friction.get("kinetic_friction", FRICTION[1])
+            among = placed(changed.get("body", self.body), terrain.props, self.direction, pair)
+            changed |= {"body": among.body, "placed": among, "reference_length": self.length}
         return dataclasses.replace(self, **changed) if changed else self
 
     def _shares(self, points: Any) -> list[Any]:
@@ -407,6 +422,13 @@ class LatticeRobot(OutOfTheLab):
         tried = dataclasses.replace(trial, world=worlds[0])
         found = try_points(self, np.tile(points, (len(worlds), 1)), tried, lights=lights)
         return [outcome_of(found.rows(slice(n * count, (n + 1) * count))) for n in range(len(worlds))]
+
+    def spoken(self, outcome: Outcome) -> str:
+        """Its measures, and those of the first prop, if there is one."""
+        props = [
+            each.value(float(outcome.measures[each.name][0])) for each in OF_PROPS if each.name in outcome.measures
+        ]
+        return ", ".join([super().spoken(outcome), *props])
 
     @property
     def steps(self) -> int:

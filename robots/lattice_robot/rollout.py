@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from robots.control.cyclic import FRAMES_FROM, SEGMENTS, Cycle, build_cyclic_program, cycle_events, surroundings
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
+from robots.lattice_robot.props import Placed
 from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
 from robots.robot import Progress
 from robots.world import Terrain, medium_of, standing
@@ -47,11 +48,13 @@ class Aim:
         length: in which speeds are told [m].
         target: point (x, y) [m] that it should come near, from where its centre of mass starts, or that of each robot
             of a batch, shape (B, 2); None for none.
+        placed: the robot among props, of which its motion is measured; None without.
     """
 
     heading: float
     length: float
     target: tuple[float, float] | Floats | None = None
+    placed: Placed | None = None
 
     @property
     def direction(self) -> Floats:
@@ -158,15 +161,24 @@ class Rollout:
             compute=compute,
         )
         at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
-        at = standing(at, medium, first.voxel_size)
+        reliefs = None if isinstance(medium["floor"], bool) else medium["floor"]
+        if aim.placed is not None and reliefs is not None:
+            at = np.array([aim.placed.standing(each, relief) for each, relief in zip(at, reliefs, strict=True)])
+        else:
+            at = standing(at, medium, first.voxel_size)
         if starts is not None or terrain.ground:
             self._engine.set_positions(at)
+        if aim.placed is not None:
+            events = np.concatenate([aim.placed.holding(at), self._program.events])
+            self._program = replace(self._program, events=events)
         self._loop: ReflexLoop | None = None
         if (feeling := channels.feeling) is not None:
-            ground = None if isinstance(medium["floor"], bool) else medium["floor"][0]
-            anatomy = Anatomy.of(first, feeling.regions, aim.length, ground, feeling.lights)
+            robot = first if aim.placed is None else aim.placed.robot
+            anatomy = Anatomy.of(robot, feeling.regions, aim.length, reliefs[0] if reliefs else None, feeling.lights)
+            anatomy = replace(anatomy, placed=aim.placed)
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
-            self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at.mean(axis=1))
+            middles = at[:, : robot.voxel_count].mean(axis=1)
+            self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, middles)
             self._program = self._loop.plan(self._program)
         moduli, densities = (
             np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
@@ -174,9 +186,8 @@ class Rollout:
         )
         if driven is None:
             driven = np.tile(np.isin(np.asarray(first.regions), channels.regions).astype(float), (len(bodies), 1))
-        self._constants = Constants(
-            densities, moduli, driven, first, aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target
-        )
+        told = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
+        self._constants = Constants(densities, moduli, driven, first, *told)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""

@@ -150,8 +150,8 @@ def try_points(
         if len(rows):
             own = None if lights is None else lights[rows]
             parts.append((rows, _try_group(robot, points[rows], replace(trial, progress=tick), memory, own)))
-    names, slopes = [m.name for m in robot.measures], {name: points.shape[1] for name in trial.gradients}
-    return assembled(parts, reason, robot.cycle.time_step, names, slopes)
+    measures, slopes = robot.measures_in((trial.world,)), {name: points.shape[1] for name in trial.gradients}
+    return assembled(parts, reason, robot.cycle.time_step, [m.name for m in measures], slopes)
 
 
 def _try_group(

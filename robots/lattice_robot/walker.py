@@ -24,7 +24,7 @@ from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled
 from robots.lattice_robot.simulation import simulate as simulate_lattice_robot
 from robots.robot import Progress, part_of
-from robots.world import Terrain
+from robots.world import Terrain, without_props
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import ComputeOptions
@@ -171,6 +171,7 @@ def walker_robot(
 def check_terrain(terrain: Terrain) -> None:
     """Raise a ValueError if a terrain gives a friction for parts of the inflatable robot."""
     material_friction(terrain, "a walker has no sliding feet")
+    without_props(terrain)
 
 
 def simulate(

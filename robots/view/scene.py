@@ -21,6 +21,7 @@ def _rgb(text: str) -> Colour:
 PAPER, INK = _rgb("ffffff"), _rgb("33302b")
 GROUND, GROUND_LINE, SHADOW = _rgb("f3f1ec"), _rgb("d9d5cc"), _rgb("dcd8cf")
 SKIN_COLOUR, SEAM_COLOUR = _rgb("cfc8bb"), _rgb("a39b8c")
+PROP_COLOUR = _rgb("c9894b")
 FEET = (_rgb("7b3f8c"), _rgb("b0639f"))
 # A bladder and the one on the other side of the pouch have one hue (Okabe & Ito's, told apart by all eyes).
 PAIRS = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))

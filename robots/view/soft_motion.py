@@ -22,7 +22,7 @@ from robots.view import motion
 from robots.view.lattice_states import LatticeStates
 from robots.view.mesh import knots
 from robots.view.motion import Channel, Ground, Motion, Node, Skin
-from robots.view.scene import BLADDERS, DRIVES, FEET, INK, SEAM_COLOUR, SKIN_COLOUR
+from robots.view.scene import BLADDERS, DRIVES, FEET, INK, PROP_COLOUR, SEAM_COLOUR, SKIN_COLOUR
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
@@ -154,7 +154,8 @@ def lattice_robot_motion(
     """
     if result.reason[place]:
         raise ValueError(f"frames: point {place} has none, as it is no robot: {result.reason[place]}")
-    body = result.bodies[place]
+    body, light = result.bodies[place], robot.light_in(terrain or Terrain())
+    robot = robot.on(terrain or Terrain())
     frames = _recorded(result.frames[place], body, 0)
     if body.voxel_count != robot.body.voxel_count:
         raise ValueError(
@@ -176,17 +177,17 @@ def lattice_robot_motion(
         for label, phase in zip(drive.regions, drive.phase, strict=True)
         if isinstance(phase, float)
     }
+    own = robot.placed.robot if robot.placed is not None else body
     nodes = [
         Node(
-            f"voxel {v}",
+            f"voxel {v}" if v < own.voxel_count else f"prop voxel {v}",
             motion.CUBE,
-            by_phase.get((n, label), colours.get(n, SKIN_COLOUR)),
+            by_phase.get((n, label), colours.get(n, SKIN_COLOUR if v < own.voxel_count else PROP_COLOUR)),
             None if n < 0 else n,
         )
         for v, (n, label) in enumerate(zip(shown.tolist(), region.tolist(), strict=True))
     ]
-    seen = _voxels(name, frames, body, 0, nodes, driven, terrain, robot.heading)
-    light = robot.light_in(terrain or Terrain())
+    seen = _voxels(name, frames, body, 0, nodes, driven, terrain, robot.heading, travelling=own)
     if light is None:
         return seen
     x, y, z = body.start_positions.mean(axis=0).tolist()
@@ -220,12 +221,18 @@ def _voxels(
     terrain: Terrain | None,
     heading: float | Floats,
     pressure: float | Floats = 0.0,
+    travelling: LatticeBody | None = None,
 ) -> Motion:
-    """Build a motion of cubes that have the size of the voxels and lie in the middle between their sides."""
+    """Build a motion of cubes that have the size of the voxels and lie in the middle between their sides.
+
+    The path is that of the body, or of a travelling one, whose voxels come first.
+    """
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
     last = motion.whole_frames(*poses)
     places, turns, extents, rest = (a[:last].astype(float) for a in poses)
-    path, times = mean_of_face_corners(body, places, turns, extents), frames.times[:last]
+    own = travelling or body
+    path = mean_of_face_corners(own, *(each[:, : own.voxel_count] for each in (places, turns, extents)))
+    times = frames.times[:last]
     headings = np.broadcast_to(heading, len(frames.times))[:last]
     middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
     sizes = extents[..., 1::2] + extents[..., 0::2]

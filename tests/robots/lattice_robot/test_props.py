@@ -1,0 +1,159 @@
+"""Props: bodies beside a lattice robot, which touch it by the contact that is there."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from optim.problems.robot import RobotProblem
+from robots.inflatable.actuation import ACTUATION
+from robots.lattice_robot import Drive, Free, LatticeRobot, simulate
+from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.reflexes import Reflexes
+from robots.props import Prop
+from robots.robot import Compute
+from robots.world import Terrain
+from taichi_sim.lattice import Material, body_from_array
+
+SOFT = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, collision_damping=0.5)
+BEHIND = "box:0.02,0.02,0.02,-0.2,0.0"
+
+
+def crawler(reflexes=None, **settings) -> LatticeRobot:
+    """Eighteen voxels in three muscles, without symmetry."""
+    regions = np.arange(18).reshape(6, 3, 1) % 3
+    array = np.ones((6, 3, 1), int)
+    array[5, 2, 0] = 0
+    body = body_from_array(array, SOFT, 0.01, regions=regions)
+    drive = Drive("legs", (0, 1, 2), amplitude=Free(0, 0.2, 0.1), phase=(0.1, 0.4, Free(0, 1, 0.8)))
+    given = {"cycles": 1, "settling": 0.05, "frequency": 4.0, **settings}
+    return LatticeRobot(body, (drive,), reflexes=reflexes, **given)
+
+
+def on(*names: str, **fields) -> Terrain:
+    return Terrain(props=names, **fields)
+
+
+def test_names():
+    prop = Prop("box", (0.02, 0.04, 0.02), 0.07, 0.0, 0.03, 500.0)
+    for text in (prop.name, "ball:0.04,0.12,-0.01", "wall:0.01,0.1,0.1,0.2,0.0", "box:0.1,0.1,0.1,1.0,0.0,ground,20.0"):
+        assert Prop.parse(text).name == text
+    assert Prop.parse(prop.name) == prop and Prop.parse("ball:0.04,0.1,0").z is None
+    world = Terrain.parse(f"hill:5+rough:0.01+light:1.0,0.5+ball:0.04,0.1,0+{prop.name}")
+    assert [each.kind for each in world.props or ()] == ["ball", "box"] and world.light == (1.0, 0.5)
+    assert Terrain.parse(world.name) == world == Terrain(**world.document)
+    assert Terrain(props=(prop,)).spoken == "on flat ground, with a box"
+
+
+def test_a_ball_is_round_and_a_box_has_its_edges():
+    assert Prop.parse("box:0.021,0.04,0.001,0,0").cells(0.01).max(axis=0).tolist() == [1, 3, 0]
+    ball = Prop.parse("ball:0.08,0,0").cells(0.01)
+    assert len(ball) == pytest.approx(np.pi / 6 * 8**3, rel=0.1) and ball.max() == 7
+    assert Prop.parse("ball:0.001,0,0").cells(0.01).tolist() == [[0, 0, 0]]
+
+
+@pytest.mark.kernels
+def test_what_is_far_away_changes_nothing():
+    """Measures, senses and lengths are the robot's own."""
+    robot = crawler(Reflexes(("strain", "touch", "tilt", "velocity", "light", "clock"), light=(0.1, 0.02)))
+    point = robot.start + 0.3 * np.random.default_rng(0).normal(size=len(robot.start)) * (
+        np.arange(len(robot.start)) > 1
+    )
+    alone, beside = simulate(robot, point[None]), simulate(robot, point[None], on(BEHIND, "ball:0.04,0.3,0.2"))
+    for name, values in alone.measures.items():
+        assert beside.measures[name][0] == pytest.approx(values[0], rel=1e-9, abs=1e-12), name
+    assert beside.measures["prop_distance"][0] == pytest.approx(0.0, abs=1e-9)
+    assert beside.measures["prop_height"][0] == pytest.approx(0.01, abs=2e-5)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("ground", [None, "wave:0.0,0.1"])
+def test_a_wall_holds(ground):
+    """A robot that slides down a slope without friction, by g sin(slope) t^2 / 2, rests where it meets a wall."""
+    robot = dataclasses.replace(crawler(settling=0.0, cycles=2), drives=(Drive("legs", (0, 1, 2), amplitude=0.0),))
+    slope, gap = 5.0, 0.01
+    terrain = Terrain(slope, static_friction=0.0, kinetic_friction=0.0, ground=ground)
+    wall = f"wall:0.01,0.03,0.03,{-(robot.body.start_positions[:, 0].mean() + 0.0125 + gap)},0.0"
+    free, caught = simulate(robot, None, terrain), simulate(robot, None, dataclasses.replace(terrain, props=(wall,)))
+    fallen = 0.5 * 9.80665 * np.sin(np.radians(slope)) * (0.75**2 - 0.25**2)
+    assert free.distance[0] == pytest.approx(-fallen, rel=1e-2)
+    assert abs(caught.distance[0]) < 0.6 * gap and caught.measures["prop_distance"][0] == 0.0
+
+
+@pytest.mark.kernels
+def test_a_box_gives_way():
+    robot = soft_quadruped(2)
+    points = np.random.default_rng(0).uniform(
+        [p.low for p in robot.parameters], [p.high for p in robot.parameters], (16, 40)
+    )
+    found = simulate(robot, points, precision="f32")
+    best = points[found.distance.argmax()][None]
+    pushed = simulate(robot, best, on("box:0.02,0.06,0.02,0.058,0.0,ground,300.0"), precision="f32")
+    assert found.distance.max() > 0.005 and pushed.measures["prop_distance"][0] > 0.002
+
+
+@pytest.mark.kernels
+def test_a_payload_rests_on_the_back():
+    """It slips into the pit between four of the robot's voxels, which repel as spheres."""
+    robot = dataclasses.replace(crawler(settling=0.5), drives=(Drive("legs", (0, 1, 2), amplitude=0.0),))
+    found = simulate(robot, None, on("box:0.02,0.01,0.01,0,0,0.0125,500.0"))
+    assert found.measures["prop_height"][0] == pytest.approx(0.005 + 0.01 * np.sqrt(1.25**2 - 0.5), rel=5e-3)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(("ground", "sense"), [(None, False), ("rough:0.004,0.03", True)])
+def test_the_gradient_is_that_of_central_differences(ground, sense):
+    """Of what the robot does and of what becomes of the prop, through their contact."""
+    reflexes = Reflexes(("strain", "touch", "velocity", "clock"), gain=0.05) if sense else None
+    robot = crawler(reflexes)
+    terrain = on("box:0.01,0.01,0.01,0,0,0.0125", "box:0.02,0.02,0.01,0.045,0.002", ground=ground)
+    rng = np.random.default_rng(1)
+    point = robot.start + np.where(np.arange(len(robot.start)) > 1, 0.3 * rng.normal(size=len(robot.start)), 0.0)
+    names = ("distance", "prop_distance", "prop_height", "energy")
+    found = robot.differentiate(point, terrain, measures=names, compute=Compute(threads=1))
+    assert found.steps[0] > 2000 and found.measures["prop_distance"][0] != 0
+    spans = [free.high - free.low for free in robot.free.values()]
+    directions = rng.normal(size=(4, len(point))) * spans
+    errors = {name: [] for name in names}
+    for step in (1e-7, 1e-8, 1e-9):
+        run = robot.simulate(
+            point + step * np.concatenate([directions, -directions]), terrain, compute=Compute(threads=2)
+        )
+        for name in names:
+            plus, minus = np.split(run.measures[name], 2)
+            slope, exact = (plus - minus) / (2 * step), directions @ found.gradients[name][0]
+            errors[name].append(np.abs(slope - exact) / np.abs(exact).max())
+    for name, each in errors.items():
+        assert np.min(each, axis=0).max() < 1e-4, name
+
+
+def test_searches_know_what_becomes_of_props():
+    robot = crawler()
+    named = RobotProblem(robot, (on(BEHIND),), objective=("mean", "prop_distance"))
+    assert named.objective_names == ("prop_distance",)
+    with pytest.raises(ValueError, match="prop_distance"):
+        _ = RobotProblem(robot, (on(BEHIND), Terrain()), objective=("mean", "prop_distance")).objective_names
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: Terrain.parse("flat+box:0.1,0.1,0.1"),
+            "prop: .* is not allowed; give box:LX,LY,LZ,X,Y",
+        ),
+        (lambda: Terrain.parse("flat+ball:0,0.1,0"), "size: 0"),
+        (lambda: Terrain.parse("flat+ball:0.1,there,0"), "x: 'there'"),
+        (lambda: Prop("cone", (0.1,), 0.0, 0.0), "prop: 'cone'"),
+        (lambda: Prop("ball", (0.1, 0.2), 0.0, 0.0), r"size: \(0.1, 0.2\) is not allowed; give DIAMETER"),
+        (lambda: Prop("ball", (0.1,), 0.0, 0.0, -1.0), "z: -1"),
+        (lambda: Terrain(props=(3,)), "props: 3 is not allowed"),
+        (lambda: Prop.parse("box:9,9,9,20,0").cells(0.01), "size: .* with voxels of 0.01 m"),
+        (lambda: crawler().on(on("box:0.02,0.02,0.02,0.035,0")), "prop: box:.* is not allowed .* m from the robot"),
+        (lambda: crawler().on(on(BEHIND, BEHIND)), "prop: box:.* from another prop"),
+        (lambda: ACTUATION.on(on(BEHIND)), "props: box:.* only lattice robots meet any"),
+    ],
+)
+def test_bad_input(make, message):
+    with pytest.raises(ValueError, match="^" + message):
+        make()
