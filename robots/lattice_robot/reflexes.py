@@ -24,10 +24,12 @@ SENSES = {
     "strain": "mean strain of the links within every driven region",
     "touch": "how much of every driven region is on the ground",
     "tilt": "how far the body leans along x and along y",
+    "slip": "how fast every driven region slides over the ground that it touches",
     "velocity": "of the body along x and along y",
     "light": "at every driven region, by the inverse square of the distance to a light",
     "clock": "sine and cosine of the time in the cycle",
 }
+STILL = 1e-6  # m: a slip far below this has no direction
 STRAIN, TOUCH, SPEED = 0.05, 0.1, 1.0  # for a feeling of 1: strain; edges above the ground, for 1/e; lengths per cycle
 
 
@@ -54,6 +56,8 @@ class Reflexes:
         limit: of weights, either way.
         light: place (x, y) of the light, from where the body's centre starts [m]; None is that of the terrain.
         weights: of all layers; None are free.
+        noise: standard deviation of every number that is felt, drawn with the robot's seed.
+        delay: how many readings ago was what is felt, 0 to 15; before there are any, nothing is.
 
     Raises:
         ValueError: for unknown senses, layers without nodes, and a light that no sense sees.
@@ -65,9 +69,12 @@ class Reflexes:
     limit: checks.NotNegative = 2.0
     light: tuple[float, float] | None = None
     weights: tuple[float, ...] | None = None
+    noise: checks.NotNegative = 0.0
+    delay: int = 0
 
     def __post_init__(self) -> None:
         checks.check_fields(self)
+        checks.whole_number("delay", self.delay, 0, SEGMENTS - 1)
         if self.weights is not None:
             if not isinstance(self.weights, list | tuple):
                 raise ValueError(f"weights: {self.weights!r} is not allowed; give several numbers")
@@ -84,11 +91,20 @@ class Reflexes:
         *others, last = self.senses
         senses = f"{', '.join(others)} and {last}" if others else last
         hidden = f", {', '.join(map(str, self.hidden))} hidden nodes" if self.hidden else ""
-        return f"feels {senses}{hidden}"
+        late = f", {self.delay} readings late" if self.delay else ""
+        return f"feels {senses}{late}{hidden}"
 
     def width(self, regions: int) -> int:
         """How many numbers are felt of a body with so many driven regions."""
-        each = {"strain": regions, "touch": regions, "light": regions, "tilt": 2, "velocity": 2, "clock": 2}
+        each = {
+            "strain": regions,
+            "touch": regions,
+            "slip": regions,
+            "light": regions,
+            "tilt": 2,
+            "velocity": 2,
+            "clock": 2,
+        }
         return sum(each[name] for name in self.senses)
 
     def shapes(self, regions: int) -> list[tuple[int, int]]:
@@ -133,6 +149,7 @@ class Feeling:
         regions: that are driven, R of them, in the order of answers.
         answers: which answer moves each channel, -1 for none, shape (C,).
         lights: where each robot's light is, from where its centre starts [m], shape (B, 2); None is the reflexes'.
+        seed: of the noise.
     """
 
     reflexes: Reflexes
@@ -140,6 +157,7 @@ class Feeling:
     regions: tuple[int, ...]
     answers: Ints
     lights: Floats | None = None
+    seed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,6 +215,11 @@ class Anatomy:
         height, nz = self.ground.plane_below(x, y)
         return (z - height) * nz / self.edge - 0.5 * (1.0 - nz)
 
+    def nearness(self, positions: Any) -> Any:
+        """1 where a voxel is on the ground, 1/e at ``TOUCH`` edges above it, shape (B, V)."""
+        above = self.clearance(positions)
+        return np.exp(-np.where(value_of(above) > 0, above, 0.0 * above) / TOUCH)
+
 
 def felt_by(reflexes: Reflexes, anatomy: Anatomy, phase: float, per_reading: float, before: Any, now: Any) -> Any:
     """What robots feel, shape (B, width); arrays may be traced.
@@ -206,7 +229,7 @@ def felt_by(reflexes: Reflexes, anatomy: Anatomy, phase: float, per_reading: flo
         anatomy: of the body.
         phase: of the cycle, 0 to 1.
         per_reading: cycles since the reading before.
-        before: mean of the voxel centres at that reading, shape (B, 3).
+        before: voxel centres at that reading, shape (B, V, 3).
         now: positions (B, V, 3), orientations (B, V, 4) and strains (B, L).
     """
     positions, orientations, strains = now
@@ -215,15 +238,17 @@ def felt_by(reflexes: Reflexes, anatomy: Anatomy, phase: float, per_reading: flo
         if name == "strain":
             found.append((strains[:, None, :] * anatomy.links).sum(axis=2) / STRAIN)
         elif name == "touch":
-            above = anatomy.clearance(positions)
-            near = np.exp(-np.where(value_of(above) > 0, above, 0.0 * above) / TOUCH)
-            found.append((near[:, None, :] * anatomy.members).sum(axis=2))
+            found.append((anatomy.nearness(positions)[:, None, :] * anatomy.members).sum(axis=2))
+        elif name == "slip":
+            touching = anatomy.nearness(positions)[:, None, :] * anatomy.members
+            gone = [((positions - before)[:, None, :, axis] * touching).sum(axis=2) for axis in (0, 1)]
+            away = np.sqrt(gone[0] * gone[0] + gone[1] * gone[1] + STILL * STILL) - STILL
+            found.append(away / (anatomy.length * per_reading * SPEED))
         elif name == "tilt":
             w, x, y, z = (orientations[:, :, part].mean(axis=1) for part in range(4))
             found += [(2 * (x * z + w * y))[:, None], (2 * (y * z - w * x))[:, None]]
         elif name == "velocity":
-            gone = (positions.mean(axis=1) - before)[:, :2]
-            found.append(gone / (anatomy.length * per_reading * SPEED))
+            found.append((positions - before).mean(axis=1)[:, :2] / (anatomy.length * per_reading * SPEED))
         elif name == "light":
             found.append(_light(reflexes, anatomy, positions))
         else:
@@ -260,9 +285,10 @@ class ReflexLoop:
             anatomy: of the body.
             cycle: when what happens.
             rest, swing: what channels hold without waves, shape (B, C), and what waves add, shape (B, C, 16).
-            first: mean of the voxel centres at the start, shape (B, 3).
+            first: voxel centres at the start, shape (B, V, 3).
         """
         self.reflexes, self.weights, self.anatomy, self.cycle = feeling.reflexes, feeling.weights, anatomy, cycle
+        self.seed = feeling.seed
         self.rest, self.swing, self.first = rest, swing, first
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
         self.decisions: Sequence[Decision] = []
@@ -286,44 +312,67 @@ class ReflexLoop:
     def begin(self) -> None:
         """Forget what was felt and decided."""
         self._at, self._before = self.swing[:, :, 1], self.first
-        self._given: dict[int, tuple[Floats, ...]] = {}
-        self.by_weights, self.by_swing = np.zeros(self.weights.shape), np.zeros(self.swing.shape)
-        self._by_at, self._by_before = np.zeros(self._at.shape), np.zeros(self.first.shape)
+        self._felt = list[Floats]()  # at every reading
+        self._given: dict[int, tuple[tuple[Floats, ...], tuple[Floats, ...]]] = {}  # to feel, and to answer
+        self._forget()
 
-    def _step(self, number: int, *arrays: Any) -> Any:
-        """Value and rate of the channels, where they go, and the middle of the body, from all that these depend on."""
-        weights, wave, at, before, *now = arrays
-        cycle = self.cycle
-        phase, apart = ((number + 1) % SEGMENTS) / SEGMENTS, 1 / SEGMENTS
-        felt = felt_by(self.reflexes, self.anatomy, phase, apart, before, now)
+    def _forget(self) -> None:
+        """Begin to take derivatives back."""
+        self.by_weights, self.by_swing = np.zeros(self.weights.shape), np.zeros(self.swing.shape)
+        self._by_at, self._by_before = np.zeros(self.swing.shape[:2]), np.zeros(self.first.shape)
+        self._by_felt: dict[int, Floats] = {}
+
+    def _feel(self, number: int, before: Any, *now: Any) -> Any:
+        """What is felt at a reading, shape (B, width)."""
+        phase = ((number + 1) % SEGMENTS) / SEGMENTS
+        felt = felt_by(self.reflexes, self.anatomy, phase, 1 / SEGMENTS, before, now)
+        if not self.reflexes.noise:
+            return felt
+        drawn = np.random.default_rng((self.seed, number)).normal(0.0, self.reflexes.noise, felt.shape[1])
+        return felt + drawn
+
+    def _answer(self, weights: Any, wave: Any, at: Any, felt: Any) -> Any:
+        """Value and rate of the channels, and where they go."""
         answer = self.reflexes.answer(weights, felt, len(self.moves))
         onwards = wave + (answer[:, :, None] * self.moves).sum(axis=1)
-        return self.rest + at, (onwards - at) / cycle.segment, onwards, now[0].mean(axis=1)
+        return self.rest + at, (onwards - at) / self.cycle.segment, onwards
 
     def decide(self, number: int, felt: Felt) -> tuple[Floats, Floats]:
         """Value and rate of every channel in the next piece of the cycle."""
         if number == 0:
             self.begin()
-        wave = self.swing[:, :, (number + 2) % SEGMENTS]
         now = [np.nan_to_num(each) for each in (felt.positions, felt.orientations, felt.strains)]
         if self.anatomy.placed is not None:
             now = list(self.anatomy.placed.own_part(*now))
-        given = (self.weights, wave, self._at, self._before, *now)
+        sensed = self._before, *now
+        self._felt.append(self._feel(number, *sensed))
+        late = number - self.reflexes.delay
+        heard = self._felt[late] if late >= 0 else np.zeros(self._felt[0].shape)
+        asked = self.weights, self.swing[:, :, (number + 2) % SEGMENTS], self._at, heard
         if self.keeps:
-            self._given[number] = given
-        values, rates, self._at, self._before = self._step(number, *given)
+            self._given[number] = sensed, asked
+        values, rates, self._at = self._answer(*asked)
+        self._before = now[0]
         return values.ravel(), rates.ravel()
 
     def pull_back(self, number: int, values: Floats, rates: Floats) -> Felt:
         """Derivatives by what was felt, from those by the values and rates."""
         if number == len(self.decisions) - 1:
-            self.by_weights[:], self.by_swing[:], self._by_at[:], self._by_before[:] = 0, 0, 0, 0
-        shape = self.swing.shape[:2]
-        seeds = values.reshape(shape), rates.reshape(shape), self._by_at, self._by_before
-        _, way = trace(lambda *arrays: self._step(number, *arrays), *self._given[number])
-        by_weights, by_wave, self._by_at, self._by_before, *felt = way(*seeds)
+            self._forget()
+        shape, (sensed, asked) = self.swing.shape[:2], self._given[number]
+        seeds = values.reshape(shape), rates.reshape(shape), self._by_at
+        _, way = trace(self._answer, *asked)
+        by_weights, by_wave, self._by_at, by_heard = way(*seeds)
+        self._by_felt[number - self.reflexes.delay] = by_heard  # nobody hears of readings below 0
         self.by_weights += by_weights
         self.by_swing[:, :, (number + 2) % SEGMENTS] += by_wave
         if number == 0:
             self.by_swing[:, :, 1] += self._by_at
+        by_before, felt = self._by_before, [np.zeros(each.shape) for each in sensed[1:]]
+        if number in self._by_felt:
+            _, way = trace(lambda *arrays: self._feel(number, *arrays), *sensed)
+            self._by_before, *felt = way(self._by_felt.pop(number))
+        else:
+            self._by_before = np.zeros(self.first.shape)
+        felt[0] = felt[0] + by_before
         return Felt(*(felt if self.anatomy.placed is None else self.anatomy.placed.widened(*felt)))

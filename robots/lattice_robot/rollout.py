@@ -177,8 +177,7 @@ class Rollout:
             anatomy = Anatomy.of(robot, feeling.regions, aim.length, reliefs[0] if reliefs else None, feeling.lights)
             anatomy = replace(anatomy, placed=aim.placed)
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
-            middles = at[:, : robot.voxel_count].mean(axis=1)
-            self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, middles)
+            self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at[:, : robot.voxel_count])
             self._program = self._loop.plan(self._program)
         moduli, densities = (
             np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]

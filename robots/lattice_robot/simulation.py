@@ -218,7 +218,7 @@ def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels, lights: 
     quantities, driven = np.asarray(channels.quantities), np.asarray(channels.regions)
     scales = (quantities >= Quantity.SCALE) & (quantities < Quantity.SCALE + 3)
     answers = [places[r] if scale else -1 for r, scale in zip(driven.tolist(), scales.tolist(), strict=True)]
-    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, np.array(answers), lights)
+    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, np.array(answers), lights, robot.seed)
 
 
 def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -> LatticeRobotResult:

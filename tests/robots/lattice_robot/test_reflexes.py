@@ -45,10 +45,10 @@ def test_without_weights_a_robot_plays_its_waves():
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("ground", [None, "rough:0.004,0.03"])
-@pytest.mark.parametrize("hidden", [(), (4,)])
-def test_the_gradient_is_that_of_central_differences(ground, hidden):
+@pytest.mark.parametrize(("hidden", "late"), [((), {}), ((4,), {"noise": 0.05, "delay": 2})])
+def test_the_gradient_is_that_of_central_differences(ground, hidden, late):
     """By weights, waves and a modulus, through every sense, on a slope, with contact, over thousands of steps."""
-    robot = legs(Reflexes(EVERY, hidden, light=(0.1, 0.03)), moduli={0: Free(8e4, 1.2e5)})
+    robot = legs(Reflexes(EVERY, hidden, light=(0.1, 0.03), **late), moduli={0: Free(8e4, 1.2e5)})
     terrain, point = Terrain(2.0, ground=ground), weighted(robot)
     found = differentiate(robot, point[None], terrain, threads=1)
     assert found.steps[0] > 2000
@@ -97,7 +97,7 @@ def felt(name: str, positions=None, turned=None, strains=None, ground=None, befo
     links = len(robot.body.topology.links)
     now = at, quaternions, np.zeros((1, links)) if strains is None else strains
     anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, ground)
-    before = at.mean(axis=1) if before is None else before
+    before = at if before is None else before
     return felt_by(Reflexes((name,), light=light), anatomy, 0.25, 0.5, before, now)[0]
 
 
@@ -111,13 +111,30 @@ def test_senses_feel_what_they_say():
     assert felt("touch", start + np.array([0, 0, 0.021]), ground=raised) == pytest.approx(np.exp([-1, -1, -1]))
     lean = np.tile([np.cos(0.1), 0, np.sin(0.1), 0], (1, start.shape[1], 1))  # 0.2 rad about y
     assert felt("tilt", turned=lean) == pytest.approx([np.sin(0.2), 0])
-    assert felt("velocity", before=start.mean(axis=1) - np.array([0.03, 0, 0])) == pytest.approx(
-        [0.03 / robot.length / 0.5, 0]
-    )
+    moved = start - np.array([0.03, 0, 0])
+    assert felt("velocity", before=moved) == pytest.approx([0.03 / robot.length / 0.5, 0])
+    assert felt("slip", before=moved) == pytest.approx([0.03 / robot.length / 0.5] * 3, rel=1e-4)
+    assert felt("slip") == pytest.approx([0, 0, 0], abs=1e-12)
+    above = np.array([0, 0, 0.001])
+    assert felt("slip", start + above, before=moved) == pytest.approx(np.exp(-1) * felt("slip", before=moved), rel=1e-3)
     bright = felt("light", light=(10 * robot.length, 0.0))
     assert bright == pytest.approx([1 / 101] * 3, rel=0.2) and np.ptp(bright) > 0
     assert felt("clock") == pytest.approx([1, 0], abs=1e-12)
     assert felt("strain") == pytest.approx([0, 0, 0])
+
+
+@pytest.mark.kernels
+def test_what_is_felt_may_be_noisy_and_late():
+    """Noise is drawn with the robot's seed, alike for all robots; what is late by all readings is not felt at all."""
+    point = weighted(legs(Reflexes(("strain", "touch"))))
+
+    def moved(points=point[None], seed=0, **late):
+        return simulate(legs(Reflexes(("strain", "touch"), **late), seed=seed), points).distance
+
+    assert moved()[0] != moved(noise=0.1)[0] == moved(noise=0.1)[0] != moved(seed=1, noise=0.1)[0]
+    assert moved(np.tile(point, (2, 1)), noise=0.1).tolist() == [moved(noise=0.1)[0]] * 2
+    assert len({moved(delay=delay)[0] for delay in (0, 1, 2)}) == 3
+    assert Reflexes(("strain",), delay=2).spoken == "feels strain, 2 readings late"
 
 
 @pytest.mark.kernels
@@ -160,6 +177,8 @@ def test_worlds_that_differ_in_their_light_make_one_batch(names):
         (lambda: Reflexes(("tilt", "tilt")), "senses: .* none twice"),
         (lambda: Reflexes(("tilt",), (0,)), "hidden: 0"),
         (lambda: Reflexes(("tilt",), gain=-1.0), "gain: -1"),
+        (lambda: Reflexes(("tilt",), noise=-1.0), "noise: -1"),
+        (lambda: Reflexes(("tilt",), delay=16), "delay: 16"),
         (lambda: Reflexes(("tilt",), 8), "hidden: 8 is not allowed"),
         (lambda: Reflexes(("light",), light=(1.0, np.nan)), "light: nan"),
         (lambda: Reflexes(("light",), light=5), "light: 5 is not allowed"),
