@@ -38,6 +38,7 @@ import numpy as np
 
 from taichi_sim.base.compiler import compiler
 from taichi_sim.base.compute import Compute
+from taichi_sim.launching import Relauncher, forget_all
 
 COMPILER = compiler()
 for _prefix, _name in (("TI", "TAICHI"), ("QD", "QUADRANTS")):
@@ -182,6 +183,7 @@ def _initialise(wanted: Compute, architecture: object) -> None:
     cache = _prepare_cache(folder)
     # Taichi announces its start on stdout, which belongs to the user's data.
     with contextlib.redirect_stdout(io.StringIO()):
+        forget_all()
         ti.init(
             arch=architecture,
             default_fp=ti.f32 if wanted.precision == "f32" else ti.f64,
@@ -350,7 +352,7 @@ def kernel_of(body: Any, *types: Any) -> Callable[..., None]:
     kinds = [types[i] if j is None else types[i][j] for i, j in places]
     scope = {"kinds": kinds, "bundled": bundled, "inner": body, "ti": ti}
     exec(compile(source, file, "exec"), scope)
-    kernel = ti.kernel(scope[body.__name__])
+    kernel = Relauncher(ti, ti.kernel(scope[body.__name__]))
 
     def launch(*arguments: Any) -> None:
         kernel(*[arguments[i] if j is None else arguments[i][j] for i, j in places])

@@ -17,6 +17,7 @@ import numpy as np
 
 from robots.bench import braitenberg as vehicle_bench
 from robots.bench import quadruped as rigid_bench
+from robots.bench.control import Network
 from robots.bench.rates import best_and_median, prototype_rate, rates_of_tree
 from robots.ground import Ground
 from robots.inflatable import INCHING, PUBLISHED, GaitSchedule, InflatableDesign
@@ -31,6 +32,7 @@ from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_pe
 COLUMN = 11_670  # steps of a moving column of the published gaits
 GRADIENT_MEMORY = 2e9  # B
 PIECES = 8  # of a measurement
+SEVERAL = 16  # robots whose networks answer together
 CLIMBERS, COLUMNS, MAXIMUM_SEARCHED = 60, 8, 12e3  # of the published co-design; the core's pressure in Pa
 UNEVEN = "rough:0.005"  # hills under the robot [m]
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
@@ -39,9 +41,14 @@ WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contac
 class Batch:
     """A batch of the published robot at the published inching gait, advanced piece by piece."""
 
-    def __init__(self, batch: int, precision: str, threads: int, ground: str | None = None) -> None:
-        """Set up the batch on a floor or uneven ground; time the first step [s], compilation included."""
-        self.batch, self._done = batch, 0
+    def __init__(
+        self, batch: int, precision: str, threads: int, ground: str | None = None, network: Network | None = None
+    ) -> None:
+        """Set up the batch on a floor or uneven ground; time the first step [s], compilation included.
+
+        A network controls it in the loop.
+        """
+        self.batch, self._done, self._network = batch, 0, network
         self._program = build_program([INCHING] * batch, Terrain())
         runtime.start("cpu", precision, threads)
         body, time_step = PUBLISHED.body, PUBLISHED.time_step
@@ -56,13 +63,13 @@ class Batch:
 
     def advance(self, steps: int) -> None:
         """Run the next ``steps`` steps of the gait."""
-        result = self.engine.run(self._piece(steps))
+        result = self.engine.run(self._piece(steps), feedback=self._network)
         if (result.status != "ok").any():
             raise RuntimeError("the benchmark's robots diverged")
 
     def differentiate(self, steps: int) -> float:
         """Run the next ``steps`` steps and differentiate them backwards; return the memory of the tape [B]."""
-        tape = self.engine.record(self._piece(steps), memory=GRADIENT_MEMORY)
+        tape = self.engine.record(self._piece(steps), memory=GRADIENT_MEMORY, feedback=self._network)
         tape.pull_back(positions=np.ones_like(tape.result.positions))
         return tape.memory
 
@@ -72,7 +79,8 @@ class Batch:
         piece = events[(events["step"] >= self._done) & (events["step"] < self._done + steps)].copy()
         piece["step"] -= self._done
         self._done += steps
-        return LatticeProgram(np.full(self.batch, steps), piece, np.full((self.batch, 1), steps))
+        program = LatticeProgram(np.full(self.batch, steps), piece, np.full((self.batch, 1), steps))
+        return program if self._network is None else self._network.plan(program)
 
 
 def rates(clock: Callable[[], float], batch: Batch, steps: int, pieces: int = PIECES) -> dict[str, float]:
@@ -100,7 +108,12 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
         found["prototype"] = {"before": before, "after": after}
         found["ratio_to_prototype"] = rate["median"] / ((before + after) / 2)
     found["gradient"] = gradient_cost(precision, 2000 if quick else COLUMN)
-    found["uneven"] = uneven(single, precision, steps)
+    found["uneven"] = beside(single, Batch(1, precision, 1, UNEVEN), steps)
+    found["network"] = beside(single, Batch(1, precision, 1, network=Network()), steps)
+    several = Batch(SEVERAL, precision, 1), Batch(SEVERAL, precision, 1, network=Network())
+    several[0].advance(WARM_UP - 1)
+    found["network_of_several"] = beside(*several, max(steps // SEVERAL, 100))
+    found["both"] = {"gradient_in_forward_runs": gradient_cost(precision, steps, UNEVEN, True)["in_forward_runs"]}
     found["generation"] = generation(precision, 0.02 if quick else 0.04)
     if available_threads() > 1:
         one, two = (rates(time.perf_counter, Batch(2, precision, threads), steps)["best"] for threads in (1, 2))
@@ -138,16 +151,16 @@ def _prototype_rate(path: Path, precision: str) -> float:
     return prototype_rate("prototype", path, [precision], pattern, place)
 
 
-def gradient_cost(precision: str, steps: int, ground: str | None = None) -> dict[str, Any]:
+def gradient_cost(precision: str, steps: int, ground: str | None = None, controlled: bool = False) -> dict[str, Any]:
     """Measure the CPU time of a robot's gradients over ``steps`` steps, and as a multiple of forward runs.
 
     It includes the steps that the backward pass computes again.
     """
-    batch = Batch(1, precision, 1, ground)
+    batch = Batch(1, precision, 1, ground, Network() if controlled else None)
     batch.differentiate(50)  # compiles
     batch.advance(WARM_UP - 51)
     gone, _ = _timed(time.process_time, batch.advance, steps)
-    again = Batch(1, precision, 1, ground)
+    again = Batch(1, precision, 1, ground, Network() if controlled else None)
     again.advance(WARM_UP - 1)
     seconds, memory = _timed(time.process_time, again.differentiate, steps)
     return {
@@ -158,14 +171,11 @@ def gradient_cost(precision: str, steps: int, ground: str | None = None) -> dict
     }
 
 
-def uneven(on_a_floor: Batch, precision: str, steps: int) -> dict[str, Any]:
-    """Measure what uneven ground costs: pieces on it and on a floor take turns; and a gradient on it."""
-    uneven = Batch(1, precision, 1, UNEVEN)
-    uneven.advance(WARM_UP - 1)
-    pairs = [[_timed(time.process_time, one.advance, steps)[0] for one in (on_a_floor, uneven)] for _ in range(PIECES)]
-    ratios = [after / before for before, after in pairs]
-    gradient = gradient_cost(precision, steps, UNEVEN)
-    return {"in_steps_on_a_floor": float(np.median(ratios)), "gradient_in_forward_runs": gradient["in_forward_runs"]}
+def beside(plain: Batch, other: Batch, steps: int) -> dict[str, Any]:
+    """Measure what another robot's steps cost in those of a plain one: pieces of both take turns."""
+    other.advance(WARM_UP - 1)
+    pairs = [[_timed(time.process_time, one.advance, steps)[0] for one in (plain, other)] for _ in range(PIECES)]
+    return {"in_plain_steps": float(np.median([after / before for before, after in pairs]))}
 
 
 def _timed(clock: Callable[[], float], work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
@@ -211,8 +221,10 @@ def lines(figures: dict[str, Any], precision: str) -> list[str]:
         f"forward runs; {gradient['steps']} steps, {gradient['megabytes']:.0f} MB)",
         f"{CLIMBERS} climbers, a core      {whole['robot_steps_per_core_second']:>8.0f} robot-steps/s (a generation: "
         f"{whole['core_hours']:.3f} core-hours)",
-        f"on uneven ground         {figures['uneven']['in_steps_on_a_floor']:>8.2f} steps on a floor; a gradient "
-        f"{figures['uneven']['gradient_in_forward_runs']:.1f} forward runs",
+        f"on uneven ground         {figures['uneven']['in_plain_steps']:>8.2f} steps on a floor",
+        f"network of 16-16-8       {figures['network']['in_plain_steps']:>8.2f} steps without, read every 50 steps; "
+        f"{SEVERAL} robots {figures['network_of_several']['in_plain_steps']:.2f}",
+        f"gradient with both       {figures['both']['gradient_in_forward_runs']:>8.1f} forward runs",
         f"first step               {figures['first_step_s']:>8.1f} s",
         f"memory per robot         {figures['kilobytes_per_robot']:>8.0f} KB",
     ]

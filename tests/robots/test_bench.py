@@ -71,7 +71,10 @@ def test_rates_of_the_lattice_are_measured_and_told(monkeypatch):
     figures = {
         "single_robot_steps_per_second": bench.rates(time.process_time, single, 20, pieces=2),
         "gradient": bench.gradient_cost("f32", 20),
-        "uneven": bench.uneven(single, "f32", 20),
+        "uneven": bench.beside(single, bench.Batch(1, "f32", 1, bench.UNEVEN), 20),
+        "network": bench.beside(single, bench.Batch(1, "f32", 1, network=bench.Network()), 120),
+        "network_of_several": {"in_plain_steps": 1.1},
+        "both": {"gradient_in_forward_runs": bench.gradient_cost("f32", 120, bench.UNEVEN, True)["in_forward_runs"]},
         "generation": bench.generation("f32", 1e-4),
         "million_voxel_steps_per_core_second": 1.0,
         "part_of_peak": 0.5,
@@ -80,10 +83,11 @@ def test_rates_of_the_lattice_are_measured_and_told(monkeypatch):
         "ratio_to_prototype": 2.0,
         "two_threads": 1.9,
     }
-    assert figures["uneven"]["in_steps_on_a_floor"] > 0.5
+    assert figures["uneven"]["in_plain_steps"] > 0.5 and figures["network"]["in_plain_steps"] > 0.5
+    assert figures["both"]["gradient_in_forward_runs"] > 1
     assert figures["gradient"]["in_forward_runs"] > 1 and figures["generation"]["core_hours"] > 0
     lines = bench.lines(figures, "f32")
-    assert len(lines) == 10 and all(line.startswith("f32  ") for line in lines)
+    assert len(lines) == 12 and all(line.startswith("f32  ") for line in lines)
     assert lines[1].endswith("2.00") and lines[-1].endswith("1.90 times one")
 
 
