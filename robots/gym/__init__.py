@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from robots.tasks import builtin_tasks
 from taichi_sim.base.checks import install_extra
 
 try:
@@ -25,6 +26,21 @@ ENVIRONMENTS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = MappingProxyTyp
     }
 )
 
+_LATTICE = "robots.gym.lattice_robot"
+if "morpholab/LatticeRobot-v0" not in gymnasium.registry:
+    gymnasium.register(
+        "morpholab/LatticeRobot-v0",
+        entry_point=f"{_LATTICE}:LatticeRobotEnvironment",
+        vector_entry_point=f"{_LATTICE}:LatticeRobotVector",
+    )
+for _task in builtin_tasks():
+    if (_name := f"morpholab/{_task.capitalize()}-v0") not in gymnasium.registry:
+        gymnasium.register(
+            _name,
+            entry_point=f"{_LATTICE}:task_environment",
+            vector_entry_point=f"{_LATTICE}:task_vector",
+            kwargs={"task": _task},
+        )
 for _name, (_place, _steps, _arguments) in ENVIRONMENTS.items():
     if _name not in gymnasium.registry:
         gymnasium.register(_name, entry_point=_place, max_episode_steps=_steps, kwargs=dict(_arguments))

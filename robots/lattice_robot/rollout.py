@@ -107,6 +107,10 @@ class Rollout:
     Attributes:
         bodies: one for each robot.
         cycle: when what happens.
+        engine: that moves them, where they start.
+        program: that it is given.
+        start: voxel centres at the start [m], shape (B, V, 3).
+        ground: uneven ground below them, or None.
     """
 
     def __init__(
@@ -140,7 +144,7 @@ class Rollout:
         self._swing, self._record_every = swing, record_every
         first = self.bodies[0]
         around = surroundings(terrain, aim.heading)
-        self._program = build_cyclic_program(
+        self.program = build_cyclic_program(
             channels.regions,
             channels.quantities,
             channels.rest,
@@ -151,9 +155,9 @@ class Rollout:
             record_every,
         )
         same = all(body is first for body in self.bodies)
-        self._snapshots = self._program.snapshots.shape[1]
+        self._snapshots = self.program.snapshots.shape[1]
         medium = medium_of([terrain] * len(self.bodies), [aim.heading] * len(self.bodies), first.voxel_size)
-        self._engine = LatticeEngine(
+        self.engine = LatticeEngine(
             first if same else self.bodies,
             len(self.bodies),
             time_step=cycle.time_step,
@@ -162,23 +166,25 @@ class Rollout:
         )
         at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
         reliefs = None if isinstance(medium["floor"], bool) else medium["floor"]
+        self.ground = reliefs[0] if reliefs else None
         if aim.placed is not None and reliefs is not None:
             at = np.array([aim.placed.standing(each, relief) for each, relief in zip(at, reliefs, strict=True)])
         else:
             at = standing(at, medium, first.voxel_size)
+        self.start = at
         if starts is not None or terrain.ground:
-            self._engine.set_positions(at)
+            self.engine.set_positions(at)
         if aim.placed is not None:
-            events = np.concatenate([aim.placed.holding(at), self._program.events])
-            self._program = replace(self._program, events=events)
+            events = np.concatenate([aim.placed.holding(at), self.program.events])
+            self.program = replace(self.program, events=events)
         self._loop: ReflexLoop | None = None
         if (feeling := channels.feeling) is not None:
             robot = first if aim.placed is None else aim.placed.robot
-            anatomy = Anatomy.of(robot, feeling.regions, aim.length, reliefs[0] if reliefs else None, feeling.lights)
+            anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.ground, feeling.lights)
             anatomy = replace(anatomy, placed=aim.placed)
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
             self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at[:, : robot.voxel_count])
-            self._program = self._loop.plan(self._program)
+            self.program = self._loop.plan(self.program)
         moduli, densities = (
             np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
             for field in ("youngs_modulus", "density")
@@ -190,7 +196,7 @@ class Rollout:
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""
-        return self._moved(self._engine.run(self._program, progress, self._loop), {})
+        return self._moved(self.engine.run(self.program, progress, self._loop), {})
 
     def differentiate(self, names: Sequence[str], memory: float = 1e9, progress: Progress | None = None) -> "Moved":
         """Let the robots move, with the derivatives of some measures.
@@ -203,7 +209,7 @@ class Rollout:
         told = progress or (lambda _: None)
         if self._loop:
             self._loop.keeps = True
-        tape = self._engine.record(self._program, memory, lambda f: told(RECORDING * f), self._loop)
+        tape = self.engine.record(self.program, memory, lambda f: told(RECORDING * f), self._loop)
         ways = list(dict.fromkeys(_ALIKE.get(name, name) for name in names))
         share = (1 - RECORDING) / len(ways)
         found = {}

@@ -178,19 +178,11 @@ def _moved(
     lights: Floats | None = None,
 ) -> LatticeRobotResult:
     """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
-    bodies, drives = robot.bodies(points), robot.drives
-    channels = Channels(
-        np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),
-        np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
-        np.concatenate([robot.rest_of(drive).ravel() for drive in drives]),
-    )
+    bodies, channels = robot.bodies(points), channels_of(robot)
     channels = replace(channels, feeling=_feeling(robot, points, channels, lights))
 
     def swing(points: Any) -> Any:
-        """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
-        pairs = zip(drives, robot.nodes(points, later), strict=True)
-        moved = [nodes - robot.rest_of(drive)[..., None] for drive, nodes in pairs]
-        return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
+        return swing_of(robot, points, later)
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
     terrain, every, starts = terrain_of(trial.world), trial.record_every, robot.starts(len(points))
@@ -210,15 +202,37 @@ def _moved(
     return result_of(rollout, moved, gradients)
 
 
+def channels_of(robot: "LatticeRobot") -> Channels:
+    """The channels that the drives of a robot have, without reflexes."""
+    drives = robot.drives
+    return Channels(
+        np.concatenate([np.tile(drive.regions, len(drive.quantities)) for drive in drives]),
+        np.concatenate([np.repeat(drive.quantities, len(drive.regions)) for drive in drives]),
+        np.concatenate([robot.rest_of(drive).ravel() for drive in drives]),
+    )
+
+
+def swing_of(robot: "LatticeRobot", points: Any, later: ArrayLike = 0.0) -> Any:
+    """What the cycle adds to all channels at its nodes, shape (N, C, 16), at points that may be traced."""
+    pairs = zip(robot.drives, robot.nodes(points, later), strict=True)
+    moved = [nodes - robot.rest_of(drive)[..., None] for drive, nodes in pairs]
+    return np.concatenate([each.reshape(len(points), -1, SEGMENTS) for each in moved], axis=1)
+
+
+def answers_in(robot: "LatticeRobot", channels: Channels) -> Ints:
+    """Which of the regions that it feels answers in each channel, -1 for none, shape (C,)."""
+    places = {region: place for place, region in enumerate(robot.felt_regions)}
+    quantities, driven = np.asarray(channels.quantities), np.asarray(channels.regions)
+    scales = (quantities >= Quantity.SCALE) & (quantities < Quantity.SCALE + 3)
+    return np.array([places[r] if scale else -1 for r, scale in zip(driven.tolist(), scales.tolist(), strict=True)])
+
+
 def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels, lights: Floats | None) -> Feeling | None:
     """The reflexes of a robot at N points, shape (N, P), and which of them answers in each channel."""
     if robot.reflexes is None:
         return None
-    places = {region: place for place, region in enumerate(robot.felt_regions)}
-    quantities, driven = np.asarray(channels.quantities), np.asarray(channels.regions)
-    scales = (quantities >= Quantity.SCALE) & (quantities < Quantity.SCALE + 3)
-    answers = [places[r] if scale else -1 for r, scale in zip(driven.tolist(), scales.tolist(), strict=True)]
-    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, np.array(answers), lights, robot.seed)
+    answers = answers_in(robot, channels)
+    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, answers, lights, robot.seed)
 
 
 def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -> LatticeRobotResult:

@@ -1,0 +1,115 @@
+"""Lattice robots controlled from outside, a sixteenth of a cycle at a time, as reflexes control them from within."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robots.control.cyclic import SEGMENTS
+from robots.lattice_robot.reflexes import Anatomy, Reflexes, felt_by
+from robots.lattice_robot.robot import LatticeRobot
+from robots.lattice_robot.rollout import Rollout
+from robots.lattice_robot.simulation import answers_in, channels_of, swing_of
+from robots.world import Terrain
+from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice import LatticeProgram
+from taichi_sim.lattice.program import EVENT
+
+
+class Episodes:
+    """B robots of one kind, side by side in one batch; what one does depends on no other.
+
+    Attributes:
+        robot: in its terrain, with nothing free.
+        senses: what is felt, see ``robots.lattice_robot.reflexes``.
+        regions: how many muscles an action has a number for, R.
+        width: how many numbers are felt.
+        steps: actions of an episode.
+        own: how many voxels are the robot's, which come first.
+        positions: voxel centres after the last action [m], shape (B, V, 3).
+    """
+
+    def __init__(
+        self, robot: LatticeRobot, terrain: Terrain, batch: int, senses: Sequence[str], compute: Compute
+    ) -> None:
+        """Set up the batch.
+
+        Args:
+            robot: with reflexes or without; what is free of it is as it starts. Its own reflexes do not act.
+            terrain: where.
+            batch: B.
+            senses: names in ``SENSES``.
+            compute: device, precision and threads.
+
+        Raises:
+            ValueError: for senses that are not there, and robots without muscles to act on.
+        """
+        plain = robot.fixed
+        self.senses = Reflexes(tuple(senses), light=plain.light_in(terrain) if "light" in senses else None)
+        self.robot = robot = replace(plain, reflexes=None).on(terrain)
+        self.senses.check(len(robot.felt_regions))
+        if "light" in senses and self.senses.light is None:
+            raise ValueError(f"light: {terrain.name} has none to feel; give one, as {terrain.name}+light:0.5,0.1")
+        channels, points = channels_of(robot), np.zeros((batch, 0))
+        self._swing = np.repeat(swing_of(robot, points[:1]), batch, axis=0)
+        bodies = [robot.body] * batch
+        self._rollout = Rollout(
+            bodies, channels, self._swing, robot.cycle, terrain, robot.aim, compute, None, robot.starts(batch)
+        )
+        self.regions, self.width = len(robot.felt_regions), self.senses.width(len(robot.felt_regions))
+        self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
+        answers = answers_in(robot, channels)
+        self._moves = (answers[None, :] == np.arange(self.regions)[:, None]).astype(float)
+        self._channels, self._rest = channels, np.broadcast_to(np.asarray(channels.rest, float), self._swing.shape[:2])
+        body = robot.placed.robot if robot.placed is not None else robot.body
+        self.own = body.voxel_count
+        floor = self._rollout.ground
+        self._anatomy = Anatomy.of(body, robot.felt_regions, robot.length, floor)
+        self._fresh = self._rollout.engine.save()
+        self.positions = self._rollout.start
+
+    def begin(self) -> Floats:
+        """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel."""
+        cycle, self._piece = self.robot.cycle, 0
+        self._rollout.engine.restore(self._fresh)
+        self._before = self._rollout.start[:, : self.own]
+        self._at = self._swing[:, :, 1]
+        length = cycle.begin + cycle.segment
+        events = self._rollout.program.events
+        return self._run(length, events[events["step"] < length])[0]
+
+    def advance(self, actions: Floats) -> tuple[Floats, Floats, Bools]:
+        """Play the next piece.
+
+        Args:
+            actions: by how much the scale of each muscle shall differ from its wave at the end of it, shape (B, R).
+
+        Returns:
+            What is felt, shape (B, width); how far the middle of each robot went along its heading [body lengths],
+            shape (B,); and which diverged.
+        """
+        self._piece += 1
+        segment, (batch, count) = self.robot.cycle.segment, self._swing.shape[:2]
+        onwards = self._swing[:, :, (self._piece + 1) % SEGMENTS] + actions @ self._moves
+        events = np.zeros((batch, count), EVENT)
+        events["robot"], events["region"] = np.arange(batch)[:, None], self._channels.regions
+        events["quantity"], events["value"] = self._channels.quantities, self._rest + self._at
+        events["rate"] = (onwards - self._at) / segment
+        self._at = onwards
+        return self._run(segment, events.ravel())
+
+    def _run(self, length: int, events: Any) -> tuple[Floats, Floats, Bools]:
+        batch = len(self._swing)
+        shots = np.tile([length - 1, length], (batch, 1))
+        found = self._rollout.engine.run(LatticeProgram(np.full(batch, length), events, shots))
+        failed = found.status != "ok"
+        now = [np.nan_to_num(each[:, 0].astype(float)) for each in (found.positions, found.orientations, found.strains)]
+        if self.robot.placed is not None:
+            now = list(self.robot.placed.own_part(*now))
+        phase = ((self._piece + 1) % SEGMENTS) / SEGMENTS
+        felt = felt_by(self.senses, self._anatomy, phase, 1 / SEGMENTS, self._before, now)
+        gone = (now[0] - self._before).mean(axis=1) @ self.robot.direction / self.robot.length
+        self._before, self.positions = now[0], found.positions[:, 1]
+        return felt, np.where(failed, 0.0, gone), failed

@@ -1,0 +1,127 @@
+"""Lattice robots as environments, one and a batch, and those of tasks."""
+
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import robots.gym
+from robots.gym.lattice_robot import GAINS, LatticeRobotEnvironment, LatticeRobotVector
+from robots.lattice_robot import simulate
+from robots.lattice_robot.offered import soft_quadruped
+from robots.tasks import builtin_tasks
+from robots.world import Terrain
+
+assert robots.gym.ENVIRONMENTS
+QUICK = {"robot": soft_quadruped(1), "threads": 1}
+
+
+def test_every_task_is_registered():
+    for name in builtin_tasks():
+        spec = gymnasium.spec(f"morpholab/{name.capitalize()}-v0")
+        assert spec.kwargs == {"task": name} and spec.vector_entry_point
+        goals = [text for text in builtin_tasks()[name].options["objective"] if text not in ("mean", "worst")]
+        assert [goal.removeprefix("minimise:") in GAINS for goal in goals] == [True]
+
+
+@pytest.mark.kernels
+def test_the_checker_of_gymnasium_passes():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*render_modes.*|.*no render.*|.*render_fps.*|.*not symmetric.*")
+        environment = gymnasium.make("morpholab/LatticeRobot-v0", **QUICK).unwrapped
+        check_env(environment, skip_render_check=True)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("world", ["flat", "hill:3+rough:0.004+box:0.02,0.02,0.02,0.07,0"])
+def test_no_action_plays_the_waves(world):
+    """To the bit of a simulation."""
+    environment = LatticeRobotVector(2, world=world, precision="f64", **QUICK)
+    for _ in range(2):  # the second episode begins as the first
+        environment.reset()
+        total, over = np.zeros(2), np.zeros(2, bool)
+        while not over.any():
+            observed, gained, ended, over, _ = environment.step(np.zeros(environment.action_space.shape))
+            total += gained
+            assert not ended.any() and environment.observation_space.contains(observed)
+    robot, terrain = QUICK["robot"], Terrain.parse(world)
+    found = simulate(robot, None, terrain, record_every=robot.cycle.segment * 16, threads=1)
+    end = found.frames[0].positions[-1, 0]
+    assert np.array_equal(environment._batch.episodes.positions, [end, end])
+    began, own = found.frames[0].positions[0, 0], robot.body.voxel_count
+    assert abs(total[0]) < 2 and total[0] == total[1]
+    assert total[0] * robot.length == pytest.approx((end - began)[:own, 0].mean(), abs=0.002)  # but the first piece
+
+
+@pytest.mark.kernels
+def test_a_robot_of_a_batch_does_what_it_does_alone():
+    alone, batch = LatticeRobotEnvironment(**QUICK), LatticeRobotVector(3, **QUICK)
+    draws = np.random.default_rng(0).uniform(-1, 1, (5, 3, *alone.action_space.shape))
+    first, _ = batch.reset()
+    for robot in range(3):
+        observed, _ = alone.reset()
+        assert observed == pytest.approx(first[robot], abs=1e-12)
+    together = [batch.step(action) for action in draws]
+    alone.reset()
+    for action, (observed, gained, *_) in zip(draws, together, strict=True):
+        mine = alone.step(action[1])
+        assert mine[0] == pytest.approx(observed[1], abs=1e-12) and mine[1] == gained[1]
+    assert np.array_equal(alone._batch.episodes.positions[0], batch._batch.episodes.positions[1])
+    assert np.ptp(together[-1][0], axis=0).max() > 0
+
+
+@pytest.mark.kernels
+def test_episodes_end_with_the_cycles_and_begin_anew():
+    batch = LatticeRobotVector(2, max_episode_steps=3, **QUICK)
+    first, _ = batch.reset(seed=0)
+    still = np.zeros(batch.action_space.shape)
+    cut = [batch.step(still)[3].tolist() for _ in range(3)]
+    assert cut == [[False] * 2, [False] * 2, [True] * 2]
+    observed, gained, *_ = batch.step(still)
+    assert np.array_equal(observed, first) and not gained.any()
+    alone = LatticeRobotEnvironment(**QUICK)
+    alone.reset()
+    ends = [alone.step(still[0])[3] for _ in range(2 * 16 - 1)]
+    assert ends == [False] * 30 + [True]
+    with pytest.raises(RuntimeError, match="cycles are over"):
+        alone.step(still[0])
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("gain", "world"),
+    [
+        ("light", "flat+light:0.1,0.05"),
+        ("prop", "flat+box:0.02,0.02,0.01,0,0,0.0325"),
+        ("turn", "flat"),
+        ("rise", "flat"),
+    ],
+)
+def test_rewards(gain, world):
+    environment = LatticeRobotVector(2, world=world, gain=gain, strength=0.3, **QUICK)
+    environment.reset()
+    draws = np.random.default_rng(1).uniform(-1, 1, (12, *environment.action_space.shape))
+    gained = np.array([environment.step(action)[1] for action in draws])
+    assert np.isfinite(gained).all() and np.abs(gained).max() > 1e-6
+    assert gain != "rise" or gained.min() >= 0
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"gain": "gold"}, "gain: 'gold'"),
+        ({"gain": "light"}, "gain: light is not allowed without one"),
+        ({"gain": "prop"}, "gain: prop is not allowed without one"),
+        ({"strength": 0.6}, "strength: 0.6"),
+        ({"senses": ("smell",)}, "senses: 'smell'"),
+        ({"senses": ("light",)}, "light: flat has none to feel"),
+        ({"robot": "vehicle"}, "robot: vehicle is no lattice robot"),
+    ],
+)
+@pytest.mark.kernels
+def test_bad_input(settings, message):
+    with pytest.raises(ValueError, match="^" + message):
+        LatticeRobotEnvironment(**{**QUICK, **settings})
