@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from robots.tasks import builtin_tasks
+from robots.tasks import Task, builtin_tasks
 from taichi_sim.base.checks import install_extra
 
 try:
@@ -26,20 +26,34 @@ ENVIRONMENTS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = MappingProxyTyp
     }
 )
 
-_LATTICE = "robots.gym.lattice_robot"
-if "morpholab/LatticeRobot-v0" not in gymnasium.registry:
-    gymnasium.register(
-        "morpholab/LatticeRobot-v0",
-        entry_point=f"{_LATTICE}:LatticeRobotEnvironment",
-        vector_entry_point=f"{_LATTICE}:LatticeRobotVector",
-    )
-for _task in builtin_tasks():
-    if (_name := f"morpholab/{_task.capitalize()}-v0") not in gymnasium.registry:
+# What rewards count in the environment of a task, by the measure of its objective.
+GAINS = MappingProxyType(
+    {
+        "speed": "progress",
+        "distance": "progress",
+        "remaining": "light",
+        "prop_distance": "prop",
+        "turning": "turn",
+        "jump": "rise",
+    }
+)
+
+
+def task_settings(task: Task) -> dict[str, Any]:
+    """What the environment of a task is made with: its robot, its first world, and what its rewards count."""
+    (goal,) = (text for text in task.options["objective"] if text not in ("mean", "worst", "each"))
+    world = task.options["terrain"][0]
+    return {"robot": task.source, "world": world, "gain": GAINS[goal.removeprefix("minimise:")]}
+
+
+_made = {"LatticeRobot": {}, **{name.capitalize(): task_settings(task) for name, task in builtin_tasks().items()}}
+for _name, _given in _made.items():
+    if f"morpholab/{_name}-v0" not in gymnasium.registry:
         gymnasium.register(
-            _name,
-            entry_point=f"{_LATTICE}:task_environment",
-            vector_entry_point=f"{_LATTICE}:task_vector",
-            kwargs={"task": _task},
+            f"morpholab/{_name}-v0",
+            entry_point="robots.gym.lattice_robot:LatticeRobotEnvironment",
+            vector_entry_point="robots.gym.lattice_robot:LatticeRobotVector",
+            kwargs=_given,
         )
 for _name, (_place, _steps, _arguments) in ENVIRONMENTS.items():
     if _name not in gymnasium.registry:

@@ -11,7 +11,6 @@ from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.reflexes import SENSES
 from robots.lattice_robot.robot import LatticeRobot
 from robots.robot import find_robot_doing, make_robot
-from robots.tasks import find_task
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import choice, number
@@ -19,15 +18,7 @@ from taichi_sim.base.compute import Compute, ComputeOptions
 
 FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
 USUAL_SENSES = tuple(name for name in SENSES if name != "light")
-# What a reward is the gain of, by the measure of a task's objective.
-GAINS = {
-    "speed": "progress",
-    "distance": "progress",
-    "remaining": "light",
-    "prop_distance": "prop",
-    "turning": "turn",
-    "jump": "rise",
-}
+GAINS = ("progress", "light", "prop", "turn", "rise")
 
 
 def _lattice_robot(given: LatticeRobot | str | Path) -> LatticeRobot:
@@ -65,7 +56,7 @@ class Rewarded:
         found = _lattice_robot(robot)
         feels = senses or (tuple(SENSES) if found.light_in(terrain) else USUAL_SENSES)
         self.episodes = Episodes(found, terrain, batch, feels, compute)
-        self.gain = choice("gain", gain, sorted(set(GAINS.values())))
+        self.gain = choice("gain", gain, GAINS)
         self._light = found.light_in(terrain)
         if self.gain == "light" and self._light is None:
             raise ValueError("gain: light is not allowed without one; give a world such as flat+light:0.1,0.05")
@@ -241,21 +232,3 @@ class LatticeRobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._gained, self._ended, self._done = self._gained + gained, self._ended | failed, self._done + 1
         self._over = self._batch.left == 0 or self._done == self._most or bool(self._ended.all())
         return observed, gained, self._ended.copy(), np.full(self.num_envs, self._over) & ~self._ended, {}
-
-
-def _of_task(name: str) -> dict[str, Any]:
-    """What an environment of a task is given."""
-    task = find_task(name)
-    (measure,) = (text for text in task.options["objective"] if text not in ("mean", "worst", "each"))
-    gain = GAINS[measure.removeprefix("minimise:")]
-    return {"robot": task.source, "world": task.worlds[0].name, "gain": gain}
-
-
-def task_environment(task: str, **given: Any) -> LatticeRobotEnvironment:
-    """The environment of a task, in its first world."""
-    return LatticeRobotEnvironment(**{**_of_task(task), **given})
-
-
-def task_vector(task: str, num_envs: int = 1, **given: Any) -> LatticeRobotVector:
-    """So many environments of a task, as one batch."""
-    return LatticeRobotVector(num_envs, **{**_of_task(task), **given})
