@@ -201,7 +201,7 @@ def _table(told: Mapping[str, Any], settings: LightSeeking) -> list[str | list[s
         label, other = (ARMS[one[key]].label for key in ("of", "over"))
         low, high = (f"{100 * one[key]:.0f}" for key in ("low", "high"))
         parts.append(
-            f"{label} reaches {100 * one['difference']:.0f} percent points more than {other}, 95 % interval {low} to "
+            f"{label} less {other}: {100 * one['difference']:.0f} percent points of the lights, 95 % interval {low} to "
             f"{high}."
         )
     return parts
