@@ -149,7 +149,8 @@ def test_videos_need_their_extra(morpholab, monkeypatch):
 
 
 NO_ROBOT = (
-    "is no robot (inching, rolling, inflatable, freeform, lattice, articulated, legged, wheeled, whegged, quadruped, "
+    "is no robot (inching, rolling, inflatable, freeform, soft-quadruped, feeling-quadruped, light-seeker, "
+    "soft-swimmer, lattice, articulated, legged, wheeled, whegged, quadruped, "
 )
 BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",

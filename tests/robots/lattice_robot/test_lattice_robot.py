@@ -24,6 +24,7 @@ from robots.view.soft_motion import lattice_robot_motion
 from robots.world import STANDARD_GRAVITY, Terrain
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file
+from taichi_sim.launching import forget_all
 
 SOFT = Material(5e4, 1000.0, static_friction=1.0, kinetic_friction=0.5, thermal_expansion=0.01, name="soft")
 HARD = Material(1e5, 1500.0, static_friction=1.0, kinetic_friction=0.5, name="hard")
@@ -306,6 +307,7 @@ def test_a_phase_for_every_voxel_compiles_nothing_new(tmp_path, monkeypatch):
     plain, waving = dataclasses.replace(plain, **quick), dataclasses.replace(waving, **quick)
     assert (plain.body.region_count, waving.body.region_count) == (2, 12)
     still = simulate(plain, threads=1)
+    forget_all()  # so that the next call asks for machine code
     built = noting_compilations(monkeypatch)
     moved = simulate(waving, threads=1)
     assert built and all(known for _, known in built)
