@@ -1,7 +1,7 @@
 """How kernels find the cell of uneven ground that is under a place.
 
-``relief`` begins with numbers that all grids share; then come the grids, tables of cells side by side, of 10 reals each
-(see ``laws.ground``). Robots may share one.
+``relief`` begins with numbers that all grids share; then come the grids: numbers of each, and its cells side by side,
+of 10 reals each (see ``laws.ground``). Robots may share one.
 """
 
 from typing import Any
@@ -14,8 +14,10 @@ CELL = 10  # reals of a cell: height at its first corner and along four sides, a
 # Places of what they share: width of a cell and its inverse, the highest and steepest ground.
 WIDTH, PER_CELL, TOP, STEEPNESS = range(4)
 SHARED = 4
-ORIGIN_X, ORIGIN_Y = range(2)  # places of what comes before the cells of a grid: where it begins [m]
-ORIGIN = 2
+# Places of what comes before the cells of a grid: where it begins [m]; water's surface over the floor [m], weight per
+# volume [N/m^3], and mass per volume that is carried along [kg/m^3]; stress per depth at which it yields [N/m^3].
+ORIGIN_X, ORIGIN_Y, LEVEL, WEIGHT, CARRIED, YIELD = range(6)
+HEAD = 6
 
 Counts = tuple[Any, Any]  # cells of every grid along x and y
 
@@ -43,5 +45,5 @@ def place_of(x, y, first, relief: ti.template(), across, along):
     j = ti.cast(ti.floor((y - y0) * inverse), ti.i32)
     i = ti.max(0, ti.min(i, across - 1))
     j = ti.max(0, ti.min(j, along - 1))
-    slot = first + ORIGIN + (i * along + j) * CELL
+    slot = first + HEAD + (i * along + j) * CELL
     return slot, x0 + i * width, y0 + j * width

@@ -12,6 +12,9 @@ r (1/nz' - 1/nz), though a real one would have touched it before. Bodies should 
 from taichi_sim.autodiff.lanes import larger, smaller
 from taichi_sim.autodiff.tracing import law, select, sqrt
 
+DRAGGED = 0.37
+FIRM = 1e30  # N/m^3: stress per depth of ground that does not yield
+
 
 @law
 def ground(x, y, x0, y0, h, h_low, h_right, h_top, h_left, f, f_low, f_right, f_top, f_left, per_cell):
@@ -37,6 +40,51 @@ def ground(x, y, x0, y0, h, h_low, h_right, h_top, h_left, f, f_low, f_right, f_
 def penetration(mean_size, edge, z, height, nz):
     """Depth [m] of a voxel of centre height z below ground that rises by ``height`` over the floor z = -edge/2."""
     return 0.5 * mean_size - 0.5 * edge * nz - (z - height) * nz
+
+
+@law
+def giving_way(size, depth, pressed, stiffness, yield_per_depth):
+    """Normal force [N] of granular ground, the most it bears, and how deep a voxel has pressed it now [m].
+
+    Ground that is pressed bears a stress that grows in proportion to depth, ``yield_per_depth`` [N/m^3], under a voxel
+    of this size; pressed harder, it gives way, and stays pressed. The stress is that on a plate that is pushed straight
+    down, in the resistive force theory of granular media (Li, Zhang, Goldman, Science 339, 2013). A voxel takes its
+    print along, until it leaves the ground. Each that is below the surface bears alike: bodies should sink by less than
+    an edge. Ground of ``FIRM`` never yields, and has the floor's bits.
+    """
+    most = yield_per_depth * size * size * larger(depth, 0.0 * depth)
+    now = larger(pressed, depth - most / stiffness)
+    return larger(stiffness * (depth - now), 0.0 * depth), most, now
+
+
+@law
+def granular_push(normal, most, vz, contact_damping, yield_per_depth):
+    """Force along the normal [N] of ground that, if it yields, neither pulls nor bears more than ``most``."""
+    damped = normal - contact_damping * vz
+    bounded = smaller(larger(damped, 0.0 * damped), most)
+    return select(yield_per_depth < FIRM, bounded, damped)
+
+
+@law
+def granular_hold(friction, size, depth, yield_per_depth):
+    """Most force sideways [N] of ground with so much friction under a voxel: with ploughing, if it yields.
+
+    Ploughing takes half the depth times the buried area of a side times 0.37 of the stress downwards: that on a plate
+    upright which is dragged flat side first (C11, C01 and C-11 of table 1 in Li, Zhang, Goldman, 2013).
+    """
+    ploughing = 0.5 * DRAGGED * yield_per_depth * size * depth * depth
+    return select(yield_per_depth < FIRM, friction + ploughing, friction)
+
+
+@law
+def is_held(rests, px, py, fx, fy, most, time_step, yield_per_depth):
+    """Whether a voxel comes to rest: if ground that yields takes all momentum that it has and gets in a time step.
+
+    ``most`` is the ground's force sideways [N], often enough to turn a motion round; ``rests`` holds on firm ground.
+    """
+    qx, qy, impulse = px + fx * time_step, py + fy * time_step, most * time_step
+    yields, rested = yield_per_depth + 0.0 * px < FIRM, select(rests, 1.0, 0.0 * px)
+    return select(yields, impulse * impulse - qx * qx - qy * qy, rested - 0.5) >= 0.0
 
 
 @law

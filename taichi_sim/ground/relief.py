@@ -1,19 +1,55 @@
 """Uneven ground: heights and friction on a grid of nodes, between which it is made of flat triangles."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from taichi_sim.autodiff.arrays import value_of
-from taichi_sim.base.checks import number
-from taichi_sim.ground.cells import CELL, ORIGIN, PER_CELL, SHARED, STEEPNESS, TOP, WIDTH
-from taichi_sim.ground.laws import ground
+from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
+from taichi_sim.ground.cells import (
+    CARRIED,
+    CELL,
+    HEAD,
+    LEVEL,
+    ORIGIN_X,
+    ORIGIN_Y,
+    PER_CELL,
+    SHARED,
+    STEEPNESS,
+    TOP,
+    WEIGHT,
+    WIDTH,
+    YIELD,
+)
+from taichi_sim.ground.laws import FIRM, ground
 
 MOST_NODES = 4_000_000
 STEEPEST = 80.0  # degrees; walls are what they are on the grid, no steeper
+NOWHERE = -1e6  # m: level of water where there is none
+
+
+@dataclass(frozen=True)
+class Water:
+    """Water at rest on the ground, everywhere up to one level: what lies lower is a pond, or a sea with its shore.
+
+    Attributes:
+        level: of its surface over the level floor [m].
+        density: [kg/m^3].
+        gravity: by which it is heavy [m/s^2].
+        added_mass: of the water that a body displaces, how much it takes along when its velocity changes; 0.5 is that
+            of a sphere (Lamb, Hydrodynamics, 1932, art. 92).
+    """
+
+    level: Finite
+    density: Positive = 1000.0
+    gravity: NotNegative = 9.80665
+    added_mass: NotNegative = 0.5
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,16 +62,21 @@ class Relief:
         origin: where node (0, 0) is [m], (x, y).
         friction: factors by which the friction coefficients of the robot count at the nodes, shape (X, Y), read-only;
             None is 1 everywhere.
+        water: on the ground.
+        yield_per_depth: of granular ground, the stress per depth at which it gives way [N/m^3] (see
+            ``laws.giving_way``); None is firm ground.
 
     Raises:
         ValueError: for heights or factors that are not finite, of the wrong shape, or negative factors; ground steeper
-            than 80 degrees.
+            than 80 degrees; a stress per depth that is not positive.
     """
 
     heights: np.ndarray
     spacing: float
     origin: tuple[float, float] = (0.0, 0.0)
     friction: np.ndarray | None = None
+    water: Water | None = None
+    yield_per_depth: float | None = None
 
     def __post_init__(self) -> None:
         heights = _nodes("heights", self.heights)
@@ -50,6 +91,8 @@ class Relief:
             if friction.shape != heights.shape or friction.min() < 0:
                 raise ValueError(f"friction: give factors of at least 0, shape {heights.shape} as heights")
             object.__setattr__(self, "friction", friction)
+        if self.yield_per_depth is not None:
+            object.__setattr__(self, "yield_per_depth", positive("yield_per_depth", self.yield_per_depth, 1e12))
         if self.steepness > 1 / np.cos(np.radians(STEEPEST)):
             degrees = float(np.degrees(np.arccos(1 / self.steepness)))
             raise ValueError(f"heights: a slope of {degrees:.1f} degrees is not allowed; give at most {STEEPEST:g}")
@@ -107,7 +150,18 @@ class Relief:
             return self
         more = [(0, count - had) for count, had in zip((x, y), self.heights.shape, strict=True)]
         friction = None if self.friction is None else np.pad(self.friction, more, mode="edge")
-        return Relief(np.pad(self.heights, more, mode="edge"), self.spacing, self.origin, friction)
+        return replace(self, heights=np.pad(self.heights, more, mode="edge"), friction=friction)
+
+    @property
+    def head(self) -> np.ndarray:
+        """What kernels read before the cells, see ``cells``."""
+        found = np.zeros(HEAD)
+        found[ORIGIN_X], found[ORIGIN_Y] = self.origin
+        found[LEVEL], found[YIELD] = NOWHERE, FIRM if self.yield_per_depth is None else self.yield_per_depth
+        if self.water is not None:
+            found[LEVEL], density = self.water.level, self.water.density
+            found[WEIGHT], found[CARRIED] = density * self.water.gravity, density * self.water.added_mass
+        return found
 
     @cached_property
     def cells(self) -> np.ndarray:
@@ -139,11 +193,15 @@ class GroundTables:
         relief: numbers that all grids share, then each that is different, flat.
         grid: where each robot's begins, shape (B,).
         counts: cells of every grid along x and y.
+        water: whether there is any.
+        granular: whether any ground yields.
     """
 
     relief: np.ndarray
     grid: np.ndarray
     counts: tuple[int, int]
+    water: bool = False
+    granular: bool = False
 
 
 def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
@@ -152,11 +210,13 @@ def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
     Smaller grids go on as at their edge, so that all have as many cells.
 
     Raises:
-        ValueError: if the grids differ in their spacing.
+        ValueError: if the grids differ in their spacing, or some have water and others none.
     """
     first, different = reliefs[0], {id(one): one for one in reliefs}
     if any(one.spacing != first.spacing for one in different.values()):
         raise ValueError(f"{field}: the spacing of nodes must be the same for all robots of a batch")
+    if len(wet := {one.water is None for one in different.values()}) > 1:
+        raise ValueError(f"{field}: water for some robots of a batch and none for others is not allowed; split it")
     x, y = (max(one.heights.shape[axis] for one in different.values()) - 1 for axis in (0, 1))
     shared = np.zeros(SHARED)
     shared[WIDTH], shared[PER_CELL] = first.spacing, 1 / first.spacing
@@ -164,6 +224,12 @@ def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
     shared[STEEPNESS] = max(one.steepness for one in different.values())
     parts, slots = [shared], {}
     for place, (key, one) in enumerate(different.items()):
-        slots[key] = SHARED + place * (ORIGIN + x * y * CELL)
-        parts += [np.array(one.origin), one.widened(x + 1, y + 1).cells.ravel()]
-    return GroundTables(np.concatenate(parts), np.array([slots[id(one)] for one in reliefs], np.int32), (x, y))
+        slots[key] = SHARED + place * (HEAD + x * y * CELL)
+        parts += [one.head, one.widened(x + 1, y + 1).cells.ravel()]
+    return GroundTables(
+        np.concatenate(parts),
+        np.array([slots[id(one)] for one in reliefs], np.int32),
+        (x, y),
+        water=False in wet,
+        granular=any(one.yield_per_depth for one in different.values()),
+    )

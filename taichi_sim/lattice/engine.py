@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from taichi_sim.lattice.gradient import Tape
 
 DRIVERS = ("auto", "packed", "stepped")
+FLOATING = 1.2  # largest stable time step over that where links are balanced, as bodies may float
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +134,9 @@ class LatticeEngine:
         self._check_bodies(bodies, int(batch))
         self.body, self.batch, self.bodies = bodies[0], int(batch), tuple(bodies)
         stable = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
+        ground = self._ground(floor, bool(fluid))
+        if fluid or (ground is not None and ground.water):
+            stable /= FLOATING
         self.time_step = stable if time_step is None else float(time_step)
         if not (math.isfinite(self.time_step) and self.time_step > 0):
             raise ValueError(f"time_step: {time_step!r} is not allowed; it must be positive")
@@ -150,7 +154,6 @@ class LatticeEngine:
         runtime.start(self.compute)
         self.order = self.body.topology.order
         self.place = np.argsort(self.order)  # of each of the body's voxels in the engine's order
-        ground = self._ground(floor, bool(fluid))
         self.tables = build_tables(bodies, self.time_step, bool(fluid), ground)
         switches = (ground is not None or bool(floor), bool(self_contact))
         self._driver: Driver
@@ -230,6 +233,7 @@ class LatticeEngine:
         link[:, :, memory.REGIME] = beams.NEW
         self._driver.write(memory.LINK, link)
         self._driver.write(memory.STRAIN, np.zeros((self.batch, self.tables.gauges, memory.STRAIN_WIDTH)))
+        self._driver.write(memory.PRINT, np.zeros((self.batch, self.tables.prints, 1)))
         self._driver.forget_neighbours()
         self._diverged[:] = False
 

@@ -264,7 +264,7 @@ class PackedDriver(Driver):
 
     def write(self, section: int, values: np.ndarray) -> None:
         """Set a section from values of shape (B, items, components)."""
-        if section in (memory.VOXEL, memory.LINK, memory.STRAIN):
+        if section in (memory.VOXEL, memory.LINK, memory.STRAIN, memory.PRINT):
             self.packed.write(self.section(section), section, values)
             return
         if section in (memory.CONSTANT, memory.BEAM):

@@ -63,6 +63,7 @@ class PackedTables:
             memory.VOXEL: len(packs.voxel) + 1,  # the last one is nobody's
             memory.LINK: len(packs.link),
             memory.STRAIN: gauges,
+            memory.PRINT: len(packs.voxel) if tables.prints else 0,
             memory.CHANNEL: len(self.classes) * QUANTITY_COUNT,
             memory.LISTED: len(packs.voxel),
             memory.CURRENT: len(self.classes),
@@ -196,7 +197,9 @@ class PackedTables:
         held = given[:, columns.FIXED][:, None] >> np.arange(6) & 1
         single, braced = (sides == 1) & (held[:, :3] == 0), (sides == 1) & (held[:, :3] != 0)
         normals = given[:, columns.NORMAL : columns.NORMAL + 3]
-        parts = (0.5 * sides, normals, wet, held, self.tables.start, sides == 2, (sides == 2) | braced, single)
+        displaced = given[:, [columns.WET]] // columns.BEHIND_WET / columns.VOLUME
+        ends = sides == 2, (sides == 2) | braced, single
+        parts = (0.5 * sides, normals, wet, held, self.tables.start, *ends, displaced)
         rows = np.concatenate([np.asarray(part, float) for part in parts], axis=1)
         lanes = np.where((packs.voxel >= 0)[..., None], rows[packs.voxel], 0.0)
         return self._reals(np.swapaxes(lanes, 1, 2).reshape(-1, self.real.width))
@@ -206,7 +209,7 @@ class PackedTables:
         at, of = self.layout.starts, self.scalars.starts
         frictions = (columns.STATIC_FRICTION, columns.KINETIC_FRICTION)
         channels = (*frictions, columns.PRESSURE, *columns.MOMENT, *columns.TRANSLATION, *columns.ROTATION)
-        if self.tables.fluid:
+        if self.tables.medium.floats:
             channels += columns.RESISTANCE
         if self.tables.poisson:  # which axes are in tension
             channels += tuple(channel for pair in columns.PULLING for channel in pair)
@@ -294,7 +297,7 @@ class PackedTables:
 
     def write(self, view: np.ndarray, section: int, values: np.ndarray) -> None:
         """Set a section (B, items, components, lanes) from values of shape (B, items, components)."""
-        if section == memory.STRAIN:
+        if section in (memory.STRAIN, memory.PRINT):
             view[...] = 0.0
         elif section in (memory.VOXEL, memory.LINK):
             packs = self.packs.voxel if section == memory.VOXEL else self.packs.link

@@ -139,7 +139,7 @@ def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.templat
         gx, gy, gz = fx, fy, fz
     else:
         gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
-    if ti.static(t.medium.fluid):  # nothing else holds a floating body; on the ground all is as published
+    if ti.static(t.medium.floats):  # nothing else holds a floating body; on the ground all is as published
         x, y, z = second[0] - first[0], second[1] - first[1], second[2] - first[2]
         fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.balanced(
             x, y, z, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
@@ -261,9 +261,9 @@ def link_cotangents(
         straight = straight | (there < 0.5)
     g = ti.static(variables(inputs))
     if all_lanes(straight):
-        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.fluid, False), seeds)))
+        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.floats, False), seeds)))
     else:
-        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.fluid, True), seeds)))
+        assign_all(g, ti.static(pull_back(whole_link, inputs, (t.edge, regime, t.medium.floats, True), seeds)))
     return ti.static(tuple(g))
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 from taichi_sim.autodiff.lanes import any_lane
 from taichi_sim.autodiff.tracing import primitive
-from taichi_sim.ground.cells import PER_CELL, STEEPNESS, TOP, cell_of, cells_of
+from taichi_sim.ground.cells import CARRIED, LEVEL, PER_CELL, STEEPNESS, TOP, WEIGHT, YIELD, cell_of, cells_of
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.runtime import element, emit, ti
 
@@ -22,9 +22,29 @@ def per_cell(t: columns.Shared) -> Any:
 
 
 @primitive
+def first_of_grid(k: Any, t: columns.Shared) -> Any:
+    """Where the grid of a robot begins in ``relief``."""
+    return t.grid if t.packed else columns.grid_of(k, t.plan)
+
+
+@primitive
 def cell_under(x: Any, y: Any, k: Any, t: columns.Shared) -> tuple[Any, ...]:
     """First corner (2) and table (10) of the cells under voxels at (x, y); at the edge for those beyond."""
     counts = element(t.plan, memory.CELLS_X), element(t.plan, memory.CELLS_Y)
+    first = first_of_grid(k, t)
     if not t.packed:
-        return cell_of(x, y, columns.grid_of(k, t.plan), t.relief, counts)
-    return cells_of(x, y, [t.grid] * t.lanes.width, t.relief, counts)
+        return cell_of(x, y, first, t.relief, counts)
+    return cells_of(x, y, [first] * t.lanes.width, t.relief, counts)
+
+
+@primitive
+def water_of(k: Any, t: columns.Shared) -> tuple[Any, ...]:
+    """Level of a robot's water over the floor [m], its weight and the mass carried along, per volume."""
+    first = first_of_grid(k, t)
+    return tuple(emit(element(t.relief, emit(first + place))) for place in (LEVEL, WEIGHT, CARRIED))
+
+
+@primitive
+def yield_of(k: Any, t: columns.Shared) -> Any:
+    """Stress per depth at which the ground of a robot yields [N/m^3]."""
+    return emit(element(t.relief, emit(first_of_grid(k, t) + YIELD)))

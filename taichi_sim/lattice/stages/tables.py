@@ -9,7 +9,7 @@ import numpy as np
 from taichi_sim.ground.relief import GroundTables
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.laws.enclosure import closed_surface
-from taichi_sim.lattice.laws.fluid import outer_faces
+from taichi_sim.lattice.laws.fluid import displaced_volumes, outer_faces
 from taichi_sim.lattice.materials import (
     BEAM_COLUMNS,
     CONSTANT_COLUMNS,
@@ -76,7 +76,13 @@ class Tables:
     @property
     def medium(self) -> columns.Medium:
         """What surrounds the robots."""
-        return columns.Medium(self.fluid, self.ground is not None)
+        ground = self.ground
+        return columns.Medium(self.fluid, ground is not None, bool(ground and ground.water), self.prints > 0)
+
+    @property
+    def prints(self) -> int:
+        """Number of voxels whose print in the ground is kept: all, where it yields."""
+        return len(self.group) if self.ground and self.ground.granular else 0
 
     def shared(
         self, plan: np.ndarray, constants: tuple[float, float, float], dtype: type, put: Callable[[np.ndarray], Any]
@@ -97,6 +103,7 @@ class Tables:
             (len(self.group), memory.VOXEL_WIDTH),
             (len(self.link_ends), memory.LINK_WIDTH),
             (self.gauges, memory.STRAIN_WIDTH),
+            (self.prints, 1),
             (groups * QUANTITY_COUNT, memory.CHANNEL_WIDTH),
             (surface, 3),
             (1, 2),
@@ -140,9 +147,10 @@ def build_tables(
     rest_keys = np.column_stack([group_of[links].reshape(-1, 2), axes])
     rests, rest_of = np.unique(rest_keys, axis=0, return_inverse=True)
     ends = place[links].reshape(-1, 2)
-    closed = fluid or body.has_chambers
+    wet = fluid or bool(ground and ground.water)
+    closed = wet or body.has_chambers
     squares = place[closed_surface(body)] if closed else np.zeros((0, columns.SQUARE_COLUMNS), int)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), fluid, closed)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), wet, closed)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     h = body.voxel_size
@@ -210,7 +218,7 @@ def _voxel_table(
     group_of: np.ndarray,
     squares: np.ndarray,
     poisson: bool,
-    fluid: bool,
+    wet: bool,
     closed: bool,
 ) -> tuple[np.ndarray, int]:
     topology, count = body.topology, len(order)
@@ -226,7 +234,10 @@ def _voxel_table(
     table[:, columns.NORMAL : columns.NORMAL + 3] = normals
     feels = (normals != 0).any(axis=1) & (not closed)  # else pressure acts on the squares
     table[:, columns.FEELS_PRESSURE] = feels
-    table[:, columns.WET] = outer_faces(body.voxels)[order] @ columns.WET_SHIFTS if fluid else 0
+    table[:, columns.WET] = 0
+    if wet:
+        displaced = np.rint(displaced_volumes(body.voxels) * columns.VOLUME).astype(int)
+        table[:, columns.WET] = (outer_faces(body.voxels) @ columns.WET_SHIFTS + columns.BEHIND_WET * displaced)[order]
     ends = np.cumsum(np.bincount(squares.ravel(), minlength=count))
     table[1:, columns.FIRST_CORNER], table[:, columns.END_CORNER] = ends[:-1], ends
     table[0, columns.FIRST_CORNER] = 0

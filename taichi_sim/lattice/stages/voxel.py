@@ -78,6 +78,46 @@ def drag_slots(g: ti.template()):
 
 
 @ti.func
+def water_slots(g: ti.template()):
+    """Slots of all that the force of water on a voxel depends on."""
+    return drag_slots(g) + (g.current + memory.MEAN_SIZE,)
+
+
+@ti.func
+def volume_slots(g: ti.template()):
+    """Slots of inverse mass, rest sizes and mean size."""
+    return (g.constant + materials.INVERSE_MASS,) + consecutive(g.current + memory.SIZE, 4)
+
+
+@ti.func
+def print_slot(v, t: ti.template()):
+    """Slot of how deep voxel v has pressed the ground."""
+    return t.plan[memory.PRINT] + v
+
+
+@primitive
+def volume_in_water(v: Any, k: Any, t: Any) -> tuple[Any, ...]:
+    """How often its own volume a voxel displaces; the edge; the water's level, and its mass carried along."""
+    level, _, carried = relief.water_of(k, t)
+    return displaced_volume(v, t), t.edge, level, carried
+
+
+@primitive
+def step_for(m: Any, k: Any, v: Any, z: Any, g: Group, t: Any) -> Any:
+    """Time step for which forces change the momentum of voxel v at height z: water slows it."""
+    if not t.medium.water:
+        return t.time_step
+    return fluid.slowed_step(z, *load_all(m, k, volume_slots(g)), *volume_in_water(v, k, t), t.time_step)
+
+
+@primitive
+def around_in_water(v: Any, k: Any, t: Any) -> tuple[Any, ...]:
+    """Wet faces along each axis, how often its own volume a voxel displaces; the edge; the water's level and weight."""
+    level, weight, _ = relief.water_of(k, t)
+    return *wet_faces(v, t), displaced_volume(v, t), t.edge, level, weight
+
+
+@ti.func
 def share_slots(l, side: ti.template(), t: ti.template()):
     """Slots of the inverse rest length of a link and of the share that the voxel on one side has in its strain."""
     share = beam_slot(l, t) + (materials.SHARE_PLUS if side == 0 else materials.SHARE_MINUS)
@@ -99,14 +139,18 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
         given = load_all(m, k, drag_slots(g))
         ax, ay, az = fluid.drag(qw, qx, qy, qz, px, py, pz, *given, *wet_faces(v, t))
         fx, fy, fz = fx + ax, fy + ay, fz + az
+    if ti.static(t.medium.water):
+        given = load_all(m, k, water_slots(g))
+        ax, ay, az = fluid.water_force(qw, qx, qy, qz, px, py, pz, z, *given, *around_in_water(v, k, t))
+        fx, fy, fz = fx + ax, fy + ay, fz + az
+    dt = step_for(m, k, v, z, g, t)
     ax, ay, az = load_all(m, k, consecutive(g.current + memory.PUSH, 3))
     inverse_mass, drag = load_all(m, k, momentum_slots(g))
     fx, fy, fz = motion.damped_force(fx + ax, fy + ay, fz + az, px, py, pz, inverse_mass, drag, cx, cy, cz)
-    sticking = voxel + memory.STICKS
     if ti.static(t.medium.relief):
-        px, py, pz = push_on_relief(m, k, sticking, (x, y, z), (px, py, pz), (fx, fy, fz), inverse_mass, g, t)
+        px, py, pz = push_on_relief(m, k, v, (x, y, z), (px, py, pz), (fx, fy, fz), dt, inverse_mass, g, t)
     else:
-        px, py, pz = push(m, k, sticking, (px, py, pz), (fx, fy, fz), z, inverse_mass, g, t)
+        px, py, pz = push(m, k, v, (px, py, pz), (fx, fy, fz), z, inverse_mass, g, t)
     lx, ly, lz = load_all(m, k, consecutive(voxel + memory.ANGULAR_MOMENTUM, 3))
     ax, ay, az = load_all(m, k, slots_at(g.channels, columns.MOMENT))
     inverse_inertia, drag = load_all(m, k, rotation_slots(g))
@@ -136,7 +180,7 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
 def push(
     m: ti.template(),
     k,
-    sticking,
+    v,
     p: ti.template(),
     f: ti.template(),
     z,
@@ -144,7 +188,7 @@ def push(
     g: ti.template(),
     t: ti.template(),
 ):
-    """Momentum after a step under force F of a voxel at height z; the floor, and whether it sticks there (a slot)."""
+    """Momentum after a step under force F of voxel v at height z; the floor, and whether it sticks there."""
     px, py, pz = p
     depth = floor.penetration(load(m, k, g.current + memory.MEAN_SIZE), t.edge, z)
     stuck = 0.0 * inverse_mass
@@ -152,10 +196,10 @@ def push(
     if on_floor:
         on_floor = any_lane(depth >= 0.0)
     if on_floor:
-        px, py, pz, stuck = touch(m, k, sticking, p, f, depth, 1.0 + stuck, inverse_mass, g, t)
+        px, py, pz, stuck = touch(m, k, v, p, f, depth, 1.0 + stuck, t.time_step, inverse_mass, g, t)
     else:
         px, py, pz = motion.accelerated(px, py, pz, *f, t.time_step)
-    store(m, k, sticking, stuck)
+    store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
     return px, py, pz
 
 
@@ -163,11 +207,12 @@ def push(
 def touch(
     m: ti.template(),
     k,
-    sticking,
+    v,
     p: ti.template(),
     f: ti.template(),
     depth,
     factor,
+    dt,
     inverse_mass,
     g: ti.template(),
     t: ti.template(),
@@ -178,16 +223,30 @@ def touch(
     """
     px, py, pz = p
     fx, fy, fz = f
-    _, stiffness, damping, friction = load_all(m, k, floor_slots(g))
+    size, stiffness, damping, friction = load_all(m, k, floor_slots(g))
     vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
-    sticks = load(m, k, sticking)
-    fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
-    holds = load(m, k, g.channels + columns.STATIC_FRICTION)
-    loose = floor.breaks_loose(fx, fy, factor * holds, normal)
-    rx, ry = floor.slip_friction(vx, vy, factor * friction, normal, depth, sticks)
-    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, t.time_step)
-    step = t.time_step * inverse_mass
+    sticks = load(m, k, voxel_slot(v, t) + memory.STICKS)
+    holds = factor * load(m, k, g.channels + columns.STATIC_FRICTION)
+    friction = factor * friction
+    normal = 0.0 * depth
+    if ti.static(t.medium.granular):
+        pressed, limit = load(m, k, print_slot(v, t)), relief.yield_of(k, t)
+        normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit)
+        fz = fz + select(depth >= 0.0, uneven.granular_push(normal, most, vz, damping, limit), 0.0)
+        store(m, k, print_slot(v, t), select(depth >= 0.0, pressed, 0.0))
+        holds = uneven.granular_hold(holds * normal, size, depth, limit)
+        friction = uneven.granular_hold(friction * normal, size, depth, limit)
+        normal = 1.0 + 0.0 * normal
+    else:
+        fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
+    loose = floor.breaks_loose(fx, fy, holds, normal)
+    rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
+    qx, qy = px, py
+    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
+    step = dt * inverse_mass
     rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
+    if ti.static(t.medium.granular):  # strong enough to turn a motion round in a step
+        rests = uneven.is_held(rests, qx, qy, fx, fy, friction, dt, relief.yield_of(k, t))
     stuck = select(depth >= 0.0, select(rests, 1.0, select(loose, 0.0, sticks)), 0.0)
     px, py = floor.stopped(px, py, stuck)
     return px, py, pz, stuck
@@ -197,17 +256,19 @@ def touch(
 def push_on_relief(
     m: ti.template(),
     k,
-    sticking,
+    v,
     at: ti.template(),
     p: ti.template(),
     f: ti.template(),
+    dt,
     inverse_mass,
     g: ti.template(),
     t: ti.template(),
 ):
-    """:func:`push` of a voxel at a place over uneven ground."""
-    px, py, pz = motion.accelerated(*p, *f, t.time_step)
+    """:func:`push` of a voxel at a place over uneven ground, in a time step that water may have slowed."""
+    px, py, pz = motion.accelerated(*p, *f, dt)
     stuck = 0.0 * inverse_mass
+    leaves = 1
     size = load(m, k, g.current + memory.MEAN_SIZE)
     if relief.may_touch(size, at[2], t):
         height, nx, ny, nz, factor = uneven.ground(*at[:2], *relief.cell_under(*at[:2], k, t), relief.per_cell(t))
@@ -215,10 +276,14 @@ def push_on_relief(
         touches = depth >= 0.0
         if any_lane(touches):
             turned_p, turned_f = uneven.into_plane(*p, nx, ny, nz), uneven.into_plane(*f, nx, ny, nz)
-            ax, ay, az, stuck = touch(m, k, sticking, turned_p, turned_f, depth, factor, inverse_mass, g, t)
+            leaves = 0
+            ax, ay, az, stuck = touch(m, k, v, turned_p, turned_f, depth, factor, dt, inverse_mass, g, t)
             bx, by, bz = uneven.out_of_plane(ax, ay, az, nx, ny, nz)
             px, py, pz = select(touches, bx, px), select(touches, by, py), select(touches, bz, pz)
-    store(m, k, sticking, stuck)
+    if ti.static(t.medium.granular):
+        if leaves == 1:
+            store(m, k, print_slot(v, t), 0.0 * inverse_mass)
+    store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
     return px, py, pz
 
 
@@ -253,6 +318,21 @@ def held_turns(v, like, t: ti.template()):
     zero = 0.0 * like
     one = 1.0 + zero
     return held(v, 3, zero, one, t), held(v, 4, zero, one, t), held(v, 5, zero, one, t)
+
+
+@ti.func
+def table_displaced_volume(v, t: ti.template()):
+    """:func:`displaced_volume` by the table of voxels."""
+    wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET]
+    return ti.cast(wet // columns.BEHIND_WET, float) / columns.VOLUME
+
+
+@primitive
+def displaced_volume(v: Any, t: Any) -> Any:
+    """How often its own volume a voxel displaces."""
+    if not t.packed:
+        return table_displaced_volume(v, t)
+    return load(t.shape, emit(v * columns.SHAPE_COLUMNS), columns.DISPLACED)
 
 
 @primitive

@@ -7,16 +7,16 @@ linearly. Whether it stuck or slid is as recorded. See ``groups`` for what the a
 from typing import Any
 
 from taichi_sim.autodiff.lanes import any_lane, consecutive, select_all, slots_at, store_all
-from taichi_sim.autodiff.tracing import primitive, pull_back
+from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.stages import columns, memory, relief
 from taichi_sim.lattice.stages import voxel as stage
-from taichi_sim.lattice.stages.undo import after, before, cotangents_of, give, parameters_of, reverse, take_all
+from taichi_sim.lattice.stages.undo import Undo, after, before, cotangents_of, give, parameters_of, reverse, take_all
 from taichi_sim.lattice.stages.voxel import held, voxel_slot
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import emit, ti
 
 
 @ti.func
@@ -64,6 +64,10 @@ def voxel_adjoint(u: ti.template(), v, t: ti.template()):
         state = consecutive(voxel + memory.ORIENTATION, 7)  # the momentum follows the orientation
         seeds = cotangents_of(u, force_slots(v, t))
         reverse(u, fluid.drag, state, stage.drag_slots(g), stage.wet_faces(v, t), seeds)
+    if ti.static(t.medium.water):
+        state = consecutive(voxel + memory.ORIENTATION, 7) + (voxel + 2,)
+        seeds = cotangents_of(u, force_slots(v, t))
+        reverse(u, fluid.water_force, state, stage.water_slots(g), stage.around_in_water(v, u.k, t), seeds)
 
 
 @ti.func
@@ -107,30 +111,35 @@ def pushed(*given: Any) -> Any:
     dt, edge, sticks, stuck, on_floor = given[-5:]
     fx, fy, fz = motion.damped_force(fx, fy, fz, px, py, pz, inverse_mass, drag, 0.0, 0.0, 0.0)
     if on_floor:
-        z, size, stiffness, damping, friction = given[8:13]
+        z, size, *contact = given[8:13]
         depth = floor.penetration(size, edge, z)
-        return touched(
-            (px, py, pz), (fx, fy, fz), inverse_mass, depth, stiffness, damping, friction, (sticks, stuck), dt
-        )
+        return touched((px, py, pz), (fx, fy, fz), inverse_mass, depth, contact, (sticks, stuck), dt)
     px, py, pz = motion.accelerated(px, py, pz, fx, fy, fz, dt)
     return *floor.stopped(px, py, stuck), pz
 
 
 @primitive
 def pushed_on_relief(*given: Any) -> Any:
-    """:func:`pushed` of a voxel that touches uneven ground; its place (3) is given instead of its height.
+    """:func:`pushed` of a voxel that touches uneven ground, and how deep it has pressed that now, if it yields.
 
-    Before the time step come the corner and table of the cell below, and the inverse width of a cell.
+    Its place (3) is given instead of its height; after the friction comes how deep it had pressed the ground. Before
+    the time step come the corner and table of the cell below, and the inverse width of a cell; at the end, the stress
+    per depth at which the ground yields, or False.
     """
     *momentum, fx, fy, fz, inverse_mass, drag = given[:8]
-    x, y, z, size, stiffness, damping, friction = given[8:15]
-    dt, edge, sticks, stuck = given[-4:]
+    x, y, z, size, stiffness, damping, friction, pressed = given[8:16]
+    dt, edge, sticks, stuck, limit = given[-5:]
     force = motion.damped_force(fx, fy, fz, *momentum, inverse_mass, drag, 0.0, 0.0, 0.0)
-    height, *normal, factor = uneven.ground(x, y, *given[15:-4])
+    height, *normal, factor = uneven.ground(x, y, *given[16:-5])
     depth = uneven.penetration(size, edge, z, height, normal[2])
     momentum, force = uneven.into_plane(*momentum, *normal), uneven.into_plane(*force, *normal)
-    found = touched(momentum, force, inverse_mass, depth, stiffness, damping, factor * friction, (sticks, stuck), dt)
-    return uneven.out_of_plane(*found, *normal)
+    contact: Any = (stiffness, damping, factor * friction)
+    yields: Any = ()
+    if limit is not False:
+        bears, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit)
+        yields = bears, most, size, limit
+    found = touched(momentum, force, inverse_mass, depth, contact, (sticks, stuck), dt, yields)
+    return *uneven.out_of_plane(*found, *normal), pressed
 
 
 @primitive
@@ -139,16 +148,26 @@ def touched(
     force: Any,
     inverse_mass: Any,
     depth: Any,
-    stiffness: Any,
-    damping: Any,
-    friction: Any,
+    contact: Any,
     stuck: Any,
     dt: Any,
+    yields: Any = (),
 ) -> Any:
-    """New momentum of a voxel on the ground, in its axes; ``stuck`` is whether it stuck before and after."""
+    """New momentum of a voxel on the ground, in its axes.
+
+    ``contact`` is its stiffness, damping and kinetic friction; ``stuck`` whether it stuck before and after; ``yields``
+    of granular ground what it bears, at most, the voxel's size and the stress per depth.
+    """
     px, py, pz = momentum
     fx, fy, fz = force
-    fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
+    stiffness, damping, friction = contact
+    if yields:
+        bears, most, size, limit = yields
+        fz = fz + uneven.granular_push(bears, most, pz * inverse_mass, damping, limit)
+        friction = uneven.granular_hold(friction * bears, size, depth, limit)
+        normal = 1.0 + 0.0 * bears
+    else:
+        fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
     rx, ry = floor.slip_friction(px * inverse_mass, py * inverse_mass, friction, normal, depth, stuck[0])
     px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
     return *floor.stopped(px, py, stuck[1]), pz
@@ -165,21 +184,28 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
     zero = 0.0 * z
     momentum = before(u, consecutive(voxel + memory.MOMENTUM, 3))
     moving = momentum + (zero, zero, zero) + values[:2]
-    above = ti.static(pull_back(pushed, moving, (t.time_step, t.edge, sticks, stuck, False), seeds))
+    dt = stage.step_for(u.m, u.k, v, z, g, t)
+    above = ti.static(pull_back(pushed, moving, (dt, t.edge, sticks, stuck, False), seeds))
     if ti.static(t.medium.relief):
         cell = ti.static(relief.cell_under(x, y, u.k, t))
         inverse = relief.per_cell(t)
-        height, _, _, steep, _ = uneven.ground(x, y, *cell, inverse)
-        touches = uneven.penetration(values[2], t.edge, z, height, steep) >= 0.0
+        height, nx, ny, nz, _ = uneven.ground(x, y, *cell, inverse)
+        touches = uneven.penetration(values[2], t.edge, z, height, nz) >= 0.0
+        if ti.static(t.medium.water):
+            slowed_adjoint(u, v, g, t, seeds, (nx, ny, nz), stuck, dt)
         if any_lane(touches):
-            inputs, fixed = moving + (x, y, z) + values[2:], cell + (inverse, t.time_step, t.edge, sticks, stuck)
-            landed = ti.static(pull_back(pushed_on_relief, inputs, fixed, seeds))
+            inputs, fixed = moving + (x, y, z) + values[2:], cell + (inverse, dt, t.edge, sticks, stuck)
+            landed = ti.static(land_adjoint(u, v, inputs, fixed, seeds, t))
             p = select_all(touches, landed[:8], above)
             nothing = (zero, zero, zero, zero, zero, zero, zero)
-            q = select_all(touches, landed[8:], nothing)
+            q = select_all(touches, landed[8:15], nothing)
             give(u, consecutive(voxel, 3) + slots, q[:3] + p[6:8] + q[3:])
+            if ti.static(t.medium.granular):
+                give(u, (stage.print_slot(v, t),), (select(touches, landed[15], 0.0),))
             give_force(u, v, g, t, p[:6])
         else:
+            if ti.static(t.medium.granular):
+                store_all(u.a, u.k, (stage.print_slot(v, t),), (zero,))
             give(u, slots[:2], above[6:8])
             give_force(u, v, g, t, above[:6])
     else:
@@ -197,6 +223,39 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
         else:
             give(u, slots[:2], above[6:8])
             give_force(u, v, g, t, above[:6])
+
+
+@primitive
+def land_adjoint(u: Undo, v: Any, inputs: Any, fixed: Any, seeds: Any, t: Any) -> Any:
+    """Reverse :func:`pushed_on_relief` by inputs and, where the ground yields, by how deep it was pressed."""
+    if not t.medium.granular:
+        return pull_back(pushed_on_relief, (*inputs, 0.0 * inputs[0]), (*fixed, False), (*seeds, None))
+    slot = (emit(stage.print_slot(v, t)),)
+    pressed, seed, limit = before(u, slot), take_all(u, slot), relief.yield_of(u.k, t)
+    return pull_back(pushed_on_relief, (*inputs, *pressed), (*fixed, limit), (*seeds, *seed))
+
+
+@ti.func
+def slowed_adjoint(
+    u: ti.template(),
+    v,
+    g: ti.template(),
+    t: ti.template(),
+    seeds: ti.template(),
+    normal: ti.template(),
+    stuck,
+    dt,
+):
+    """Reverse how water slows a voxel: its momentum changes in proportion to the slowed time step."""
+    slots = consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3)
+    x, y, z = before(u, slots)
+    px, py, pz = after(u, slots)
+    x, y, z = px - x, py - y, pz - z
+    along = seeds[0] * normal[0] + seeds[1] * normal[1] + seeds[2] * normal[2]
+    upwards = along * (x * normal[0] + y * normal[1] + z * normal[2])
+    seed = select(stuck > 0.5, upwards, seeds[0] * x + seeds[1] * y + seeds[2] * z) / dt
+    around = stage.volume_in_water(v, u.k, t) + (t.time_step,)
+    reverse(u, fluid.slowed_step, (voxel_slot(v, t) + 2,), stage.volume_slots(g), around, (seed,))
 
 
 @ti.func
