@@ -1,4 +1,4 @@
-"""Uneven ground by name: hills, stairs, blocks, ramps, gaps, waves, patches of friction, and files of heights.
+"""Uneven ground by name: hills, stairs, blocks, ramps, gaps, waves, patches of friction, files; sand and water on it.
 
 A ground is a function of the place, the same everywhere and for every robot; robots stand on what they need of it (a
 ``Relief``). Its x axis is the direction of travel.
@@ -16,11 +16,13 @@ import numpy as np
 from taichi_sim.base.arrays import Floats
 
 if TYPE_CHECKING:
-    from taichi_sim.lattice import Relief
+    from taichi_sim.lattice import Relief, Water
 
 START = 0.3  # m: where stairs, ramps and gaps begin, before which the ground is level
 BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot; it goes on as at this edge
 MOST_NODES_ALONG = 1500
+WATER_DENSITY = 1000.0  # kg/m^3
+STANDARD_GRAVITY = 9.80665  # m/s^2
 
 Heights = Callable[[Floats, Floats], Floats]
 
@@ -86,6 +88,11 @@ def _patches(x: Floats, y: Floats, low: float, high: float, size: float, seed: f
     return low + (high - low) * _drawn(np.floor(x / size), np.floor(y / size), seed)
 
 
+def _level(x: Floats, y: Floats) -> Floats:
+    return np.zeros(x.shape)
+
+
+LEVEL = Named("level ground", (), _level)
 SEED, BEGINS = ("SEED", 0.0), ("START", START)
 GROUNDS = {
     "rough": Named("smooth random hills", (("HEIGHT", None), ("SIZE", 0.05), SEED), _rough),
@@ -101,8 +108,14 @@ GROUNDS = {
         friction=True,
     ),
 }
-SIGNED = ("DEGREES", "START")  # numbers that may be negative
-POSITIVE = ("SIZE", "RUN", "LENGTH", "WIDTH")
+# What may be on any ground, level ground without a name, too.
+SAND, WATER = "sand", "water"
+COVERS = {
+    SAND: Named("granular", (("YIELD", None),), _level),
+    WATER: Named("water", (("LEVEL", None), ("DENSITY", WATER_DENSITY)), _level),
+}
+SIGNED = ("DEGREES", "START", "LEVEL")  # numbers that may be negative
+POSITIVE = ("SIZE", "RUN", "LENGTH", "WIDTH", "YIELD", "DENSITY")
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FILES = (".npy", *IMAGES)
 
@@ -112,7 +125,9 @@ class Ground:
     """Ground that is not level, or not alike everywhere.
 
     Attributes:
-        text: as :meth:`parse` reads it, such as ``"rough:0.01,0.05"``, ``"stairs:0.01,0.1"`` or ``"hills.npy:0.01"``.
+        text: such as ``"rough:0.01,0.05"``, ``"stairs:0.01,0.1"`` or ``"hills.npy:0.01"``; after it what is on it, or
+            alone on level ground: ``"ramp:-5+water:0"``, ``"sand:2e5"``. Sand yields to a stress per depth [N/m^3];
+            water fills up to a level over the floor [m].
     """
 
     text: str
@@ -121,6 +136,52 @@ class Ground:
         if not isinstance(self.text, str):
             raise ValueError(f"ground: {self.text!r} is not allowed; give its name, such as 'rough:0.01'")
         self._checked()
+        for cover in self.covers:
+            self._cover(cover)
+
+    @property
+    def solid(self) -> str:
+        """The text without what is on the ground; empty for level ground."""
+        return "+".join(part for part in self._parts if part not in self.covers)
+
+    @property
+    def covers(self) -> tuple[str, ...]:
+        """The texts of what is on the ground.
+
+        Raises:
+            ValueError: for two of a kind.
+        """
+        found = tuple(part for part in self._parts if part.partition(":")[0] in COVERS)
+        kinds = [part.partition(":")[0] for part in found]
+        if len(set(kinds)) < len(kinds):
+            raise ValueError(f"terrain: {self.text!r} is not allowed; give each of {', '.join(COVERS)} once")
+        return found
+
+    @property
+    def water(self) -> "Water | None":
+        """The water on it."""
+        from taichi_sim.lattice import Water
+
+        numbers = self._cover(WATER)
+        return Water(numbers[0], numbers[1], STANDARD_GRAVITY) if numbers else None
+
+    @property
+    def yield_per_depth(self) -> float | None:
+        """Stress per depth at which it gives way [N/m^3]; None for firm ground."""
+        numbers = self._cover(SAND)
+        return numbers[0] if numbers else None
+
+    @property
+    def _parts(self) -> list[str]:
+        """What the text names, one by one; names of files may have a plus."""
+        parts = self.text.split("+")
+        last = next((n for n, part in enumerate(parts) if part.partition(":")[0] in COVERS), len(parts))
+        return [*(["+".join(parts[:last])] if last else []), *parts[last:]]
+
+    def _cover(self, kind: str) -> tuple[float, ...]:
+        """The numbers of what is on the ground; none without."""
+        given = next((part for part in self.covers if part.partition(":")[0] == kind.partition(":")[0]), None)
+        return () if given is None else self._numbers_of(COVERS[given.partition(":")[0]], given)
 
     def _checked(self) -> tuple[Named | None, tuple[float, ...]]:
         """The kind, or None for a file, and its numbers.
@@ -128,13 +189,19 @@ class Ground:
         Raises:
             ValueError: for any other text, numbers that are not allowed, and files that are none.
         """
-        kind, _, given = self.text.rpartition(":")
+        if not self.solid:
+            return LEVEL, ()
+        kind, _, given = self.solid.rpartition(":")
         if Path(kind).suffix.lower() in FILES:
             return None, self._file_numbers(kind, given)
-        kind, _, given = self.text.partition(":")
+        kind = self.solid.partition(":")[0]
         if kind not in GROUNDS:
             raise ValueError(f"terrain: {self.text!r} is unknown; give {ways()}")
-        named = GROUNDS[kind]
+        return GROUNDS[kind], self._numbers_of(GROUNDS[kind], self.solid)
+
+    def _numbers_of(self, named: Named, text: str) -> tuple[float, ...]:
+        """The numbers after the name of a kind, or of what is on the ground."""
+        kind, _, given = text.partition(":")
         numbers = _numbers(self.text, given, len(named.numbers))
         for name, default in named.numbers[len(numbers) :]:
             if default is None:
@@ -146,7 +213,7 @@ class Ground:
                 raise ValueError(f"terrain: {name} {value:g} of {self.text!r} is not allowed; give {allowed}")
             if name == "SEED" and not (value.is_integer() and value < 2**32):
                 raise ValueError(f"terrain: SEED {value:g} of {self.text!r} is not allowed; give a whole number")
-        return named, numbers
+        return numbers
 
     def _file_numbers(self, file: str, given: str) -> tuple[float, ...]:
         image = Path(file).suffix.lower() in IMAGES
@@ -165,20 +232,25 @@ class Ground:
             ValueError: for ground that is too steep on a grid of half an edge, and files that are no heights.
         """
         named, _ = self._checked()
-        changed = None if named else Path(self.text.rpartition(":")[0]).stat().st_mtime_ns
+        changed = None if named else Path(self.solid.rpartition(":")[0]).stat().st_mtime_ns
         return _relief(self.text, float(heading), float(edge), changed)
 
     @property
     def spoken(self) -> str:
-        """Such as ``"rough ground (rough:0.01)"``."""
+        """Such as ``"smooth random hills of sand (rough:0.01+sand:2e5)"``."""
         named, _ = self._checked()
         told = "ground of a file" if named is None else named.told
-        return f"{told} ({self.text})"
+        sand = " of sand" if self.yield_per_depth else ""
+        water = " with water" if self.water else ""
+        return f"{told}{sand}{water} ({self.text})"
 
 
 def is_ground(text: str) -> bool:
     """Whether a name begins like that of a kind of ground, or of a file of heights."""
-    return text.partition(":")[0] in GROUNDS or Path(text.rpartition(":")[0]).suffix.lower() in FILES
+    first = text.partition(":")[0]
+    return (
+        first in GROUNDS or (first in COVERS and first != text) or Path(text.rpartition(":")[0]).suffix.lower() in FILES
+    )
 
 
 def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
@@ -198,13 +270,14 @@ def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
 
 def _way(kind: str) -> str:
     """How a kind of ground is written, such as ``stairs:RISE,RUN[,START]``."""
-    first, *others = GROUNDS[kind].numbers
+    first, *others = (GROUNDS | COVERS)[kind].numbers
     return f"{kind}:{first[0]}" + "".join(f",{name}" if value is None else f"[,{name}]" for name, value in others)
 
 
 def ways() -> str:
     """How all kinds of ground are written."""
-    return ", ".join([*map(_way, GROUNDS), "FILE.npy:SPACING", "FILE.png:HEIGHT,SPACING"])
+    on_it = " or ".join(f"+{_way(kind)}" for kind in COVERS)
+    return ", ".join([*map(_way, GROUNDS), "FILE.npy:SPACING", f"FILE.png:HEIGHT,SPACING; on any of them {on_it}"])
 
 
 @lru_cache(maxsize=16)
@@ -222,7 +295,8 @@ def _relief(text: str, heading: float, edge: float, changed: int | None) -> "Rel
     values, friction = _values(text, x * cosine + y * sine, y * cosine - x * sine)
     heights = np.zeros(values.shape) if friction else values
     try:
-        return Relief(heights, spacing, (float(low[0]), float(low[1])), values if friction else None)
+        origin, ground = (float(low[0]), float(low[1])), Ground(text)
+        return Relief(heights, spacing, origin, values if friction else None, ground.water, ground.yield_per_depth)
     except ValueError as refused:
         raise ValueError(f"terrain: {text!r} on a grid of {spacing:g} m: {refused}") from None
 
@@ -234,7 +308,7 @@ def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, bool]:
     named, numbers = Ground(text)._checked()
     if named is not None:
         return named.make(along, across, *numbers), named.friction
-    table = _table(text.rpartition(":")[0])
+    table = _table(Ground(text).solid.rpartition(":")[0])
     *height, spacing = numbers
     if height:
         table = table * height[0]

@@ -61,7 +61,8 @@ class Terrain:
             ``InflatableActuation``; None keeps what they follow from.
         static_friction, kinetic_friction: Coulomb coefficients that replace those of all materials of a lattice robot;
             None keeps them.
-        ground: uneven ground, see ``robots.ground``, such as ``"rough:0.01"``; tilted with the slope. None is a plane.
+        ground: uneven ground, sand or water, see ``robots.ground``, such as ``"rough:0.01"``; tilted with the slope.
+            None is a plane.
         light: place (x, y) of a light that robots may feel, ahead of where they start and to the left of it [m].
         props: bodies beside the robot, see ``robots.props``; None without any.
     """
@@ -86,8 +87,8 @@ class Terrain:
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
         object.__setattr__(self, "props", tuple(_prop(each) for each in self.props or ()) or None)
-        if self.ground is not None:
-            Ground(self.ground)
+        if self.ground is not None and Ground(self.ground).water and self.slope:
+            raise ValueError(f"slope: {self.slope} is not allowed with water, which is level; give a ramp")
         low, high = self.low_friction, self.high_friction
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
@@ -97,7 +98,7 @@ class Terrain:
                 if value := getattr(self, field):
                     raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
         for field in FLUID_FIELDS[1:]:
-            if not self.is_fluid and (value := getattr(self, field)) is not None:
+            if not self.is_wet and (value := getattr(self, field)) is not None:
                 raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
 
     def _check_materials(self) -> None:
@@ -125,6 +126,11 @@ class Terrain:
     def is_fluid(self) -> bool:
         """Whether robots are in a fluid, or on ground."""
         return self.fluid_density is not None
+
+    @property
+    def is_wet(self) -> bool:
+        """Whether a fluid is around robots, or water on the ground."""
+        return self.is_fluid or (self.ground is not None and Ground(self.ground).water is not None)
 
     @property
     def name(self) -> str:
@@ -168,8 +174,9 @@ class Terrain:
 
     @property
     def resistance(self) -> tuple[float, float]:
-        """Half the fluid's density times the coefficients of pressure drag and friction [kg/m^3]; zero without."""
-        half = 0.5 * (self.fluid_density or 0.0)
+        """Half the density of the fluid or water times the coefficients of pressure drag and friction [kg/m^3]."""
+        water = Ground(self.ground).water if self.ground else None
+        half = 0.5 * (water.density if water else self.fluid_density or 0.0)
         pressure = PRESSURE_DRAG if self.pressure_drag is None else self.pressure_drag
         friction = FRICTION_DRAG if self.friction_drag is None else self.friction_drag
         return half * pressure, half * friction
@@ -200,7 +207,7 @@ class Terrain:
             props = tuple(map(Prop.parse, given))
             return dataclasses.replace(cls.parse(text), light=places[0] if places else None, props=props)
         hill, plus, ground = text.partition("+")
-        if plus and hill.partition(":")[0] in ("flat", "hill", "water"):
+        if plus and (hill in ("flat", "water") or hill.partition(":")[0] == "hill"):
             return dataclasses.replace(cls.parse(hill), ground=ground)
         kind, _, degrees = text.partition(":")
         if text == "flat":
@@ -353,14 +360,14 @@ def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     """The terrain of each of ``count`` robots of a batch: one for all, or one each, with the same around all of them.
 
     Raises:
-        ValueError: for another number of terrains, or ground for some and a fluid for others.
+        ValueError: for another number of terrains, or dry ground for some and a fluid or water for others.
     """
     if isinstance(terrain, Terrain):
         return [terrain] * count
     terrains = [terrain_of(each) for each in ([terrain] if isinstance(terrain, str) else terrain)]
     if len(terrains) != count:
         raise ValueError(f"terrain: {len(terrains)} are not allowed for {count} designs; give one, or one each")
-    if len({each.is_fluid for each in terrains}) > 1:
+    if len({(each.is_fluid, each.is_wet) for each in terrains}) > 1:
         raise ValueError("terrain: ground and a fluid are not allowed in one batch; give a batch for either")
     return terrains
 

@@ -133,6 +133,10 @@ def on_ground(world: World) -> World:
             f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope or uneven ground, "
             "such as hill:5 or rough:0.01, and friction by the robot"
         )
+    if terrain.ground is not None and (covers := Ground(terrain.ground).covers):
+        raise ValueError(
+            f"terrain: {covers[0]!r} is not allowed for an articulated robot; it stands on firm, dry ground"
+        )
     return terrain
 
 

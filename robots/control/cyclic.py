@@ -70,7 +70,7 @@ def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
     """What a terrain does to all regions of a robot that heads somewhere [degrees]: weight, a fluid's resistance."""
     pull = weights(terrain, np.array(heading))[1]
     found = {Quantity.ACCELERATION + axis: float(part) for axis, part in enumerate(pull)}
-    if terrain.is_fluid:
+    if terrain.is_wet:
         found |= {Quantity.RESISTANCE + part: value for part, value in enumerate(terrain.resistance)}
     return found
 

@@ -210,7 +210,7 @@ class RobotEvents:
                 self._set(Quantity.SCALE + axis, sizes, skin)
                 self._set(Quantity.SCALE + axis, self.bladder_sizes[axis], BLADDER_REGIONS)
         self._set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
-        if self.terrain.is_fluid:
+        if self.terrain.is_wet:
             for part, resistance in enumerate(self.terrain.resistance):
                 self._set(Quantity.RESISTANCE + part, resistance, self.everywhere)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robots.view.motion import BALL, LIGHT_COLOUR, Motion
 from robots.view.scene import GROUND, Colour
-from robots.view.uneven import around, nodes, shades, triangles
+from robots.view.uneven import around, is_plain, node_tints, nodes, triangles
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
@@ -105,9 +105,8 @@ def _add_ground(document: dict[str, Any], numbers: "_Numbers", motion: Motion) -
         return
     places = nodes(relief, motion.ground.level).astype(np.float32)
     attributes = {"POSITION": numbers.add(places, ARRAY, bounds=True)}  # without normals it is seen as flat triangles
-    if relief.friction is not None:
-        shade = (shades(relief.friction, whole).ravel() ** GAMMA).astype(np.float32)
-        attributes["COLOR_0"] = numbers.add(np.repeat(shade[:, None], 3, axis=1), ARRAY)
+    if not is_plain(relief):
+        attributes["COLOR_0"] = numbers.add((node_tints(relief, whole) ** GAMMA).astype(np.float32), ARRAY)
     indices = numbers.add(triangles(relief).astype(np.uint16).ravel(), INDICES)
     primitive = {"attributes": attributes, "indices": indices, "material": len(document["materials"])}
     document["materials"].append(_material(GROUND))

@@ -20,7 +20,7 @@ from robots.view.colouring import colouring
 from robots.view.mesh import boxes, faces, joined_corners
 from robots.view.motion import Motion
 from robots.view.scene import GROUND
-from robots.view.uneven import around, nodes, shades, triangles
+from robots.view.uneven import around, nodes, tints, triangles
 from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.files import write_bytes, write_text
 
@@ -135,17 +135,15 @@ def _ground(motion: Motion) -> bytes | None:
     if relief is None or whole is None:
         return None
     corners = triangles(relief)
-    shade, friction = np.ones(len(corners)), np.ones(len(corners))
-    if relief.friction is not None:
-        friction = relief.friction.ravel()[corners].mean(axis=1)
-        shade = shades(friction, whole)
+    friction = np.ones(relief.heights.shape) if relief.friction is None else relief.friction
+    friction, heights = (table.ravel()[corners].mean(axis=1) for table in (friction, relief.heights))
     cells = {
         "connectivity": corners.ravel().astype("i4"),
         "offsets": np.arange(3, 3 * len(corners) + 1, 3, dtype="i4"),
     }
     data = {
         "friction": friction.astype("f4"),
-        "colour": np.round(255 * shade[:, None] * np.array(GROUND)).astype("u1"),
+        "colour": np.round(255 * tints(heights, friction, whole) * np.array(GROUND)).astype("u1"),
     }
     return _file("PolyData", "Polys", len(corners), nodes(relief, motion.ground.level), cells, data)
 

@@ -22,7 +22,7 @@ from robots.view.drawing import NO_SHIFT, draw_path, draw_polygons, draw_scale_b
 from robots.view.mesh import ball_at, faces
 from robots.view.motion import LIGHT_COLOUR, Motion
 from robots.view.scene import GROUND, GROUND_LINE, INK, Camera, Polygons, paint
-from robots.view.uneven import Pieces, hidden, pieces
+from robots.view.uneven import WATER_TINT, Pieces, below_water, hidden, pieces
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
@@ -100,6 +100,8 @@ class Setting:
         if relief is not None:
             seen = ~hidden(quads.mean(axis=1), relief, self.motion.ground.level, self.camera)
             quads, colours = quads[seen], colours[seen]
+            wet = below_water(quads[..., 2].mean(axis=1) - self.motion.ground.level, relief)
+            colours = colours * np.where(wet[:, None], WATER_TINT, 1.0)
         for light in self.lights:
             ball = ball_at(light, self.motion.light_radius)
             quads, colours = np.concatenate([quads, ball]), np.concatenate([colours, [LIGHT_COLOUR] * len(ball)])

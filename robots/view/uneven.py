@@ -1,6 +1,6 @@
 """Uneven ground below motions: its nodes for files, its pieces for pictures, and what it hides."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ DARKEST = 0.3  # how much darker ground is where its friction is largest
 LEAST_LIT = 0.65  # brightness of slopes that no light reaches
 CONTRAST = 1.2  # of slopes, against what light makes of robots
 MOST_STEPS = 64  # from a point towards the viewer
+WATER_TINT = (0.55, 0.78, 1.0)  # factors of the colours of what is below water
 LEFT_BELOW = 0.04  # thickness of the ground at its lowest place, in widths of what is seen
 
 
@@ -33,7 +34,8 @@ def cut(relief: Relief, low: Floats, high: Floats, most: int = MOST_NODES) -> Re
     table = np.ix_(*(np.clip(k, 0, count - 1) for k, count in zip(nodes, relief.heights.shape, strict=True)))
     x, y = (relief.origin + first * relief.spacing).tolist()
     friction = None if relief.friction is None else relief.friction[table]
-    return Relief(relief.heights[table], step * relief.spacing, (x, y), friction)
+    spacing = step * relief.spacing
+    return replace(relief, heights=relief.heights[table], spacing=spacing, origin=(x, y), friction=friction)
 
 
 def around(motion: Motion) -> Relief | None:
@@ -58,11 +60,34 @@ def triangles(relief: Relief) -> Ints:
     return np.stack([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)], axis=1).reshape(-1, 3)
 
 
-def shades(friction: Floats, relief: Relief) -> Floats:
-    """Brightness of ground by its friction, 1 where the ground has its smallest: the darker, the more it grips."""
-    assert relief.friction is not None
-    low, high = float(relief.friction.min()), float(relief.friction.max())
-    return 1 - DARKEST * np.clip((friction - low) / max(high - low, 1e-12), 0, 1)
+def tints(heights: Floats, friction: Floats, whole: Relief) -> Floats:
+    """Factors of the colour of ground, red, green, blue: darker the more it grips, blue below water, shape (N, 3).
+
+    Args:
+        heights: of places on a ground [m], shape (N,).
+        friction: factors of friction there, shape (N,).
+        whole: the ground; where it has its smallest friction it is not darkened.
+    """
+    low, high = (1.0, 1.0) if whole.friction is None else (float(whole.friction.min()), float(whole.friction.max()))
+    shade = 1 - DARKEST * np.clip((friction - low) / max(high - low, 1e-12), 0, 1)
+    return shade[:, None] * np.where(below_water(heights, whole)[:, None], WATER_TINT, 1.0)
+
+
+def node_tints(relief: Relief, whole: Relief) -> Floats:
+    """:func:`tints` of the nodes of a part of a ground."""
+    friction = np.ones(relief.heights.shape) if relief.friction is None else relief.friction
+    return tints(relief.heights.ravel(), friction.ravel(), whole)
+
+
+def below_water(heights: Floats, relief: Relief) -> Bools:
+    """Whether heights over the floor [m] are below the water of a ground."""
+    found: Bools = heights < (relief.water.level if relief.water else -np.inf)
+    return found
+
+
+def is_plain(relief: Relief) -> bool:
+    """Whether a ground has the same colour everywhere."""
+    return relief.friction is None and relief.water is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +134,15 @@ def pieces(relief: Relief, level: float, camera: Camera, area: Floats) -> Pieces
     light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
     steep = CONTRAST * (1.05 - AMBIENT) * (np.clip(normals @ light, 0, None) - light[2])
     bright = np.clip(1 + steep, LEAST_LIT, 1.06)
-    if relief.friction is not None:
-        bright = bright * shades(relief.factor(*quads[..., :2].mean(axis=1).T), relief)
+    middles = quads.mean(axis=1)
+    tinted = bright[:, None] * tints(middles[:, 2] - level, relief.factor(*middles[:, :2].T), relief)
     facing = normals @ camera.toward > 0
     lines = _ridges(points, facing.reshape(len(points) - 1, -1))
     lines = lines[~hidden(lines.mean(axis=1) + np.array([0.0, 0.0, 0.1 * step]), relief, level, camera)]
     seen = np.flatnonzero(facing)
     seen = seen[np.argsort(quads[seen].mean(axis=1) @ camera.toward, kind="stable")]
     base = float(points[..., 2].min() - LEFT_BELOW * np.ptp(area, axis=1).max())
-    colours = np.clip(bright[seen, None] * np.array(GROUND), 0, 1)
+    colours = np.clip(tinted[seen] * np.array(GROUND), 0, 1)
     end = points[-1 if camera.shift_right > 0 else 0]
     return Pieces(quads[seen], colours, points[:, 0], end, lines, base)
 

@@ -70,7 +70,7 @@ def granular_hold(friction, size, depth, yield_per_depth):
     """Most force sideways [N] of ground with so much friction under a voxel: with ploughing, if it yields.
 
     Ploughing takes half the depth times the buried area of a side times 0.37 of the stress downwards: that on a plate
-    upright which is dragged flat side first (C11, C01 and C-11 of table 1 in Li, Zhang, Goldman, 2013).
+    upright which is dragged flat side first (the generic coefficients C11, C01 and C-11 of Li, Zhang, Goldman, 2013).
     """
     ploughing = 0.5 * DRAGGED * yield_per_depth * size * depth * depth
     return select(yield_per_depth < FIRM, friction + ploughing, friction)

@@ -1,6 +1,6 @@
 """The beam lattice: soft bodies of voxels joined by beams, after Voxelyze (Hiller & Lipson 2014)."""
 
-from taichi_sim.ground.relief import Relief
+from taichi_sim.ground.relief import Relief, Water
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.engine import LatticeEngine, LatticeResult, LatticeState
 from taichi_sim.lattice.feedback import Decision, Feedback, Felt
@@ -24,5 +24,6 @@ __all__ = [
     "Quantity",
     "Relief",
     "Tape",
+    "Water",
     "body_from_array",
 ]

@@ -11,7 +11,7 @@ from robots.ground import GROUNDS, Ground
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.journeys import Leg, simulate_journey
-from robots.world import Terrain, medium_of, standing
+from robots.world import Terrain, medium_of, one_each, standing
 
 EDGE = 0.01
 
@@ -75,13 +75,32 @@ def test_files_of_heights(tmp_path):
 
 def test_terrains_with_uneven_ground_are_written_and_read():
     """By name and by record; earlier records stay as they were."""
-    for text in ("rough:0.01", "hill:5+stairs:0.01,0.1", "patches:0.5,1"):
+    for text in ("rough:0.01", "hill:5+stairs:0.01,0.1", "patches:0.5,1", "sand:200000", "ramp:-5+sand:2e5+water:0"):
         terrain = Terrain.parse(text)
         assert terrain.name == text and Terrain.parse(terrain.name) == terrain
         assert Terrain(**json.loads(json.dumps(terrain.document))) == terrain
     assert "ground" not in Terrain().document
     assert "smooth random hills" in Terrain.parse("hill:5+rough:0.01").spoken
     assert Terrain(5.0).spoken == "up a slope of 5°" and Terrain().spoken == "on flat ground"
+
+
+def test_sand_and_water_lie_on_ground_of_any_kind(tmp_path):
+    """Level ground needs no name; names of files may have a plus."""
+    np.save(tmp_path / "a+b.npy", np.zeros((3, 3)))
+    for solid in ("", "rough:0.01", f"{tmp_path / 'a+b.npy'}:0.1"):
+        ground = Ground("+".join([*filter(None, [solid]), "sand:2e5", "water:0.02,1025"]))
+        relief = ground.relief(0, EDGE)
+        assert ground.solid == solid and relief.yield_per_depth == 2e5
+        assert relief.water is not None and (relief.water.level, relief.water.density) == (0.02, 1025.0)
+        assert np.array_equal(relief.heights, Ground(solid).relief(0, EDGE).heights if solid else 0 * relief.heights)
+    assert Terrain.parse("water:0.02,1025").resistance == pytest.approx((0.5 * 1025 * 1.2, 0.5 * 1025 * 0.02))
+    assert Ground("rough:0.01+sand:2e5").spoken == "smooth random hills of sand (rough:0.01+sand:2e5)"
+
+
+def test_wet_and_dry_ground_are_not_in_one_batch():
+    """In one line."""
+    with pytest.raises(ValueError, match=r"^terrain: ground and a fluid are not allowed in one batch"):
+        one_each([Terrain.parse("water:0.02"), Terrain()], 2)
 
 
 def test_every_kind_is_offered():
@@ -104,6 +123,11 @@ def test_every_kind_is_offered():
         ("no.npy:0.1", "'no.npy' is no file"),
         ("no.png:0.1", "'no.png:0.1' is not allowed; give FILE.png:HEIGHT,SPACING"),
         ("water+rough:0.01", "ground: rough:0.01 is not allowed in a fluid"),
+        ("rough:0.01+sand", "'rough:0.01+sand' lacks YIELD; give sand:YIELD"),
+        ("sand:0", "YIELD 0 of 'sand:0' is not allowed; give more than 0"),
+        ("sand:1+sand:2", "'sand:1+sand:2' is not allowed; give each of sand, water once"),
+        ("flat+water:0,-1", "DENSITY -1 of 'water:0,-1' is not allowed; give more than 0"),
+        ("hill:5+water:0", "slope: 5.0 is not allowed with water"),
     ],
 )
 def test_bad_input(text, message):
@@ -139,6 +163,16 @@ def test_journeys_keep_to_planes():
     """In one line."""
     with pytest.raises(ValueError, match=r"uneven ground .* is not allowed in a journey"):
         simulate_journey([Leg(ROLLING, Terrain.parse("rough:0.01"))])
+
+
+@pytest.mark.kernels
+def test_inflatable_robots_on_sand_and_in_water():
+    """It sinks in a little, or floats away from where it rolled, with a skin that pressure keeps closed."""
+    gait = replace(ROLLING, schedule=ROLLING.schedule.cut(1, 1))
+    options = {"geometry": NAMED_GEOMETRIES["small"], "precision": "f32"}
+    found = [simulate([gait], Terrain.parse(text), **options) for text in ("flat", "sand:1e5", "water:0.05")]
+    assert all((each.status == "ok").all() for each in found)
+    assert len({round(float(each.distance[0]), 6) for each in found}) == 3
 
 
 @pytest.mark.kernels

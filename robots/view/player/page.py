@@ -14,7 +14,7 @@ import numpy as np
 
 from robots.view.motion import Channel, Ground, Motion, Skin, diameter
 from robots.view.player.packing import Packed, pack
-from robots.view.uneven import cut, shades
+from robots.view.uneven import cut, is_plain, node_tints
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import FACE_CORNERS
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
@@ -141,8 +141,8 @@ def _relief(ground: Ground, ends: Floats, frame: Floats) -> dict[str, Any]:
         "spacing": part.spacing,
         "origin": list(part.origin),
     }
-    if part.friction is not None:
-        told["shades"] = _list(shades(part.friction, ground.relief).ravel(), 3)
+    if not is_plain(part):
+        told["tints"] = _list(node_tints(part, ground.relief).ravel(), 3)
     return {"relief": told}
 
 

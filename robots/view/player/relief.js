@@ -58,8 +58,9 @@ class Relief {
       const bright = Math.min(Math.max(1 + CONTRAST * (Math.max(normal.dot(light), 0) - light.z), DARKEST), 1.06);
       corners.forEach(([i, j], k) => {
         places.push(...[a, b, c][k].toArray());
-        const shade = (bright * (this.shades ? this.shades[i * long + j] : 1)) ** 2.2; // as light adds up
-        colours.push(shade, shade, shade);
+        for (let k = 0; k < 3; k++) { // as light adds up
+          colours.push((bright * (this.tints ? this.tints[3 * (i * long + j) + k] : 1)) ** 2.2);
+        }
       });
     };
     for (let i = 0; i < wide - 1; i++) {

@@ -21,7 +21,7 @@ from robots.view.player import page
 from robots.view.scene import Camera, shadow
 from robots.view.soft_motion import lattice_robot_motion
 from robots.view.still import setting, still_picture
-from robots.view.uneven import MOST_NODES, around, cut, hidden, nodes, pieces, shades, triangles
+from robots.view.uneven import MOST_NODES, around, cut, hidden, node_tints, nodes, pieces, triangles
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, Material, Relief
 
@@ -115,7 +115,7 @@ def test_large_ground_keeps_some_of_its_nodes_and_goes_on_beyond_its_grid():
 def test_friction_is_seen_by_shade(tmp_path):
     motion, ground = on("patches:0.5,2,0.2"), relief("patches:0.5,2,0.2")
     assert ground.friction is not None
-    shade = shades(ground.friction, ground)
+    shade = node_tints(ground, ground).max(axis=1)
     assert shade.max() == 1 and ground.friction.ravel()[shade.argmin()] == ground.friction.max()
     save_glb(motion, tmp_path / "a.glb")
     document, values = read_glb(tmp_path / "a.glb")
@@ -123,6 +123,22 @@ def test_friction_is_seen_by_shade(tmp_path):
     assert np.ptp(colours) > 0.2 and colours.max() <= 1
     drawn = pieces(ground, LEVEL, Camera(), np.array([[0.0, 1.0], [0.0, 1.0]]))
     assert np.ptp(drawn.colours) > 0.2
+
+
+def test_what_is_below_water_is_blue(tmp_path):
+    name = "ramp:-10,0.1+water:-0.02"
+    motion, ground = on(name), relief(name)
+    assert ground.water is not None
+    tinted = node_tints(ground, ground)
+    wet = ground.heights.ravel() < ground.water.level
+    assert wet.any() and not wet.all()
+    assert (tinted[wet, 2] > tinted[wet, 0]).all() and (tinted[~wet] == 1).all()
+    save_glb(motion, tmp_path / "a.glb")
+    document, values = read_glb(tmp_path / "a.glb")
+    colours = values(document["meshes"][-1]["primitives"][0]["attributes"]["COLOR_0"])
+    assert np.ptp(colours[:, 0]) > 0.2 and np.ptp(colours[:, 2]) == 0
+    drawn = pieces(ground, LEVEL, Camera(), np.array([[0.0, 1.0], [0.0, 1.0]]))
+    assert np.ptp(drawn.colours[:, 0]) > 0.2
 
 
 def test_shadows_lie_on_the_ground():
@@ -187,7 +203,7 @@ def test_pages_have_the_ground_that_is_seen(name, heading):
     signs = np.array([[a, b] for a in (-0.5, 0.5) for b in (-0.5, 0.5)])
     corners = shown["middle"] + signs * shown["size"] @ frame
     assert (corners >= [x[0] - 1e-9, y[0] - 1e-9]).all() and (corners <= [x[-1] + 1e-9, y[-1] + 1e-9]).all()
-    assert ("shades" in told) == name.startswith("patches")
+    assert ("tints" in told) == name.startswith("patches")
 
 
 def test_a_page_of_a_plane_has_no_relief():
