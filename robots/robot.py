@@ -100,6 +100,7 @@ class Robot:
     descriptors: Mapping[
         str, tuple[float, float]
     ] = {}  # what trials tell of kinds of designs, with its lowest and highest
+    feels = False  # whether :meth:`readings` tells what its senses read
     horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
 
     @property
@@ -157,6 +158,14 @@ class Robot:
             ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
         """
         return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
+
+    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
+        """What the senses of N designs, shape (N, P), read in a world: about ``samples`` over time, shape (N, S, T).
+
+        Raises:
+            ValueError: if robots of this kind feel nothing.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} feels nothing")
 
     def simulate_in(
         self,

@@ -56,6 +56,7 @@ class VehicleRobot(Robot):
         Measure("solved", "", "whether the light is reached"),
     )
     differentiable = True
+    feels = True
     horizons = (100, 300, 1000)
 
     def __post_init__(self) -> None:
@@ -137,6 +138,12 @@ class VehicleRobot(Robot):
         status = np.where(done.diverged[:, 0, 0] & ~(closest < task.radius), "diverged", "ok")
         steps = np.full(len(closest), task.steps)
         return Outcome(_measures(closest, task), status, steps=steps, frames=frames, result=result)
+
+    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
+        """Light at the sensors of N vehicles over time [1/m^2], shape (N, S, T)."""
+        task = self.task_in(world)
+        found = vehicle.trace(self.batch(points), task, every=-(-task.steps // samples), **compute.options)
+        return np.asarray(found.readings[:, 0, 0], float)
 
     def slopes(self, found: Any) -> Floats:
         """d closest / d parameter of a ``VehicleGradient`` of one controller a body, shape (N, E, P)."""

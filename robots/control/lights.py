@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.control.neural import TIME_STEP, Lights
 from robots.outcome import recorded
-from robots.robot import Option, Outcome, Robot, RobotKind, Trial, World, counted
+from robots.robot import HERE, Option, Outcome, Robot, RobotKind, Trial, World, counted
 from robots.world import Environment
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import value_of
 
 
@@ -94,6 +96,7 @@ class LightSeeker(Robot):
 
     looks: int
     differentiable = True
+    feels = True
 
     @abstractmethod
     def rollout(self, points: Floats, trial: Trial, lights: Lights) -> Any:
@@ -112,6 +115,12 @@ class LightSeeker(Robot):
         return Outcome(
             measures, rollouts.status, steps=rollouts.steps, gradients=gradients, frames=frames, result=found
         )
+
+    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
+        """What the sensors of N controllers read over time, shape (N, S, T)."""
+        every = max(1, self.steps // samples)
+        found = self.simulate(points, world, compute=compute, record_every=every).result.rollouts.frames.readings
+        return np.asarray(np.moveaxis(found, 0, -1), float)
 
     @property
     def steps(self) -> int:

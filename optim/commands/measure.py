@@ -1,0 +1,133 @@
+"""``morpholab measure``: what the body of a robot does to learning, by controllers tried in several environments."""
+
+import argparse
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from optim.commands import Report, goes_on, options
+from optim.commands.options import QUIET, Command, Option, count, path_to
+from optim.commands.robots import kinds_of_robot
+from optim.progress import shown_progress
+from optim.wording import counted
+from robots.robot import Robot, RobotKind, find_robot_doing, make_robot
+from robots.tasks import Success
+
+if TYPE_CHECKING:
+    from optim.experiments.body_metrics import BodyMetrics, Environments
+
+
+def _own(kind: RobotKind) -> list[Option]:
+    return list(kind.options_for("measure"))
+
+
+COMMAND = Command(
+    "measure",
+    "measure what a robot's body does to learning",
+    "Try controllers of a robot, drawn at random or all on a grid, in several environments: M_L is the share that "
+    "succeeds in all of them, M_CI that share of those that succeed in any. Climbers that mutate controllers tell how "
+    "much what helps in one environment harms in others (M1 to M4 of chapter 2); senses, how alike environments look "
+    "to controllers that succeed everywhere. The same command goes on where an earlier one was.",
+    (
+        options.robot("all that is free of it counts as its controller"),
+        Option(
+            "environments",
+            "a world of the robot, such as flat, hill:5 or the number of a light; repeat it (default: the robot's own)",
+            metavar="WORLD",
+            several=True,
+        ),
+        Option(
+            "success",
+            "what a controller has to keep, such as 'speed >= 0.2'; one for all environments, or repeat it, one for "
+            "each",
+            options.checked(Success.parse),
+            "BOUND",
+            several=True,
+            required=True,
+        ),
+        count("controllers", 1, "drawn at random (default: 1000)", default=1000),
+        count("grid", 2, "values of each variable, instead, of which all combinations are tried"),
+        count("climbers", 0, "that mutate controllers, for M1 to M4 (default: 0)", default=0),
+        count("generations", 1, "of their mutations (default: 50)", default=50),
+        count("seed", 0, "(default: 0)", default=0),
+        path_to("out", "DIR", "folder of the results", required=True),
+        QUIET,
+    ),
+    options.simulation("that of searches, f64 of most kinds"),
+    kinds_of_robot,
+    _own,
+)
+
+
+@goes_on
+def run(args: argparse.Namespace) -> Report:
+    """Measure, and write ``metrics.json``."""
+    from optim.experiments.body_metrics import Measuring, check_bounds, controllers_of, measure_body
+    from optim.space import Space
+    from taichi_sim.base.files import write_text
+    from taichi_sim.base.results_folder import ResultsFolder
+
+    kind, source = find_robot_doing(args.robot)
+    given = args.parser.values(args, kind)
+    robot = make_robot(kind, source, given)
+    environments = _environments(kind, robot, args.environments, args.success)
+    check_bounds(robot, environments)
+    settings = Measuring(args.controllers, args.grid or 0, args.climbers, args.generations, args.seed)
+    controllers_of(Space(tuple(robot.parameters)), settings)  # refuses a grid that is too large
+    compute = options.compute(args, kind.search_precision)
+    said = {
+        "robot": {"kind": kind.name, **_plain(robot.describe())},
+        "environments": [world.name for world in environments.worlds],
+        "success": [[bound.text for bound in bounds] for bounds in environments.success],
+        **settings.describe(),
+        "precision": compute.precision,
+    }
+    folder = ResultsFolder(args.out, "measures", said)
+    with shown_progress(counted(settings.controllers, "controller"), 1.0, args.quiet) as update:
+        found = measure_body(robot, environments, settings, compute, folder, update)
+    document = {"folder": str(args.out), "robot": robot.name, "environments": said["environments"], **found.document()}
+    write_text(args.out / "metrics.json", json.dumps(document, indent=2, allow_nan=False) + "\n")
+    return Report(document, "\n".join(_lines(robot, environments, found)))
+
+
+def _environments(kind: RobotKind, robot: Robot, worlds: list[str] | None, bounds: list[Success]) -> "Environments":
+    """Worlds and what has to be kept in each.
+
+    Raises:
+        ValueError: for worlds that the kind does not have, and bounds that are neither one nor one each.
+    """
+    from optim.experiments.body_metrics import Environments
+
+    found = tuple(kind.world(text) for text in worlds) if worlds else tuple(robot.worlds)
+    if len(bounds) not in (1, len(found)):
+        raise ValueError(f"success: {len(bounds)} are not allowed for {len(found)} environments; give one, or one each")
+    each = bounds if len(bounds) > 1 else bounds * len(found)
+    return Environments(found, tuple((bound,) for bound in each))
+
+
+def _plain(described: Any) -> Any:
+    """A description as JSON keeps it."""
+    return json.loads(json.dumps(described, default=lambda value: getattr(value, "tolist", lambda: str(value))()))
+
+
+def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> list[str]:
+    sampled = found.sampled
+    lines = [f"{robot.name}: {counted(sampled.learnability.of, 'controller')}"]
+    for world, bounds, share in zip(environments.worlds, environments.success, sampled.each, strict=True):
+        lines.append(f"  {world.name}, {' and '.join(b.text for b in bounds)}: {_share(share)}")
+    lines.append(f"M_L, succeed in all: {_share(sampled.learnability)}")
+    lines.append(f"M_CI, of those that succeed in any: {_share(sampled.resistance)}; {sampled.alone:.4f} by chance")
+    if (mutations := found.mutations) is not None:
+        lines.append(
+            f"mutations that were kept, {mutations.changes} of the champion: M1 {mutations.worst:.4g} of the bound "
+            f"missing, M2 {mutations.angle:.1f} degrees, M3 {mutations.length:.4g}, M4 {mutations.share:.3f}"
+        )
+    if found.felt is not None:
+        distance, low, high, number = found.felt
+        lines.append(f"homeostasis: {distance:.4g} ({low:.4g} to {high:.4g}), of {counted(number, 'controller')}")
+    return lines
+
+
+def _share(share: Any) -> str:
+    values = asdict(share)
+    return "{count} of {of}, {value:.4f} ({low:.4f} to {high:.4f})".format(**values)

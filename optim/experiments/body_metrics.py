@@ -1,0 +1,251 @@
+"""What a body does to learning, for any robot: sampled controllers tried in several environments.
+
+Of a robot whose body is fixed, all that is free is its controller. Controllers that are drawn or lie on a grid tell M_L
+and M_CI; climbers that mutate them tell M1 to M4 of chapter 2; what those that succeed everywhere feel tells how alike
+environments look (homeostasis).
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.study import Count, Settings, Whole
+from optim.measures import homeostasis
+from optim.measures.catastrophic_interference import RunMeasures, measure_run
+from optim.measures.sampled import SampledMetrics, sampled_metrics
+from optim.measures.statistics import mean_interval
+from optim.space import Space
+from robots.robot import Robot, Trial, World
+from robots.tasks import Success
+from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.signals import warping_distances
+
+AT_ONCE = 256  # controllers that are tried together, and kept together
+GENERATIONS_AT_ONCE = 10
+MOST_ON_GRID = 2_000_000
+FELT_BY = 20  # controllers whose senses are compared, at most
+SAMPLES = 500  # of what they feel in a trial
+
+
+@dataclass(frozen=True)
+class Measuring(Settings):
+    """How a body is measured.
+
+    Attributes:
+        controllers: drawn at random from the whole space.
+        grid: values of each variable on a grid of all controllers, from its lowest to its highest, instead; 0 for none.
+        climbers: that mutate controllers, for M1 to M4; 0 for none.
+        generations: of their mutations.
+        seed: of all that is drawn.
+    """
+
+    controllers: Count = 1000
+    grid: Whole = 0
+    climbers: Whole = 0
+    generations: Count = 50
+    seed: Whole = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.grid == 1:
+            raise ValueError(f"grid: {self.grid} is not allowed; give at least 2 values, or 0 for none")
+
+
+@dataclass(frozen=True)
+class Environments:
+    """Where a robot is tried, and what has to be kept in each.
+
+    Attributes:
+        worlds: E of them, at least 1.
+        success: bounds in each, (E,) sets of at least one; the first measures how far a controller is from success.
+    """
+
+    worlds: tuple[World, ...]
+    success: tuple[tuple[Success, ...], ...]
+
+    def __post_init__(self) -> None:
+        if not self.worlds or len(self.success) != len(self.worlds) or not all(self.success):
+            raise ValueError(f"success: {len(self.success)} sets of bounds do not fit {len(self.worlds)} environments")
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMetrics:
+    """What was measured of a body.
+
+    Attributes:
+        succeeded: which controllers succeeded where, shape (N, E).
+        sampled: M_L, M_CI.
+        mutations: M1 to M4 of the climbers, whose distances are margins below the bounds, in bounds; None without.
+        felt: mean warping distance between what controllers that succeed everywhere feel in two environments, with its
+            95 % interval, and how many these were; None if none does, or the robot feels nothing.
+    """
+
+    succeeded: Bools
+    sampled: SampledMetrics
+    mutations: RunMeasures | None = None
+    felt: tuple[float, float, float, int] | None = None
+
+    def document(self) -> dict[str, Any]:
+        """All of it but single controllers, fit for JSON."""
+        felt = (
+            None if self.felt is None else dict(zip(("distance", "low", "high", "controllers"), self.felt, strict=True))
+        )
+        mutations = None if self.mutations is None else asdict(self.mutations)
+        if mutations:
+            mutations = {name: None if value != value else value for name, value in mutations.items()}
+        return {**asdict(self.sampled), "mutations": mutations, "felt": felt}
+
+
+def controllers_of(space: Space, settings: Measuring) -> list[Floats]:
+    """All controllers that are tried, in parts of ``AT_ONCE`` and fewer.
+
+    Raises:
+        ValueError: for a grid that is too large, or of variables that have no values between their bounds.
+    """
+    if not settings.grid:
+        counts = [min(AT_ONCE, settings.controllers - first) for first in range(0, settings.controllers, AT_ONCE)]
+        return [space.sample(np.random.default_rng((settings.seed, n)), count) for n, count in enumerate(counts)]
+    if settings.grid**space.size > MOST_ON_GRID:
+        raise ValueError(
+            f"grid: {settings.grid} values of {space.size} variables are too many; leave it out, and draw --controllers"
+        )
+    axes = [np.linspace(low, high, settings.grid) for low, high in zip(space.low, space.high, strict=True)]
+    every = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, space.size)
+    return np.split(space.validate(every), range(16 * AT_ONCE, len(every), 16 * AT_ONCE))
+
+
+def measure_body(
+    robot: Robot,
+    environments: Environments,
+    settings: Measuring,
+    compute: Compute,
+    folder: ResultsFolder | None = None,
+    progress: Progress = None,
+) -> BodyMetrics:
+    """Measure a body; a folder keeps what is done, so that a kill loses one part at most.
+
+    Raises:
+        ValueError: if nothing of the robot is free, or it lacks a measure that a bound is about.
+    """
+    space = Space(tuple(robot.parameters))
+    check_bounds(robot, environments)
+    tries = Tries(robot, environments, compute)
+    parts = controllers_of(space, settings)
+    steps = len(parts) + (1 if settings.climbers else 0)
+    solved = []
+    for number, points in enumerate(parts):
+        told = part_of(progress, number, steps)
+        solved.append(cached(folder, f"controllers{number}", partial(tries.successes, points, told))["succeeded"])
+    succeeded = np.concatenate(solved).astype(bool)
+    climbed = None
+    if settings.climbers:
+        climbed = _climb(space, tries, settings, folder, part_of(progress, len(parts), steps))
+    everywhere = np.concatenate(parts)[succeeded.all(axis=1)][:FELT_BY]
+    felt = cached(folder, "felt", partial(tries.felt, everywhere))["distance"]
+    interval = (float(felt.mean()), *mean_interval(felt), len(felt)) if len(felt) > 1 else None
+    return BodyMetrics(succeeded, sampled_metrics(succeeded), climbed, interval)
+
+
+def check_bounds(robot: Robot, environments: Environments) -> None:
+    """Refuse a robot of which nothing is free, and bounds on what it has no measure of.
+
+    Raises:
+        ValueError: that names it.
+    """
+    if not robot.parameters:
+        raise ValueError("robot: nothing of it is free to change; give one whose controller is free")
+    names = [measure.name for measure in robot.measures_in(environments.worlds)]
+    for one in {bound.measure for bounds in environments.success for bound in bounds}:
+        if one not in names:
+            raise ValueError(f"success: {one!r} is unknown; choose one of {', '.join(names)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Tries:
+    """Controllers tried in all environments."""
+
+    robot: Robot
+    environments: Environments
+    compute: Compute
+
+    def outcomes(self, points: Floats, progress: Progress = None) -> Any:
+        """What they do in each."""
+        trial = Trial(self.environments.worlds[0], self.compute, progress=progress)
+        return self.robot.run_in(self.robot.points(points), self.environments.worlds, trial)
+
+    def successes(self, points: Floats, progress: Progress = None) -> Arrays:
+        """Which of them keep all bounds of each environment, ``succeeded``, shape (N, E)."""
+        found = zip(self.outcomes(points, progress), self.environments.success, strict=True)
+        kept = [np.all([bound.kept(outcome) for bound in bounds], axis=0) for outcome, bounds in found]
+        return {"succeeded": np.stack(kept, axis=1)}
+
+    def shortfalls(self, points: Floats) -> Floats:
+        """How far each is from the first bound of each environment, in bounds, shape (N, E); NaN where it failed."""
+        found = []
+        for outcome, (bound, *_) in zip(self.outcomes(points), self.environments.success, strict=True):
+            sign = 1.0 if bound.sign == ">=" else -1.0
+            value = np.asarray(outcome.measures[bound.measure], float)
+            short = sign * (bound.bound - value) / (abs(bound.bound) or 1.0)
+            found.append(np.where(np.asarray(outcome.status) == "ok", short, np.nan))
+        return np.stack(found, axis=1)
+
+    def felt(self, points: Floats) -> Arrays:
+        """Mean warping distance of what each feels in every two environments, ``distance``; none without senses."""
+        worlds = self.environments.worlds
+        if len(worlds) < 2 or not len(points) or not self.robot.feels:
+            return {"distance": np.zeros(0)}
+        signals = np.stack([self.robot.readings(points, world, SAMPLES, self.compute) for world in worlds], axis=1)
+        threads = self.compute.threads
+        distance = homeostasis(signals, partial(warping_distances, normalise=False, threads=threads))
+        return {"distance": distance[np.isfinite(distance)]}
+
+
+def _climb(
+    space: Space, tries: Tries, settings: Measuring, folder: ResultsFolder | None, progress: Progress
+) -> RunMeasures:
+    """M1 to M4 of climbers that keep a mutation if their worst environment becomes better, as in chapter 2."""
+    state = cached(folder, "climb0", partial(_first, space, tries, settings))
+    kept = [state]
+    marks = [*range(0, settings.generations, GENERATIONS_AT_ONCE), settings.generations]
+    for first, last in pairwise(marks):
+        step = partial(_generations, space, tries, settings, state, range(first, last))
+        state = cached(folder, f"climb{last}", step)
+        kept.append(state)
+        if progress:
+            progress(last / settings.generations)
+    climber, distance = (np.concatenate([part[name] for part in kept]) for name in ("climber", "distance"))
+    return measure_run(climber, distance)
+
+
+def _first(space: Space, tries: Tries, settings: Measuring) -> Arrays:
+    """Climbers at their start."""
+    points = space.sample(np.random.default_rng((settings.seed, 0, 1)), settings.climbers)
+    short = tries.shortfalls(points)
+    return {"points": points, "short": short, "climber": np.arange(settings.climbers), "distance": short}
+
+
+def _generations(space: Space, tries: Tries, settings: Measuring, state: Arrays, numbers: Sequence[int]) -> Arrays:
+    """Climbers after some generations, with the mutations that they kept."""
+    points, short = state["points"].copy(), state["short"].copy()
+    climber, distance = [np.zeros(0, int)], [np.zeros((0, short.shape[1]))]
+    for number in numbers:
+        rng = np.random.default_rng((settings.seed, number, 2))
+        children = space.round(space.reflect(points + rng.normal(size=points.shape) * space.step))
+        found = tries.shortfalls(children)
+        better = _worst(found) < _worst(short)
+        points[better], short[better] = children[better], found[better]
+        climber.append(np.flatnonzero(better))
+        distance.append(found[better])
+    return {"points": points, "short": short, "climber": np.concatenate(climber), "distance": np.concatenate(distance)}
+
+
+def _worst(short: Floats) -> Floats:
+    """The largest shortfall of each; infinite where something failed."""
+    return np.asarray(np.nan_to_num(short.max(axis=1), nan=np.inf))
