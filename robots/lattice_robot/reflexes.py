@@ -7,12 +7,12 @@ waves, to the bit. All of it has exact derivatives: by weights, by waves, and th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS, Cycle
+from robots.control.networks import LayeredNetwork, layers, several_numbers
 from robots.lattice_robot.props import Placed
 from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace, value_of
@@ -39,12 +39,6 @@ def _senses(field_name: str, value: Any) -> tuple[str, ...]:
     return tuple(checks.choice(field_name, each, SENSES) for each in value)
 
 
-def _hidden(field_name: str, value: Any) -> tuple[int, ...]:
-    if not isinstance(value, list | tuple):
-        raise ValueError(f"{field_name}: {value!r} is not allowed; give nodes of each layer, such as (8,)")
-    return tuple(checks.whole_number(field_name, each, 1, 1000) for each in value)
-
-
 @dataclass(frozen=True)
 class Reflexes:
     """What a robot feels, and the network that answers; its weights are free.
@@ -64,22 +58,17 @@ class Reflexes:
     """
 
     senses: Annotated[tuple[str, ...], _senses] = ("strain", "touch", "tilt", "velocity", "clock")
-    hidden: Annotated[tuple[int, ...], _hidden] = ()
+    hidden: Annotated[tuple[int, ...], layers] = ()
     gain: checks.NotNegative = 0.1
     limit: checks.NotNegative = 2.0
     light: tuple[float, float] | None = None
-    weights: tuple[float, ...] | None = None
+    weights: Annotated[tuple[float, ...], several_numbers] | None = None
     noise: checks.NotNegative = 0.0
     delay: int = 0
 
     def __post_init__(self) -> None:
         checks.check_fields(self)
         checks.whole_number("delay", self.delay, 0, SEGMENTS - 1)
-        if self.weights is not None:
-            if not isinstance(self.weights, list | tuple):
-                raise ValueError(f"weights: {self.weights!r} is not allowed; give several numbers")
-            given = tuple(checks.number("weights", each) for each in self.weights)
-            object.__setattr__(self, "weights", given)
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
             if "light" not in self.senses:
@@ -107,14 +96,13 @@ class Reflexes:
         }
         return sum(each[name] for name in self.senses)
 
-    def shapes(self, regions: int) -> list[tuple[int, int]]:
-        """Shapes of the layers' weights, with a column for the bias."""
-        sizes = [self.width(regions), *self.hidden, regions]
-        return [(after, before + 1) for before, after in pairwise(sizes)]
+    def network(self, regions: int) -> LayeredNetwork:
+        """What answers, for a body with so many driven regions."""
+        return LayeredNetwork(self.width(regions), regions, self.hidden, self.gain)
 
     def weight_count(self, regions: int) -> int:
         """How many weights there are, K."""
-        return sum(rows * columns for rows, columns in self.shapes(regions))
+        return self.network(regions).weight_count
 
     def check(self, regions: int) -> None:
         """Refuse weights that do not fit a body with so many driven regions, or none to drive.
@@ -126,17 +114,6 @@ class Reflexes:
             raise ValueError("reflexes: no drive changes a scale; give a Drive of a region's scale")
         if self.weights is not None and len(self.weights) != (count := self.weight_count(regions)):
             raise ValueError(f"weights: {len(self.weights)} are not allowed; give {count}")
-
-    def answer(self, weights: Any, felt: Any, regions: int) -> Any:
-        """What the network makes of what B robots feel, shape (B, width), with weights (B, K): shape (B, regions)."""
-        value, first = felt, 0
-        shapes = self.shapes(regions)
-        for number, (rows, columns) in enumerate(shapes):
-            layer = weights[:, first : first + rows * columns].reshape(len(felt), rows, columns)
-            value = (layer[:, :, :-1] * value[:, None, :]).sum(axis=2) + layer[:, :, -1]
-            value = np.tanh(value) if number < len(shapes) - 1 else value
-            first += rows * columns
-        return self.gain * np.tanh(value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,6 +268,7 @@ class ReflexLoop:
         self.seed = feeling.seed
         self.rest, self.swing, self.first = rest, swing, first
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
+        self.network = self.reflexes.network(len(feeling.regions))
         self.decisions: Sequence[Decision] = []
         self.keeps = False  # what was felt, for derivatives
         self.begin()
@@ -333,7 +311,7 @@ class ReflexLoop:
 
     def _answer(self, weights: Any, wave: Any, at: Any, felt: Any) -> Any:
         """Value and rate of the channels, and where they go."""
-        answer = self.reflexes.answer(weights, felt, len(self.moves))
+        answer = self.network.answer(weights, felt)
         onwards = wave + (answer[:, :, None] * self.moves).sum(axis=1)
         return self.rest + at, (onwards - at) / self.cycle.segment, onwards
 
