@@ -9,13 +9,14 @@ through what was felt.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS, Cycle
-from robots.control.networks import LayeredNetwork, layers, several_numbers
-from robots.control.oscillators import PARTS, STRONGEST, Oscillators, reach, waves_shifted
+from robots.control.networks import LayeredNetwork
+from robots.control.oscillators import reach, waves_shifted
+from robots.control.reflexes import Answering, senses_among
 from robots.lattice_robot.props import Placed
 from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace, value_of
@@ -36,64 +37,30 @@ STILL = 1e-6  # m: a slip far below this has no direction
 STRAIN, TOUCH, SPEED = 0.05, 0.1, 1.0  # for a feeling of 1: strain; edges above the ground, for 1/e; lengths per cycle
 
 
-def _senses(field_name: str, value: Any) -> tuple[str, ...]:
-    if isinstance(value, str) or not value or len(set(value)) < len(value):
-        raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more of {', '.join(SENSES)}, none twice")
-    return tuple(checks.choice(field_name, each, SENSES) for each in value)
-
-
 @dataclass(frozen=True)
-class Reflexes:
-    """What a robot feels, and the network that answers, or modulates oscillators that do; its weights are free.
+class Reflexes(Answering):
+    """What a lattice robot feels, and what answers in its muscles; its weights are free.
 
-    Attributes:
+    Attributes are those of ``Answering``, and:
         senses: names in ``SENSES``.
-        hidden: nodes of hidden layers, whose output is a hyperbolic tangent; none make a linear answer.
-        gain: most by which an answer changes a muscle's scale; of oscillators, most by which their rate and amplitude
-            change relative to those of the wave, and most of a phase [cycles].
-        limit: of weights, either way.
+        gain: of a network, most by which an answer changes a muscle's scale.
+        delay: 0 to 15 readings.
         light: place (x, y) of the light, from where the body's centre starts [m]; None is that of the terrain.
-        weights: of all layers; None are free.
-        noise: standard deviation of every number that is felt, drawn with the robot's seed.
-        delay: how many readings ago was what is felt, 0 to 15; before there are any, nothing is.
-        kind: ``"network"``, or ``"oscillators"``, one for each driven region: see ``robots.control.oscillators``.
-        coupling: of oscillators; None is theirs by default.
 
     Raises:
         ValueError: for unknown senses, layers without nodes, a light that no sense sees, and a network's coupling.
     """
 
-    senses: Annotated[tuple[str, ...], _senses] = ("strain", "touch", "tilt", "velocity", "clock")
-    hidden: Annotated[tuple[int, ...], layers] = ()
-    gain: checks.NotNegative = 0.1
-    limit: checks.NotNegative = 2.0
+    senses: Annotated[tuple[str, ...], senses_among(SENSES)] = ("strain", "touch", "tilt", "velocity", "clock")
+    delay: Annotated[int, partial(checks.whole_number, low=0, high=SEGMENTS - 1)] = 0
     light: tuple[float, float] | None = None
-    weights: Annotated[tuple[float, ...], several_numbers] | None = None
-    noise: checks.NotNegative = 0.0
-    delay: int = 0
-    kind: Literal["network", "oscillators"] = "network"
-    coupling: Annotated[float, partial(checks.number, low=0.0, high=STRONGEST)] | None = None
 
     def __post_init__(self) -> None:
-        checks.check_fields(self)
-        checks.whole_number("delay", self.delay, 0, SEGMENTS - 1)
+        super().__post_init__()
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
             if "light" not in self.senses:
                 raise ValueError(f"light: {self.light} is not allowed without the sense light; give both, or neither")
-
-        if self.coupling is not None and self.kind == "network":
-            raise ValueError(f"coupling: {self.coupling:g} is not allowed with a network; give it with oscillators")
-
-    @property
-    def spoken(self) -> str:
-        """Such as ``"feels strain and clock, 8 hidden nodes"``."""
-        *others, last = self.senses
-        senses = f"{', '.join(others)} and {last}" if others else last
-        hidden = f", {', '.join(map(str, self.hidden))} hidden nodes" if self.hidden else ""
-        late = f", {self.delay} readings late" if self.delay else ""
-        coupled = ", coupled oscillators" if self.kind == "oscillators" else ""
-        return f"feels {senses}{late}{hidden}{coupled}"
 
     def width(self, regions: int) -> int:
         """How many numbers are felt of a body with so many driven regions."""
@@ -110,13 +77,7 @@ class Reflexes:
 
     def network(self, regions: int) -> LayeredNetwork:
         """What answers, or modulates oscillators, for a body with so many driven regions."""
-        outputs = regions if self.kind == "network" else PARTS * regions
-        return LayeredNetwork(self.width(regions), outputs, self.hidden, self.gain)
-
-    def oscillators(self, regions: int) -> Oscillators | None:
-        """Those of a body with so many driven regions; None where the network answers itself."""
-        given = {} if self.coupling is None else {"coupling": self.coupling}
-        return Oscillators(self.network(regions), **given) if self.kind == "oscillators" else None
+        return self.network_of(self.width(regions), regions)
 
     def weight_count(self, regions: int) -> int:
         """How many weights there are, K."""
@@ -136,8 +97,7 @@ class Reflexes:
         """
         if not regions:
             raise ValueError("reflexes: no drive changes a scale; give a Drive of a region's scale")
-        if self.weights is not None and len(self.weights) != (count := self.weight_count(regions)):
-            raise ValueError(f"weights: {len(self.weights)} are not allowed; give {count}")
+        self.check_weights(self.weight_count(regions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,7 +253,7 @@ class ReflexLoop:
         self.rest, self.swing, self.first = rest, swing, first
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
         self.network = self.reflexes.network(len(feeling.regions))
-        self.oscillators = self.reflexes.oscillators(len(feeling.regions))
+        self.oscillators = self.reflexes.oscillators_of(self.network)
         self.decisions: Sequence[Decision] = []
         self.keeps = False  # what was felt, for derivatives
         self.begin()
