@@ -60,7 +60,7 @@ class Answering:
         *others, last = self.senses
         senses = f"{', '.join(others)} and {last}" if others else last
         hidden = f", {', '.join(map(str, self.hidden))} hidden nodes" if self.hidden else ""
-        late = f", {self.delay} readings late" if self.delay else ""
+        late = f", {self.delay} reading{'s' * (self.delay > 1)} late" if self.delay else ""
         coupled = ", coupled oscillators" if self.kind == "oscillators" else ""
         return f"feels {senses}{late}{hidden}{coupled}"
 
