@@ -121,7 +121,7 @@ def go_back(run: Run, rolled: Sequence[Rolled], seeds: Floats, feedback: Feedbac
 
 
 def felt_slots(run: Run) -> dict[str, Ints]:
-    """Slots of what robots feel, by the fields of ``Felt``."""
+    """Slots of what robots feel, by the names of the fields of ``Felt``."""
     plan, hinged = run.plan, np.array(run.trees[0].hinged, int)
     return {
         "position": slots.POSITION + np.arange(3),
@@ -139,10 +139,14 @@ def _spans(run: Run) -> list[tuple[int, int]]:
 
 
 def _decide(run: Run, every: Sequence[Rolled], feedback: Feedback, number: int) -> None:
-    now = run.result(np.concatenate([each.part.state() for each in every], -1))
-    found = feedback.decide(number, Felt(now.position, now.orientation, now.angles, now.readings))
+    places = felt_slots(run)
+    wanted = np.concatenate([*places.values(), [slots.DIVERGED]])
+    *now, ended = np.concatenate([each.part.state(wanted) for each in every], -1)
+    diverged = ended >= 0
+    parts = np.split(np.where(diverged, np.nan, now), np.cumsum([len(each) for each in places.values()])[:-1])
+    found = feedback.decide(number, Felt(**{name: part.T for name, part in zip(places, parts, strict=True)}))
     # Of robots that diverged nothing is known, and nothing depends on it.
-    given = np.where((now.status == "ok")[:, None], np.asarray(found, float), 0.0)
+    given = np.where(diverged[:, None], 0.0, np.asarray(found, float))
     checks.numbers("commands", given, run.batch, int(run.plan[slots.MOTORS]))
     for each in every:
         each.part.command(number, given[each.part.robots])

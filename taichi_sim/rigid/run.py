@@ -17,7 +17,7 @@ from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.runtime import GRAIN
-from taichi_sim.store import Store
+from taichi_sim.store import EVERY, Store
 
 Given = Mapping[str, Floats]
 
@@ -152,9 +152,9 @@ class Part:
         """Memory for so many slots of each robot."""
         return Store(self._real, count, self._blocks, self._on_cpu)
 
-    def state(self) -> Floats:
-        """Memory of the robots, (slots, robots)."""
-        return self.memory.read()[:, : len(self.robots)]
+    def state(self, places: slice | Ints = EVERY) -> Floats:
+        """Memory of the robots, all slots or some, (slots, robots)."""
+        return self.memory.read(places)[:, : len(self.robots)]
 
     def frames(self) -> Store:
         """Memory for all that is recorded of a run."""
@@ -172,10 +172,10 @@ class Part:
 
     def command(self, number: int, commands: Floats) -> None:
         """Replace one of the commands over time of all motors, (robots, M)."""
-        held, motors = self.memory.read(), commands.shape[1]
+        motors = commands.shape[1]
         first = int(self._plan[slots.COMMAND]) + number * motors
-        held[first : first + motors] = np.resize(commands, (len(self.padded), motors)).T
-        self.memory.write(held)
+        given = np.resize(commands, (len(self.padded), motors)).T
+        self.memory.write(given, slice(first, first + motors))
 
     def go_back(self, tape: Store, seeds: Floats) -> Floats:
         """Cotangents of all slots at the plan's first step from those at its last one, (slots, robots)."""
