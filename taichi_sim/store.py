@@ -4,6 +4,8 @@ import numpy as np
 
 from taichi_sim.autodiff.lanes import Real
 
+EVERY = slice(None)
+
 
 class Store:
     """Memory of ``count`` slots a robot, zero at first: lanes block by block (CPU), or robots side by side (GPU)."""
@@ -18,17 +20,17 @@ class Store:
         """The memory as a kernel argument."""
         return self._real.reals(self._array.reshape(-1, self._real.width)) if self._on_cpu else self._array
 
-    def write(self, values: np.ndarray) -> None:
-        """Set all slots, (slots, robots)."""
+    def write(self, values: np.ndarray, places: slice | np.ndarray = EVERY) -> None:
+        """Set slots, all or some, (slots, robots)."""
         if self._on_cpu:
-            blocks, count, width = self._array.shape
-            self._array[:] = values.reshape(count, blocks, width).transpose(1, 0, 2)
+            blocks, _, width = self._array.shape
+            self._array[:, places] = values.reshape(-1, blocks, width).transpose(1, 0, 2)
         else:
-            self._array[:] = values
+            self._array[places] = values
 
-    def read(self) -> np.ndarray:
-        """All slots, (slots, robots), in double precision."""
+    def read(self, places: slice | np.ndarray = EVERY) -> np.ndarray:
+        """Slots, all or some, (slots, robots), in double precision."""
         if not self._on_cpu:
-            return self._array.astype(float)
-        blocks, count, width = self._array.shape
-        return self._array.transpose(1, 0, 2).reshape(count, blocks * width).astype(float)
+            return self._array[places].astype(float)
+        blocks, _, width = self._array.shape
+        return self._array[:, places].transpose(1, 0, 2).reshape(-1, blocks * width).astype(float)

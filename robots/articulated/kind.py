@@ -9,12 +9,22 @@ from robots.world import Terrain
 from taichi_sim.base.options import checked, number, numbers
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
+REFLEXES = (
+    "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, then how it answers, "
+    "such as tilt,clock+hidden:8+gain:0.3 or touch+oscillators (default: nothing)"
+)
 
 
 def _friction(text: str) -> float:
     if text == "inf":
         return float("inf")
     return number(0.0)(text)
+
+
+def _reflexes(text: str) -> Any:
+    from robots.articulated.reflexes import DriveReflexes
+
+    return DriveReflexes.parse(text)
 
 
 class ArticulatedKind(RobotKind):
@@ -31,6 +41,7 @@ class ArticulatedKind(RobotKind):
         Option("light", "place of a light that a network sees, in metres", numbers(3), "X,Y,Z"),
         Option("friction", "coefficient of friction; inf has gradients (default: the file's)", checked(_friction), "N"),
         Option("speed", "of position drives without any of their own, 1/s (default: 10)", number(1e-6), "N"),
+        Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
         Option("fastest", "rate of drives by torque, rad/s (default: 10)", number(1e-6), "N"),
     )
 

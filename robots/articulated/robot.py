@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from robots.articulated.simulation import GROUND, try_points
+from robots.articulated.reflexes import PARTS, DriveReflexes
+from robots.articulated.simulation import GROUND, sensed_of, try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from taichi_sim import rigid
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
+STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,8 @@ class ArticulatedRobot(Robot):
 
         amplitude sin(2 pi (frequency t + phase)) + (1 - amplitude) offset,
 
-    with one frequency for all drives. By a network it is tanh(its last value + the sum of weights times sensors).
+    with one frequency for all drives, and reflexes may change it. By a network it is tanh(its last value + the sum of
+    weights times sensors).
 
     Attributes:
         text: of the file, so that the description needs no other.
@@ -54,6 +57,7 @@ class ArticulatedRobot(Robot):
         fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
         speed: of position drives whose own does not follow from the file [1/s], see ``parse_model``.
         fastest: rate of drives by torque at full command [rad/s].
+        reflexes: what it feels, and how that changes its rhythm; None for a robot that feels nothing.
         model: what the file describes; made of the text.
 
     Raises:
@@ -74,6 +78,7 @@ class ArticulatedRobot(Robot):
     fixed: bool = False
     speed: float = 10.0
     fastest: float = 10.0
+    reflexes: DriveReflexes | None = None
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -104,6 +109,27 @@ class ArticulatedRobot(Robot):
             raise ValueError("model: no hinge of it has a drive; give actuators (MJCF) or limits with effort (URDF)")
         if self.controller == "network" and not self.senses.count:
             raise ValueError("controller: a network needs sensors; give touch sensors in the model, or a light")
+        if self.reflexes is not None:
+            self._check_reflexes(self.reflexes)
+
+    def _check_reflexes(self, reflexes: DriveReflexes) -> None:
+        """Refuse reflexes without a rhythm, and what they cannot feel or keep up with."""
+        if self.controller != "rhythm":
+            raise ValueError("reflexes: not allowed beside a network; give them with a rhythm")
+        sensed_of(self).network(reflexes)
+        slowest = STEADY * self.quickest
+        if reflexes.kind == "oscillators" and self.hold * self.world.time_step * slowest > 1 + 1e-9:
+            raise ValueError(f"command_rate: {self.command_rate:g} Hz is not allowed; give {slowest:g} or more")
+
+    @property
+    def rhythm_size(self) -> int:
+        """How many of the parameters are those of a rhythm."""
+        return 1 + len(PARTS) * len(self.drives)
+
+    @property
+    def weights_fixed(self) -> bool:
+        """Whether reflexes, if there are any, have the weights that they have."""
+        return self.reflexes is None or self.reflexes.weights is not None
 
     @property
     def drives(self) -> tuple[str, ...]:
@@ -158,6 +184,9 @@ class ArticulatedRobot(Robot):
             for part, (low, high) in ranges.items():
                 kind: Literal["angle", "continuous"] = "angle" if part == "phase" else "continuous"
                 found.append(Parameter(f"{drive}_{part}", low, high, kind, 0.1 * (high - low)))
+        if self.reflexes is not None and not self.weights_fixed:
+            most, count = self.reflexes.limit, sensed_of(self).network(self.reflexes).weight_count
+            found += [Parameter(f"reflex_{n + 1}", -most, most, step=0.1 * most, start=0.0) for n in range(count)]
         return tuple(found)
 
     def describe(self) -> dict[str, Any]:
@@ -165,7 +194,9 @@ class ArticulatedRobot(Robot):
         found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         light = None if self.light is None else list(self.light)
         friction = "inf" if self.friction == math.inf else self.friction
-        return {**found, "light": light, "friction": friction, "angles": dict(self.angles)}
+        found |= {"light": light, "friction": friction, "angles": dict(self.angles)}
+        del found["reflexes"]  # files of robots without them are as before there were any
+        return found if self.reflexes is None else found | {"reflexes": asdict(self.reflexes)}
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
@@ -193,6 +224,7 @@ class ArticulatedRobot(Robot):
         return [
             ("Robot", f"{self.name}: {len(tree.bodies)} bodies on {len(tree.hinges)} hinges, {mass:.3g} kg"),
             ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
+            *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
         ]
 
@@ -209,9 +241,11 @@ def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
         TypeError: for a damaged record.
     """
     friction = math.inf if record.get("friction") == "inf" else record.get("friction")
+    given = record.get("reflexes")
+    reflexes = None if given is None else DriveReflexes(**given)
     with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
         warnings.simplefilter("ignore")
-        return ArticulatedRobot(**{**record, "friction": friction})
+        return ArticulatedRobot(**{**record, "friction": friction, "reflexes": reflexes})
 
 
 def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:

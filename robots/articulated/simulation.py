@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms, Sensed
 from robots.ground import Ground
 from robots.robot import Place, Progress, Trial, World
 from robots.world import Terrain, terrain_of
 from taichi_sim import rigid
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.rigid import RigidEngine, RigidResult, Tree, poses
+from taichi_sim.rigid import RigidEngine, RigidResult, State, Tree, poses
 from taichi_sim.rigid.pose import rotation_matrix
 
 if TYPE_CHECKING:
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 GROUND = Place("ground")
 FINENESS = 50  # nodes of uneven ground along a robot
-PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
 
@@ -104,12 +104,13 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     runs, slopes = [], []
     for first in range(0, len(points), at_once):
         some = points[first : first + at_once]
-        driven: Any = {**_driven(robot, some), "start": start}
+        driven, loop = _driven(robot, some), _loop(robot, some, engine.rest() if start is None else start)
+        driven |= {"start": start, "feedback": loop}
         if trial.gradients:
             tape = engine.record(robot.steps, **driven)
             of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
             found = tape.pull_back(position=of_position, orientation=of_orientation, angles=of_angles)
-            given = found.weights if robot.controller == "network" else rhythm_slopes(robot, some, found.commands)
+            given = found.weights if robot.controller == "network" else _slopes(robot, some, found.commands, loop)
             runs.append(tape.result)
             slopes.append(given.reshape(len(some), -1))
         else:
@@ -155,12 +156,44 @@ def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
     terrain = on_ground(world)
     if not isinstance(terrain, Terrain) or terrain.ground is None:
         return None
+    return Ground(terrain.ground).relief(robot.heading, 2 * _length(robot) / FINENESS)
+
+
+def _length(robot: "ArticulatedRobot") -> float:
+    """The longest side of the space that a robot takes [m]."""
     centres, radii = robot.model.tree.balls()
-    length = float(np.ptp(centres, axis=0).max() + 2 * radii.max())
-    return Ground(terrain.ground).relief(robot.heading, 2 * length / FINENESS)
+    return float(np.ptp(centres, axis=0).max() + 2 * radii.max())
 
 
-def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, object]:
+def sensed_of(robot: "ArticulatedRobot") -> Sensed:
+    """What there is to feel of a robot."""
+    touch, hinges = len(robot.senses.touch), len(robot.model.tree.hinges)
+    return Sensed(touch, hinges, robot.light is not None, len(robot.drives), _length(robot))
+
+
+def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop | None:
+    """The reflexes of robots at some points, if they have any."""
+    if robot.reflexes is None:
+        return None
+    split, span = robot.rhythm_size, robot.hold * robot.world.time_step
+    weights = points[:, split:]
+    if robot.reflexes.weights is not None:
+        weights = np.tile(robot.reflexes.weights, (len(points), 1))
+    rhythms = Rhythms(points[:, :split], rhythm(robot, points), span)
+    return ReflexLoop(robot.reflexes, sensed_of(robot), weights, rhythms, start.position)
+
+
+def _slopes(robot: "ArticulatedRobot", points: Floats, of_commands: Floats, loop: ReflexLoop | None) -> Floats:
+    """Derivatives of a cost by the parameters of rhythms and reflexes, from those by the commands, if none decided."""
+    if loop is None:
+        return rhythm_slopes(robot, points, of_commands)
+    of_rhythm = rhythm_slopes(robot, points, loop.by_commands) + loop.by_points
+    found = of_rhythm if robot.weights_fixed else np.column_stack([of_rhythm, loop.by_weights])
+    found[~np.isfinite(of_commands).all(axis=(1, 2))] = np.nan
+    return found
+
+
+def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, Any]:
     """What drives the robot at some points, as arguments of the engine."""
     light = {} if robot.light is None else {"lights": np.array([robot.light])}
     if robot.controller == "network":
@@ -191,7 +224,7 @@ def _parts(robot: "ArticulatedRobot", points: Floats) -> tuple[Floats, Floats, F
     """Amplitudes and offsets, (N, 1, M), where in the cycle drives are, (N, K, M), and when, (K, 1) [s]."""
     count = -(-robot.steps // robot.hold)
     times: Floats = np.arange(count, dtype=float)[:, None] * (robot.hold * robot.world.time_step)
-    values = points[:, 1:].reshape(len(points), 1, len(robot.drives), len(PARTS))
+    values = points[:, 1 : robot.rhythm_size].reshape(len(points), 1, len(robot.drives), len(PARTS))
     amplitude, phase, offset = np.moveaxis(values, -1, 0)
     turns: Floats = points[:, :1, None] * times + phase
     return amplitude, offset, turns, times

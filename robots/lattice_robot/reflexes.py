@@ -1,18 +1,22 @@
 """Reflexes: what a lattice robot feels changes how far its muscles swing, while it moves.
 
 Sixteen times in every cycle the robot is read. A network makes of what it feels by how much every muscle shall differ
-from its wave a sixteenth of a cycle later; muscles go there in a straight line. Without weights the robot plays its
-waves, to the bit. All of it has exact derivatives: by weights, by waves, and through what was felt.
+from its wave a sixteenth of a cycle later, or how oscillators shift its wave; muscles go there in a straight line.
+Without weights the robot plays its waves, to the bit. All of it has exact derivatives: by weights, by waves, and
+through what was felt.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS, Cycle
+from robots.control.networks import LayeredNetwork
+from robots.control.oscillators import reach, waves_shifted
+from robots.control.reflexes import Answering, senses_among
 from robots.lattice_robot.props import Placed
 from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace, value_of
@@ -33,66 +37,30 @@ STILL = 1e-6  # m: a slip far below this has no direction
 STRAIN, TOUCH, SPEED = 0.05, 0.1, 1.0  # for a feeling of 1: strain; edges above the ground, for 1/e; lengths per cycle
 
 
-def _senses(field_name: str, value: Any) -> tuple[str, ...]:
-    if isinstance(value, str) or not value or len(set(value)) < len(value):
-        raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more of {', '.join(SENSES)}, none twice")
-    return tuple(checks.choice(field_name, each, SENSES) for each in value)
-
-
-def _hidden(field_name: str, value: Any) -> tuple[int, ...]:
-    if not isinstance(value, list | tuple):
-        raise ValueError(f"{field_name}: {value!r} is not allowed; give nodes of each layer, such as (8,)")
-    return tuple(checks.whole_number(field_name, each, 1, 1000) for each in value)
-
-
 @dataclass(frozen=True)
-class Reflexes:
-    """What a robot feels, and the network that answers; its weights are free.
+class Reflexes(Answering):
+    """What a lattice robot feels, and what answers in its muscles; its weights are free.
 
-    Attributes:
+    Attributes are those of ``Answering``, and:
         senses: names in ``SENSES``.
-        hidden: nodes of hidden layers, whose output is a hyperbolic tangent; none make a linear answer.
-        gain: most by which an answer changes a muscle's scale.
-        limit: of weights, either way.
+        gain: of a network, most by which an answer changes a muscle's scale.
+        delay: 0 to 15 readings.
         light: place (x, y) of the light, from where the body's centre starts [m]; None is that of the terrain.
-        weights: of all layers; None are free.
-        noise: standard deviation of every number that is felt, drawn with the robot's seed.
-        delay: how many readings ago was what is felt, 0 to 15; before there are any, nothing is.
 
     Raises:
-        ValueError: for unknown senses, layers without nodes, and a light that no sense sees.
+        ValueError: for unknown senses, layers without nodes, a light that no sense sees, and a network's coupling.
     """
 
-    senses: Annotated[tuple[str, ...], _senses] = ("strain", "touch", "tilt", "velocity", "clock")
-    hidden: Annotated[tuple[int, ...], _hidden] = ()
-    gain: checks.NotNegative = 0.1
-    limit: checks.NotNegative = 2.0
+    senses: Annotated[tuple[str, ...], senses_among(SENSES)] = ("strain", "touch", "tilt", "velocity", "clock")
+    delay: Annotated[int, partial(checks.whole_number, low=0, high=SEGMENTS - 1)] = 0
     light: tuple[float, float] | None = None
-    weights: tuple[float, ...] | None = None
-    noise: checks.NotNegative = 0.0
-    delay: int = 0
 
     def __post_init__(self) -> None:
-        checks.check_fields(self)
-        checks.whole_number("delay", self.delay, 0, SEGMENTS - 1)
-        if self.weights is not None:
-            if not isinstance(self.weights, list | tuple):
-                raise ValueError(f"weights: {self.weights!r} is not allowed; give several numbers")
-            given = tuple(checks.number("weights", each) for each in self.weights)
-            object.__setattr__(self, "weights", given)
+        super().__post_init__()
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
             if "light" not in self.senses:
                 raise ValueError(f"light: {self.light} is not allowed without the sense light; give both, or neither")
-
-    @property
-    def spoken(self) -> str:
-        """Such as ``"feels strain and clock, 8 hidden nodes"``."""
-        *others, last = self.senses
-        senses = f"{', '.join(others)} and {last}" if others else last
-        hidden = f", {', '.join(map(str, self.hidden))} hidden nodes" if self.hidden else ""
-        late = f", {self.delay} readings late" if self.delay else ""
-        return f"feels {senses}{late}{hidden}"
 
     def width(self, regions: int) -> int:
         """How many numbers are felt of a body with so many driven regions."""
@@ -107,14 +75,19 @@ class Reflexes:
         }
         return sum(each[name] for name in self.senses)
 
-    def shapes(self, regions: int) -> list[tuple[int, int]]:
-        """Shapes of the layers' weights, with a column for the bias."""
-        sizes = [self.width(regions), *self.hidden, regions]
-        return [(after, before + 1) for before, after in pairwise(sizes)]
+    def network(self, regions: int) -> LayeredNetwork:
+        """What answers, or modulates oscillators, for a body with so many driven regions."""
+        return self.network_of(self.width(regions), regions)
 
     def weight_count(self, regions: int) -> int:
         """How many weights there are, K."""
-        return sum(rows * columns for rows, columns in self.shapes(regions))
+        return self.network(regions).weight_count
+
+    def least(self, nodes: Floats) -> float:
+        """A bound of what answers leave of a muscle whose wave has such values at its nodes, shape (G, 16)."""
+        if self.kind == "network":
+            return float(nodes.min()) - self.gain
+        return min(float(each.mean()) - (1.0 + self.gain) * reach(each) for each in nodes)
 
     def check(self, regions: int) -> None:
         """Refuse weights that do not fit a body with so many driven regions, or none to drive.
@@ -124,19 +97,7 @@ class Reflexes:
         """
         if not regions:
             raise ValueError("reflexes: no drive changes a scale; give a Drive of a region's scale")
-        if self.weights is not None and len(self.weights) != (count := self.weight_count(regions)):
-            raise ValueError(f"weights: {len(self.weights)} are not allowed; give {count}")
-
-    def answer(self, weights: Any, felt: Any, regions: int) -> Any:
-        """What the network makes of what B robots feel, shape (B, width), with weights (B, K): shape (B, regions)."""
-        value, first = felt, 0
-        shapes = self.shapes(regions)
-        for number, (rows, columns) in enumerate(shapes):
-            layer = weights[:, first : first + rows * columns].reshape(len(felt), rows, columns)
-            value = (layer[:, :, :-1] * value[:, None, :]).sum(axis=2) + layer[:, :, -1]
-            value = np.tanh(value) if number < len(shapes) - 1 else value
-            first += rows * columns
-        return self.gain * np.tanh(value)
+        self.check_weights(self.weight_count(regions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,6 +252,8 @@ class ReflexLoop:
         self.seed = feeling.seed
         self.rest, self.swing, self.first = rest, swing, first
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
+        self.network = self.reflexes.network(len(feeling.regions))
+        self.oscillators = self.reflexes.oscillators_of(self.network)
         self.decisions: Sequence[Decision] = []
         self.keeps = False  # what was felt, for derivatives
         self.begin()
@@ -312,6 +275,7 @@ class ReflexLoop:
     def begin(self) -> None:
         """Forget what was felt and decided."""
         self._at, self._before = self.swing[:, :, 1], self.first
+        self._state: Sequence[Floats] = self.oscillators.start(len(self.swing)) if self.oscillators else ()
         self._felt = list[Floats]()  # at every reading
         self._given: dict[int, tuple[tuple[Floats, ...], tuple[Floats, ...]]] = {}  # to feel, and to answer
         self._forget()
@@ -320,6 +284,7 @@ class ReflexLoop:
         """Begin to take derivatives back."""
         self.by_weights, self.by_swing = np.zeros(self.weights.shape), np.zeros(self.swing.shape)
         self._by_at, self._by_before = np.zeros(self.swing.shape[:2]), np.zeros(self.first.shape)
+        self._by_state = list(self.oscillators.start(len(self.swing)) if self.oscillators else ())
         self._by_felt: dict[int, Floats] = {}
 
     def _feel(self, number: int, before: Any, *now: Any) -> Any:
@@ -331,11 +296,16 @@ class ReflexLoop:
         drawn = np.random.default_rng((self.seed, number)).normal(0.0, self.reflexes.noise, felt.shape[1])
         return felt + drawn
 
-    def _answer(self, weights: Any, wave: Any, at: Any, felt: Any) -> Any:
-        """Value and rate of the channels, and where they go."""
-        answer = self.reflexes.answer(weights, felt, len(self.moves))
-        onwards = wave + (answer[:, :, None] * self.moves).sum(axis=1)
-        return self.rest + at, (onwards - at) / self.cycle.segment, onwards
+    def _answer(self, node: int, weights: Any, swing: Any, at: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
+        """Value and rate of the channels, where they go at a node of the cycle, and the oscillators' state there."""
+        if self.oscillators is None:
+            added = (self.network.answer(weights, felt)[:, :, None] * self.moves).sum(axis=1)
+        else:
+            state = self.oscillators.step(weights, felt, 1 / SEGMENTS, *state)
+            lead, growth = ((each[:, :, None] * self.moves).sum(axis=1) for each in state[:2])
+            added = waves_shifted(swing, node, lead, growth)
+        onwards = swing[:, :, node] + added
+        return self.rest + at, (onwards - at) / self.cycle.segment, onwards, *state
 
     def decide(self, number: int, felt: Felt) -> tuple[Floats, Floats]:
         """Value and rate of every channel in the next piece of the cycle."""
@@ -348,10 +318,10 @@ class ReflexLoop:
         self._felt.append(self._feel(number, *sensed))
         late = number - self.reflexes.delay
         heard = self._felt[late] if late >= 0 else np.zeros(self._felt[0].shape)
-        asked = self.weights, self.swing[:, :, (number + 2) % SEGMENTS], self._at, heard
+        asked = self.weights, self.swing, self._at, heard, *self._state
         if self.keeps:
             self._given[number] = sensed, asked
-        values, rates, self._at = self._answer(*asked)
+        values, rates, self._at, *self._state = self._answer(_node(number), *asked)
         self._before = now[0]
         return values.ravel(), rates.ravel()
 
@@ -360,12 +330,12 @@ class ReflexLoop:
         if number == len(self.decisions) - 1:
             self._forget()
         shape, (sensed, asked) = self.swing.shape[:2], self._given[number]
-        seeds = values.reshape(shape), rates.reshape(shape), self._by_at
-        _, way = trace(self._answer, *asked)
-        by_weights, by_wave, self._by_at, by_heard = way(*seeds)
+        seeds = values.reshape(shape), rates.reshape(shape), self._by_at, *self._by_state
+        _, way = trace(partial(self._answer, _node(number)), *asked)
+        by_weights, by_swing, self._by_at, by_heard, *self._by_state = way(*seeds)
         self._by_felt[number - self.reflexes.delay] = by_heard  # nobody hears of readings below 0
         self.by_weights += by_weights
-        self.by_swing[:, :, (number + 2) % SEGMENTS] += by_wave
+        self.by_swing += by_swing
         if number == 0:
             self.by_swing[:, :, 1] += self._by_at
         by_before, felt = self._by_before, [np.zeros(each.shape) for each in sensed[1:]]
@@ -376,3 +346,8 @@ class ReflexLoop:
             self._by_before = np.zeros(self.first.shape)
         felt[0] = felt[0] + by_before
         return Felt(*(felt if self.anatomy.placed is None else self.anatomy.placed.widened(*felt)))
+
+
+def _node(number: int) -> int:
+    """The node of the cycle where channels go after a decision."""
+    return (number + 2) % SEGMENTS

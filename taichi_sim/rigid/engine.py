@@ -14,6 +14,7 @@ from taichi_sim.base.checks import numbers
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.ground.relief import GroundTables, Relief, ground_tables
 from taichi_sim.rigid import slots
+from taichi_sim.rigid.feedback import Feedback, roll
 from taichi_sim.rigid.gradient import RigidTape
 from taichi_sim.rigid.model.settings import Network, World
 from taichi_sim.rigid.model.tree import Tree
@@ -124,6 +125,7 @@ class RigidEngine:
         lights: Floats | None = None,
         start: State | None = None,
         record_every: int | None = None,
+        feedback: Feedback | None = None,
     ) -> RigidResult:
         """Simulate.
 
@@ -136,15 +138,16 @@ class RigidEngine:
             lights: place of each robot's light, (B, 3) [m]; far away if None.
             start: where robots start; at rest, as their trees describe them, if None.
             record_every: record every so many steps; nothing if None.
+            feedback: decides commands as they are due, instead of those that are given, from what robots feel.
 
         Raises:
             ValueError: for arrays of other shapes or numbers that are not allowed.
         """
         run = self._start(steps, weights, commands, hold, lights, start, record_every)
-        recording = record_every is not None
-        found = [(part.run(recording), part.state()) for part in run.parts()]
+        rolled = roll(run, _decided(feedback, commands), recording=record_every is not None)
+        found = [(each.recorded(), each.part.state()) for each in rolled]
         frames, memory = (np.concatenate(each, -1) for each in zip(*found, strict=True))
-        return run.result(memory, frames if recording else None)
+        return run.result(memory, None if record_every is None else frames)
 
     @runtime.exclusive
     def record(
@@ -156,6 +159,7 @@ class RigidEngine:
         hold: int = 1,
         lights: Floats | None = None,
         start: State | None = None,
+        feedback: Feedback | None = None,
     ) -> RigidTape:
         """Simulate, and keep all states, so that ``RigidTape.pull_back`` can give derivatives: about a megabyte for
         1,000 steps of a quadruped in f32.
@@ -167,13 +171,15 @@ class RigidEngine:
             hold: steps that a command is kept.
             lights: place of each robot's light.
             start: where robots start.
+            feedback: decides commands; derivatives go through it, too.
 
         Raises:
             ValueError: for what is not allowed, and Coulomb friction, whose cone has no derivative here.
         """
         if np.isfinite(self.world.friction):
             raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity, viscous slip alone")
-        return RigidTape(self._start(steps, weights, commands, hold, lights, start))
+        run = self._start(steps, weights, commands, hold, lights, start)
+        return RigidTape(run, _decided(feedback, commands))
 
     @runtime.exclusive
     def session(self, *, batch: int = 1, lights: Floats | None = None, start: State | None = None) -> RigidSession:
@@ -208,6 +214,7 @@ class RigidEngine:
         threads = runtime.start(self.compute).thread_count
         plan = plan_of(self.tree, self.senses, given["commands"].shape[1])
         plan[[slots.HOLD, slots.STEPS, slots.EVERY, slots.FRAMES]] = hold, steps, every, steps // every + 1
+        plan[slots.UNTIL] = steps
         if self._ground is not None:
             plan[[slots.CELLS_X, slots.CELLS_Y]] = self._ground.counts
         plan[slots.PHASES] = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES
@@ -257,3 +264,10 @@ class RigidEngine:
         neurons = network.memory, network.gain, *network.touch_values
         rest = 0 if self.tree.fixed else 1, TOLERANCE[real.precision]
         return np.array([world.time_step, *ground, *neurons, *rest, *world.gravity_across, world.gravity], scalar)
+
+
+def _decided(feedback: Feedback | None, commands: Floats | None) -> Feedback | None:
+    """Feedback, which needs commands to replace."""
+    if feedback is not None and commands is None:
+        raise ValueError("feedback: not allowed without commands; give those that it replaces")
+    return feedback

@@ -12,10 +12,10 @@ import numpy as np
 from taichi_sim import runtime
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import slots
+from taichi_sim.rigid.feedback import Feedback, felt_slots, go_back, roll
 from taichi_sim.rigid.model.tree import Tree
-from taichi_sim.rigid.run import Part, Run, bodies_of
+from taichi_sim.rigid.run import Run, bodies_of
 from taichi_sim.rigid.tables import parameters_of, points_of
-from taichi_sim.store import Store
 
 _SHIFT = 1e-5  # part of a number by which descriptions are shifted; they are polynomials of low degree
 
@@ -84,14 +84,10 @@ class RigidTape:
         result: what it came to.
     """
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, feedback: Feedback | None = None) -> None:
         """Simulate, and keep all states."""
-        self._run, self._parts = run, list[tuple[Part, Store]]()
-        for part in run.parts():
-            tape = part.store(int(run.plan[slots.KEPT]) * (int(run.plan[slots.STEPS]) + 1))
-            part.run(tape=tape)
-            self._parts.append((part, tape))
-        self.result = run.result(np.concatenate([part.state() for part, _ in self._parts], -1))
+        self._run, self._feedback, self._rolled = run, feedback, list(roll(run, feedback, taping=True))
+        self.result = run.result(np.concatenate([each.part.state() for each in self._rolled], -1))
 
     @runtime.exclusive
     def pull_back(
@@ -113,20 +109,17 @@ class RigidTape:
         Raises:
             ValueError: for other shapes.
         """
-        plan, batch, hinged = self._run.plan, self._run.batch, np.array(self._run.trees[0].hinged, int)
-        seeds = np.zeros((int(plan[slots.SLOTS]), batch))
-        for name, value, places in (
-            ("position", position, slots.POSITION + np.arange(3)),
-            ("orientation", orientation, slots.ORIENTATION + np.arange(4)),
-            ("readings", readings, plan[slots.READING] + np.arange(plan[slots.SENSORS])),
-            ("angles", angles, plan[slots.BODY] + slots.BODY_WIDTH * hinged + slots.ANGLE),
-        ):
+        batch, places_of = self._run.batch, felt_slots(self._run)
+        seeds = np.zeros((int(self._run.plan[slots.SLOTS]), batch))
+        given = {"position": position, "orientation": orientation, "readings": readings, "angles": angles}
+        for name, value in given.items():
+            places = places_of[name]
             if value is not None:
                 if np.shape(value) != (batch, len(places)):
                     raise ValueError(f"{name}: shape {np.shape(value)} is not allowed; give ({batch}, {len(places)})")
                 seeds[places] = np.asarray(value, float).T
         runtime.start(self._run.compute)
-        found = np.concatenate([part.go_back(tape, seeds[:, part.robots]) for part, tape in self._parts], -1)
+        found = go_back(self._run, self._rolled, seeds, self._feedback)
         found[:, self.result.status != "ok"] = np.nan
         return self._gradient(found)
 

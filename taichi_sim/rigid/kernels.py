@@ -32,7 +32,7 @@ def _ground(relief: Any, grid: Any, real: Real, uneven: bool) -> Uneven | None:
 
 @lru_cache
 def rollout_kernel(real: Real, grain: int, drifting: bool, uneven: bool, recording: bool, taping: bool) -> Any:
-    """The kernel that runs robots to the end, for one kind of real."""
+    """The kernel that runs robots from a step to another, for one kind of real."""
     lanes = grain > 1
     reals, ints, lists, numbers = _types(real, lanes)
 
@@ -56,7 +56,7 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, uneven: bool, recordi
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
                 ground = ti.static(_ground(relief, grid, real, uneven))
                 robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground))
-                for t in range(plan[slots.STEPS] + 1):
+                for t in range(plan[slots.FIRST], plan[slots.UNTIL] + 1):
                     if ti.static(taping):
                         copy_slots(robots, slots.STATE, slots.KEPT, tape, kept, t * plan[slots.KEPT])
                     count = observe(robots, t)
@@ -64,7 +64,7 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, uneven: bool, recordi
                         if t % plan[slots.EVERY] == 0:
                             first = t // plan[slots.EVERY] * plan[slots.FRAME_WIDTH]
                             copy_slots(robots, slots.FRAME, slots.FRAME_WIDTH, frames, at, first)
-                    if t < plan[slots.STEPS]:
+                    if t < plan[slots.UNTIL]:
                         respond(robots, count)
                         move_bodies(robots)
                         quarantine(robots, ti.cast(t, real.scalar))
@@ -100,8 +100,8 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool) -> Any
                 robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground))
                 motion = ti.static(Block(a, k, block, plan, listed, settings, False, ground))
                 cotangents = ti.static(Block(g, k, block, plan, listed, settings, drifting, ground))
-                for back in range(plan[slots.STEPS] + 1):
-                    t = plan[slots.STEPS] - back
+                for back in range(plan[slots.UNTIL] - plan[slots.FIRST] + 1):
+                    t = plan[slots.UNTIL] - back
                     restore_state(robots, tape, kept, t * plan[slots.KEPT])
                     count = observe(robots, t)
                     if back > 0:

@@ -17,7 +17,7 @@ from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.pose import momenta, poses, velocities
 from taichi_sim.rigid.state import Frames, RigidResult, State
 from taichi_sim.runtime import GRAIN
-from taichi_sim.store import Store
+from taichi_sim.store import EVERY, Store
 
 Given = Mapping[str, Floats]
 
@@ -152,20 +152,33 @@ class Part:
         """Memory for so many slots of each robot."""
         return Store(self._real, count, self._blocks, self._on_cpu)
 
-    def state(self) -> Floats:
-        """Memory of the robots, (slots, robots)."""
-        return self.memory.read()[:, : len(self.robots)]
+    def state(self, places: slice | Ints = EVERY) -> Floats:
+        """Memory of the robots, all slots or some, (slots, robots)."""
+        return self.memory.read(places)[:, : len(self.robots)]
 
-    def run(self, recording: bool = False, tape: Store | None = None) -> Floats:
-        """Run to the end; what was recorded, (numbers, robots). States before steps go to the tape."""
-        frames = self.store(int(self._plan[slots.FRAME_WIDTH] * self._plan[slots.FRAMES]) if recording else 1)
-        kernel = rollout_kernel(*self._kind, recording, tape is not None)
-        memories = (self.memory, frames, tape or self.store(1))
+    def frames(self) -> Store:
+        """Memory for all that is recorded of a run."""
+        return self.store(int(self._plan[slots.FRAME_WIDTH] * self._plan[slots.FRAMES]))
+
+    def tape(self) -> Store:
+        """Memory for the states before all steps of a run."""
+        return self.store(int(self._plan[slots.KEPT]) * (int(self._plan[slots.STEPS]) + 1))
+
+    def run(self, frames: Store | None = None, tape: Store | None = None) -> None:
+        """Go on from the plan's first step until its last one; what is recorded and kept goes where there is room."""
+        kernel = rollout_kernel(*self._kind, frames is not None, tape is not None)
+        memories = (self.memory, frames or self.store(1), tape or self.store(1))
         kernel(self._blocks, *(each.argument for each in memories), *self._shared)
-        return frames.read()[:, : len(self.robots)]
+
+    def command(self, number: int, commands: Floats) -> None:
+        """Replace one of the commands over time of all motors, (robots, M)."""
+        motors = commands.shape[1]
+        first = int(self._plan[slots.COMMAND]) + number * motors
+        given = np.resize(commands, (len(self.padded), motors)).T
+        self.memory.write(given, slice(first, first + motors))
 
     def go_back(self, tape: Store, seeds: Floats) -> Floats:
-        """Cotangents of all slots at the start of a run from those at its end, (slots, robots)."""
+        """Cotangents of all slots at the plan's first step from those at its last one, (slots, robots)."""
         motion, cotangents = (self.store(len(seeds)) for _ in range(2))
         mine = np.zeros((len(seeds), len(self.padded)))
         mine[:, : len(self.robots)] = seeds

@@ -36,14 +36,12 @@ class RigidSession:
             ValueError: for arrays of other shapes or numbers that are not allowed.
         """
         plan = self._run.plan
-        plan[slots.STEPS] = checks.integer("steps", steps, 0)  # which kernels read at every launch
+        plan[[slots.STEPS, slots.UNTIL]] = checks.integer("steps", steps, 0)  # which kernels read at every launch
         motors = int(plan[slots.MOTORS])
         given = None if commands is None else checks.numbers("commands", commands, self._run.batch, motors)
         runtime.start(self._run.compute)
         for part in self._parts:
             if given is not None:
-                held = part.memory.read()
-                held[plan[slots.COMMAND] : plan[slots.COMMAND] + motors] = given[part.padded].T
-                part.memory.write(held)
+                part.command(0, given[part.robots])
             part.run()
         return self._run.result(np.concatenate([part.state() for part in self._parts], -1))

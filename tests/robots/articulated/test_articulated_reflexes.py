@@ -1,0 +1,164 @@
+"""Articulated robots that feel: rhythms, senses, answers, and derivatives through both."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from articulated_files import CART, CRAWLER
+
+from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, simulate
+from robots.articulated.reflexes import SENSES, ReflexLoop, Rhythms, Sensed
+from robots.articulated.robot import robot_of_record
+from robots.robot import find_robot, load_design, make_robot
+from robots.world import Terrain
+from taichi_sim.rigid.feedback import Felt
+
+QUICK = {"duration": 0.4, "friction": math.inf, "light": (3.0, 1.0, 0.2)}
+HERE = {"precision": "f64", "threads": 1}
+KINDS = [{}, {"hidden": (3,)}, {"kind": "oscillators"}]
+pytestmark = pytest.mark.filterwarnings("ignore:model. ignored")
+
+
+def crawler(reflexes=None, **settings) -> ArticulatedRobot:
+    """Three bodies with two drives."""
+    return ArticulatedRobot(CRAWLER, reflexes=reflexes, **{**QUICK, **settings})
+
+
+def every(**given) -> DriveReflexes:
+    """Reflexes with all senses."""
+    return DriveReflexes(tuple(SENSES), **{"gain": 0.4, **given})
+
+
+def some_points(robot: ArticulatedRobot, count: int, seed: int = 0) -> np.ndarray:
+    """Points in the middle of what is allowed."""
+    low, high = np.array([(p.low, p.high) for p in robot.parameters]).T
+    return low + (high - low) * np.random.default_rng(seed).uniform(0.3, 0.7, (count, len(low)))
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("given", KINDS)
+@pytest.mark.parametrize("friction", [math.inf, 0.8])
+def test_without_weights_the_rhythm_plays(given, friction):
+    """To the bit, with frames; derivatives by the rhythm are as without reflexes to the last digits."""
+    plain, feeling = crawler(friction=friction), crawler(every(**given), friction=friction)
+    points = some_points(plain, 3)
+    still = np.column_stack([points, np.zeros((3, len(feeling.parameters) - points.shape[1]))])
+    alone, fed = simulate(plain, points, record_every=4, **HERE), simulate(feeling, still, record_every=4, **HERE)
+    assert np.array_equal(alone.distance, fed.distance)
+    assert np.array_equal(alone.runs[0].frames.neurons, fed.runs[0].frames.neurons)
+    if friction == math.inf:
+        expected = differentiate(plain, points, **HERE).gradient
+        assert differentiate(feeling, still, **HERE).gradient[:, : points.shape[1]] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("terrain", [None, "rough:0.02,0.2"])
+@pytest.mark.parametrize("given", [*KINDS, {"hidden": (3,), "noise": 0.05, "delay": 2}])
+def test_derivatives_are_central_differences(given, terrain):
+    """By weights and rhythm at once, through every sense but touch, with contact."""
+    robot = crawler(every(**given), heading=20.0, duration=0.3)
+    world = {} if terrain is None else {"terrain": Terrain.parse(terrain)}
+    points, shift = some_points(robot, 2, seed=3), 1e-6
+    found = differentiate(robot, points, **world, **HERE)
+    assert np.array_equal(found.distance, simulate(robot, points, **world, **HERE).distance)
+    rhythm = robot.rhythm_size
+    for n in range(6):
+        along = np.random.default_rng(n).normal(size=points.shape[1])
+        along[rhythm:] *= n != 0
+        along[:rhythm] *= n != 1
+        ends = [simulate(robot, points + sign * shift * along, **world, **HERE).distance for sign in (1, -1)]
+        assert found.gradient @ along == pytest.approx((ends[0] - ends[1]) / (2 * shift), rel=1e-6, abs=1e-9)
+
+
+@pytest.mark.kernels
+def test_reflexes_matter_and_robots_of_a_batch_have_their_own():
+    """Each does what it does alone; commands stay within what drives take."""
+    robot = crawler(every(kind="oscillators"))
+    points = some_points(robot, 3)
+    together = simulate(robot, points, record_every=1, **HERE)
+    assert np.array_equal(together.distance, [simulate(robot, p[None], **HERE).distance[0] for p in points])
+    still = points.copy()
+    still[:, robot.rhythm_size :] = 0.0
+    assert np.abs(simulate(robot, still, **HERE).distance - together.distance).min() > 1e-6
+    strong = crawler(every(gain=5.0))
+    found = simulate(strong, some_points(strong, 3), record_every=1, **HERE)
+    assert np.abs(found.runs[0].frames.neurons).max() == 1.0
+
+
+def felt(name: str, number: int = 0, **given) -> np.ndarray:
+    """What a robot at its start feels by a sense, in the second command after it moved by ``moved``."""
+    sensed = Sensed(touch=2, hinges=2, light=True, drives=1, length=0.5)
+    now = {
+        "position": np.zeros((1, 3)),
+        "orientation": np.array([[1.0, 0, 0, 0]]),
+        "angles": np.array([[0.1, -0.2]]),
+        "readings": np.array([[1.0, 0.0, 0.25]]),
+    }
+    rhythms = Rhythms(np.array([[2.0, 0, 0, 0]]), np.zeros((1, 3, 1)), 0.02)
+    reflexes = DriveReflexes((name,))
+    width = sensed.network(reflexes).weight_count
+    loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)))
+    for each in range(number + 1):
+        loop.decide(each, Felt(**{**now, **given}) if each == number else Felt(**now))
+    return loop._felt[-1][0]
+
+
+def test_senses_feel_what_they_say():
+    """By hand."""
+    assert felt("touch").tolist() == [1, 0] and felt("light").tolist() == [0.25]
+    assert felt("angles").tolist() == [0.1, -0.2]
+    lean = np.array([[np.cos(0.1), 0, np.sin(0.1), 0]])  # 0.2 rad about y
+    assert felt("tilt", orientation=lean) == pytest.approx([np.sin(0.2), 0])
+    assert felt("velocity", 1, position=np.array([[0.01, 0.02, 0.3]])) == pytest.approx([1.0, 2.0])
+    assert felt("clock", 2) == pytest.approx([np.sin(0.16 * np.pi), np.cos(0.16 * np.pi)])
+    assert np.isfinite(felt("tilt", orientation=np.full((1, 4), np.nan))).all()
+
+
+def test_a_design_is_one_file(tmp_path):
+    """With what it feels; weights are free, or fixed."""
+    path = tmp_path / "crawler.xml"
+    path.write_text(CRAWLER)
+    kind, source = find_robot(str(path))
+    reflexes = DriveReflexes.parse("touch,tilt+hidden:3+gain:0.3+delay:1+oscillators+coupling:1")
+    assert reflexes == DriveReflexes(("touch", "tilt"), (3,), 0.3, delay=1, kind="oscillators", coupling=1.0)
+    robot = make_robot(kind, source, {"reflexes": reflexes})
+    assert [p.name for p in robot.parameters][6:8] == ["b_offset", "reflex_1"]
+    assert len(robot.parameters) == 7 + 3 * 5 + 6 * 4 and robot.start[7:].tolist() == [0.0] * 39
+    assert ("Reflexes", "feels touch and tilt, 1 reading late, 3 hidden nodes, coupled oscillators") in robot.facts()
+    robot.save(robot.start, tmp_path / "design.json")
+    assert load_design(tmp_path / "design.json").robot.reflexes == reflexes
+    assert robot_of_record(json.loads(json.dumps(robot.describe()))).reflexes == reflexes
+    assert "reflexes" not in crawler().describe()
+    fixed = crawler(DriveReflexes(("tilt",), weights=(0.5,) * 6))
+    assert len(fixed.parameters) == 7
+
+
+@pytest.mark.kernels
+def test_fixed_weights_do_what_free_ones_do():
+    """In results and in derivatives by the rhythm."""
+    free = crawler(DriveReflexes(("tilt",)))
+    point = some_points(free, 1)
+    fixed = crawler(DriveReflexes(("tilt",), weights=tuple(point[0, 7:].tolist())))
+    one, other = differentiate(free, point, **HERE), differentiate(fixed, point[:, :7], **HERE)
+    assert one.distance[0] == other.distance[0] and np.array_equal(one.gradient[:, :7], other.gradient)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: DriveReflexes(("slip",)), "senses: 'slip' is unknown; choose one of touch, angles"),
+        (lambda: DriveReflexes.parse("tilt+hiden:3"), "reflexes: 'hiden:3' is not allowed; give oscillators, hidden:8"),
+        (lambda: DriveReflexes.parse("tilt+hidden:x"), "hidden: 'x'"),
+        (lambda: DriveReflexes.parse("tilt+delay:0.5"), "delay: 0.5"),
+        (lambda: crawler(every(), controller="network"), "reflexes: not allowed beside a network"),
+        (lambda: crawler(every(), light=None), "senses: light is not allowed without sensors of it; give a light"),
+        (lambda: ArticulatedRobot(CART, reflexes=DriveReflexes(("touch",))), "senses: touch is not allowed without"),
+        (lambda: crawler(DriveReflexes(("tilt",), weights=(1.0,))), "weights: 1 are not allowed; give 6"),
+        (lambda: crawler(every(kind="oscillators"), command_rate=20.0), "command_rate: 20 Hz is not allowed; give 32"),
+    ],
+)
+def test_bad_input(make, message):
+    """One line each."""
+    with pytest.raises(ValueError, match="^" + message):
+        make()
