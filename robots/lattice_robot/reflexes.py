@@ -234,6 +234,7 @@ class ReflexLoop:
     Attributes:
         by_weights: derivatives of a cost by the weights, shape (B, K), once all decisions were taken back.
         by_swing: by what waves add to the channels at the nodes of a cycle, shape (B, C, 16).
+        readings: what was felt, so far, shape (B, width) each.
     """
 
     def __init__(
@@ -276,7 +277,7 @@ class ReflexLoop:
         """Forget what was felt and decided."""
         self._at, self._before = self.swing[:, :, 1], self.first
         self._state: Sequence[Floats] = self.oscillators.start(len(self.swing)) if self.oscillators else ()
-        self._felt = list[Floats]()  # at every reading
+        self.readings = list[Floats]()  # at every reading
         self._given: dict[int, tuple[tuple[Floats, ...], tuple[Floats, ...]]] = {}  # to feel, and to answer
         self._forget()
 
@@ -315,9 +316,9 @@ class ReflexLoop:
         if self.anatomy.placed is not None:
             now = list(self.anatomy.placed.own_part(*now))
         sensed = self._before, *now
-        self._felt.append(self._feel(number, *sensed))
+        self.readings.append(self._feel(number, *sensed))
         late = number - self.reflexes.delay
-        heard = self._felt[late] if late >= 0 else np.zeros(self._felt[0].shape)
+        heard = self.readings[late] if late >= 0 else np.zeros(self.readings[0].shape)
         asked = self.weights, self.swing, self._at, heard, *self._state
         if self.keeps:
             self._given[number] = sensed, asked

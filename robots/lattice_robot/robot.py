@@ -22,12 +22,13 @@ from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, turned
-from robots.lattice_robot.simulation import outcome_of, try_points
-from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
+from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number, positive, whole_number
+from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material, Quantity
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
@@ -422,6 +423,18 @@ class LatticeRobot(OutOfTheLab):
         tried = dataclasses.replace(trial, world=worlds[0])
         found = try_points(self, np.tile(points, (len(worlds), 1)), tried, lights=lights)
         return [outcome_of(found.rows(slice(n * count, (n + 1) * count))) for n in range(len(worlds))]
+
+    @property
+    def feels(self) -> bool:  # type: ignore[override]
+        """Whether it has reflexes."""
+        return self.reflexes is not None
+
+    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
+        """What it feels at N points, sixteen times a cycle or every so many of these, shape (N, S, T)."""
+        if self.reflexes is None:
+            return super().readings(points, world, samples, compute)
+        found = felt_over_time(self, points, terrain_of(world), compute)
+        return found[:, :, :: -(-found.shape[2] // samples)]
 
     def spoken(self, outcome: Outcome) -> str:
         """Its measures, and those of the first prop, if there is one."""

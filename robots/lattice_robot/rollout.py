@@ -198,6 +198,12 @@ class Rollout:
         """Let the robots move."""
         return self._moved(self.engine.run(self.program, progress, self._loop), {})
 
+    @property
+    def felt(self) -> Floats:
+        """What the reflexes felt at every reading of the run, shape (B, S, T); S is 0 without reflexes."""
+        readings = [] if self._loop is None else self._loop.readings
+        return np.stack(readings, axis=-1) if readings else np.zeros((len(self.bodies), 0, 0))
+
     def differentiate(self, names: Sequence[str], memory: float = 1e9, progress: Progress | None = None) -> "Moved":
         """Let the robots move, with the derivatives of some measures.
 

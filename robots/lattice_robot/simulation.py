@@ -178,16 +178,12 @@ def _moved(
     lights: Floats | None = None,
 ) -> LatticeRobotResult:
     """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
-    bodies, channels = robot.bodies(points), channels_of(robot)
-    channels = replace(channels, feeling=_feeling(robot, points, channels, lights))
 
     def swing(points: Any) -> Any:
         return swing_of(robot, points, later)
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    terrain, every, starts = terrain_of(trial.world), trial.record_every, robot.starts(len(points))
-    aim = robot.aim if lights is None else replace(robot.aim, target=lights)
-    rollout = Rollout(bodies, channels, swung, robot.cycle, terrain, aim, trial.compute, every, starts)
+    rollout = _rollout(robot, points, swung, trial, lights)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, memory, trial.progress)
@@ -200,6 +196,25 @@ def _moved(
         if numbers := list(robot.free_moduli):
             gradients[name][:, -len(numbers) :] = slopes.materials["youngs_modulus"][:, numbers]
     return result_of(rollout, moved, gradients)
+
+
+def _rollout(
+    robot: "LatticeRobot", points: Floats, swung: Floats, trial: Trial, lights: Floats | None = None
+) -> Rollout:
+    """A robot at N points, with what waves add to its channels, shape (N, C, 16), ready to move."""
+    channels = channels_of(robot)
+    channels = replace(channels, feeling=_feeling(robot, points, channels, lights))
+    aim = robot.aim if lights is None else replace(robot.aim, target=lights)
+    where, every, starts = terrain_of(trial.world), trial.record_every, robot.starts(len(points))
+    return Rollout(robot.bodies(points), channels, swung, robot.cycle, where, aim, trial.compute, every, starts)
+
+
+def felt_over_time(robot: "LatticeRobot", points: ArrayLike, terrain: Terrain, compute: Compute) -> Floats:
+    """What a robot with reflexes feels at N points, sixteen times a cycle, shape (N, S, T)."""
+    robot, points = robot.on(terrain), robot.points(points)
+    rollout = _rollout(robot, points, swing_of(robot, points), Trial(terrain, compute))
+    rollout.run()
+    return rollout.felt
 
 
 def channels_of(robot: "LatticeRobot") -> Channels:
