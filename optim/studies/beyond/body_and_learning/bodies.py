@@ -7,6 +7,7 @@ import numpy as np
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.lattice_robot.reflexes import Reflexes
 from robots.world import Terrain
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import Material, body_from_array
 
 EDGE = 0.01  # of a voxel [m]
@@ -24,18 +25,32 @@ WORLDS = tuple(
 
 
 @cache
-def walker(number: int, cycles: int = 3) -> LatticeRobot:
-    """The walker of a number; its waves and the weights of its reflexes are free.
+def columns_of(number: int) -> tuple[Ints, Ints]:
+    """Length of the leg and thickness of the back in every column of a walker [voxels], shape (3, 2) each.
 
-    All walkers have as many muscles, so that controllers of one fit all others. The back is one or two voxels thick and
-    legs are up to two long, at least two of them the longest, drawn column by column.
+    The back is one or two voxels thick and legs are up to two long, at least two of them the longest.
     """
     rng = np.random.default_rng((number, 36))
     while True:
         legs = rng.integers(0, LONGEST + 1, (ALONG, ACROSS))
         thick = rng.integers(1, THICKEST + 1, (ALONG, ACROSS))
         if (legs == legs.max()).sum() >= 2 and legs.max() > 0:
-            break
+            return legs, thick
+
+
+def described(number: int) -> Floats:
+    """A body in numbers from -1 to 1, and a one, shape (13,): legs, then thickness, column by column."""
+    legs, thick = columns_of(number)
+    return np.concatenate([legs.ravel() - 1.0, 2.0 * thick.ravel() - 3.0, [1.0]])
+
+
+@cache
+def walker(number: int, cycles: int = 3) -> LatticeRobot:
+    """The walker of a number; its waves and the weights of its reflexes are free.
+
+    All walkers have as many muscles, so that controllers of one fit all others.
+    """
+    legs, thick = columns_of(number)
     filled = np.zeros((ALONG * WIDE, ACROSS * WIDE, LONGEST + THICKEST), bool)
     for i in range(ALONG):
         for j in range(ACROSS):

@@ -1,0 +1,259 @@
+"""One controller for many bodies: trained on hundreds of walkers, tested on others, beside training in each body.
+
+A universal controller is one point, the same in every body; or it is told the body, and is linear in what describes it.
+Both go along exact gradients of the way ahead, averaged over some bodies a step. Training in each of the test bodies
+has as many gradients in all.
+"""
+
+import resource
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from optim.experiments.jobs import run_parallel
+from optim.experiments.results import Progress, cached, part_of, write_json
+from optim.experiments.study import Count, Settings, Study
+from optim.experiments.tables import Record, cell, column, markdown, page, where, write_records
+from optim.measures.statistics import difference_of_means, mean_interval
+from optim.search.step_rules import Adam
+from optim.space import Space
+from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
+from robots.robot import Trial
+from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.checks import positive
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import write_text
+from taichi_sim.base.results_folder import ResultsFolder
+
+NAME, TABLE = "universal-control", "runs.csv"
+HERE, WORLD = Compute(precision="f32", threads=1), WORLDS[0]
+UNCLIPPED = 1e9  # gradients are shortened body by body
+STEEPEST = 1.0  # body lengths per range: longer gradients of a body are shortened to it
+FIRST_TRAINED, FIRST_TESTED = 10_000, 20_000  # numbers of the bodies
+ARMS = {
+    "universal": "universal, the same everywhere",
+    "told": "universal, told the body",
+    "each": "trained in each body",
+    "tuned": "told, then trained in each body",
+}
+
+
+@dataclass(frozen=True)
+class UniversalControl(Settings):
+    """Bodies and training.
+
+    Attributes:
+        trained: bodies that universal controllers are trained on.
+        tested: others, in which all are tested.
+        gradients: of one training, over all of its bodies.
+        batch: bodies whose gradients make a step of a universal controller.
+        rate: of steps, in ranges of the variables.
+        seeds: trainings of each kind.
+        cycles: of a trial.
+    """
+
+    trained: Count = 500
+    tested: Count = 100
+    gradients: Count = 500
+    batch: Count = 5
+    rate: Annotated[float, positive] = 0.03
+    seeds: Count = 5
+    cycles: Count = 3
+
+
+class Controller:
+    """Points of a space, in its ranges, linear in what describes a body; steps go along gradients."""
+
+    def __init__(self, first: Floats, inputs: int, rate: float) -> None:
+        """Start at a point, shape (P,), whatever the body, with so many numbers that describe one; the last is 1."""
+        self.weights = np.zeros((len(first), inputs))
+        self.weights[:, -1] = first
+        self.rule = Adam(1, self.weights.size, rate, UNCLIPPED)
+
+    def point(self, told: Floats) -> Floats:
+        """The point for a body, within the ranges."""
+        return np.clip(self.weights @ told, 0.0, 1.0)
+
+    def step(self, bodies: Sequence[Floats], slopes: Sequence[Floats]) -> None:
+        """Go along the mean of the gradients in some bodies; none counts where a bound holds the point."""
+        total = np.zeros(self.weights.shape)
+        for told, slope in zip(bodies, slopes, strict=True):
+            inner = self.weights @ told
+            free = ~(((inner <= 0) & (slope < 0)) | ((inner >= 1) & (slope > 0)))
+            total += np.outer(slope * free, told) / len(bodies)
+        every = np.ones((1, total.size), bool)
+        self.weights += self.rule.steps(np.ones(1, bool), total.reshape(1, -1), every).reshape(self.weights.shape)
+
+
+@dataclass(frozen=True)
+class Walks:
+    """Trials of walkers at points in ranges of the variables."""
+
+    cycles: int
+
+    @property
+    def space(self) -> Space:
+        """What is free, the same in every body."""
+        return Space(tuple(walker(0, self.cycles).parameters))
+
+    def start(self, seed: int) -> Floats:
+        """Waves of half the amplitude with drawn phases, and reflexes that do nothing."""
+        space = self.space
+        drawn = np.random.default_rng((seed, 1)).random(space.size)
+        names = space.names
+        return np.where([name.startswith("muscle_phase") for name in names], drawn, 0.5)
+
+    def speed(self, number: int, unit: Floats) -> float:
+        """Speed of one body at a point; NaN if it fails."""
+        robot, space = walker(number, self.cycles), self.space
+        outcome = robot.run(robot.points(space.low + space.span * unit), Trial(WORLD, HERE))
+        return float(outcome.measures["speed"][0]) if outcome.told[0] == "ok" else np.nan
+
+    def slope(self, number: int, unit: Floats) -> Floats:
+        """Gradient of the way in body lengths, by ranges, shortened to ``STEEPEST``; zero if the body fails."""
+        robot, space = walker(number, self.cycles), self.space
+        outcome = robot.run(robot.points(space.low + space.span * unit), Trial(WORLD, HERE, gradients=("distance",)))
+        found = np.nan_to_num(outcome.gradients["distance"][0]) * space.span / robot.length
+        return np.asarray(found * min(1.0, STEEPEST / max(float(np.linalg.norm(found)), 1e-12)))
+
+
+def train(settings: UniversalControl, seed: int, told: bool, progress: Progress = None) -> Arrays:
+    """A universal controller: its weights, and what it took in seconds of CPU time."""
+    begun, walks = time.process_time(), Walks(settings.cycles)
+    rng = np.random.default_rng((seed, 2))
+    controller = Controller(walks.start(seed), len(described(0)), settings.rate)
+    steps = max(1, settings.gradients // settings.batch)
+    for step in range(steps):
+        numbers = FIRST_TRAINED + rng.choice(settings.trained, min(settings.batch, settings.trained), replace=False)
+        bodies = [_told(int(number), told) for number in numbers]
+        slopes = [walks.slope(int(n), controller.point(body)) for n, body in zip(numbers, bodies, strict=True)]
+        controller.step(bodies, slopes)
+        if progress:
+            progress((step + 1) / steps)
+    return {"weights": controller.weights, "seconds": np.array(time.process_time() - begun)}
+
+
+def train_each(settings: UniversalControl, seed: int, weights: Floats | None, progress: Progress = None) -> Arrays:
+    """Speeds of the test bodies after training in each, from a universal controller or the usual start, shape (T,)."""
+    begun, walks = time.process_time(), Walks(settings.cycles)
+    steps, speeds = max(1, settings.gradients // settings.tested), []
+    for count in range(settings.tested):
+        number = FIRST_TESTED + count
+        first = walks.start(seed) if weights is None else np.clip(weights @ _told(number, True), 0.0, 1.0)
+        one = np.ones(1)
+        own = Controller(first, 1, settings.rate)
+        for _ in range(steps):
+            own.step([one], [walks.slope(number, own.point(one))])
+        speeds.append(walks.speed(number, own.point(one)))
+        if progress:
+            progress((count + 1) / settings.tested)
+    return {"speeds": np.array(speeds), "seconds": np.array(time.process_time() - begun)}
+
+
+def test(settings: UniversalControl, weights: Floats, told: bool) -> Arrays:
+    """Speeds of the test bodies with a universal controller, shape (T,)."""
+    walks, numbers = Walks(settings.cycles), FIRST_TESTED + np.arange(settings.tested)
+    points = [np.clip(weights @ _told(int(number), told), 0.0, 1.0) for number in numbers]
+    return {"speeds": np.array([walks.speed(int(n), point) for n, point in zip(numbers, points, strict=True)])}
+
+
+def _told(number: int, told: bool) -> Floats:
+    """What describes a body, or nothing but the one."""
+    numbers = described(number)
+    return numbers if told else np.append(np.zeros(len(numbers) - 1), 1.0)
+
+
+def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progress: Progress) -> list[Record]:
+    """All trainings and tests of a seed, unless they are done: a row for each kind."""
+    kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", {"seed": seed, **_lasting(settings)})
+    rows: list[Record] = []
+    weights = {}
+    for count, name in enumerate(ARMS):
+        part = part_of(progress, count, len(ARMS))
+        if name in ("universal", "told"):
+            told = name == "told"
+            trained = cached(kept, f"trained_{name}", partial(train, settings, seed, told, part))
+            weights[name] = trained["weights"]
+            found = cached(kept, f"tested_{name}", partial(test, settings, weights[name], told))
+            seconds = float(trained["seconds"])
+        else:
+            first = weights["told"] if name == "tuned" else None
+            found = cached(kept, f"tested_{name}", partial(train_each, settings, seed, first, part))
+            seconds = float(found["seconds"])
+        speeds = np.nan_to_num(found["speeds"])
+        quarters = np.percentile(speeds, [25, 75])
+        rows.append(
+            {
+                "arm": name,
+                "seed": seed,
+                "speed": float(speeds.mean()),
+                "lowest_quarter": float(quarters[0]),
+                "highest_quarter": float(quarters[1]),
+                "failed": int(np.isnan(found["speeds"]).sum()),
+                "seconds": seconds,
+            }
+        )
+    return rows
+
+
+def _lasting(settings: UniversalControl) -> dict[str, Any]:
+    return {name: value for name, value in settings.describe().items() if name != "seeds"}
+
+
+def study(folder: Path, settings: UniversalControl, progress: Progress = None, jobs: int = 1) -> None:
+    """Write what every training reached, and a table; seeds that are whole are not trained again."""
+    ResultsFolder(folder, NAME, _lasting(settings))
+    seeds = range(settings.seeds)
+    parts = [(f"seed {seed}", partial(seed_part, folder, settings, seed)) for seed in seeds]
+    run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
+    rows: list[Record] = []
+    for seed, (_, part) in enumerate(parts):
+        rows += part({}, progress and part_of(progress, seed, len(parts)))
+        write_records(folder / TABLE, rows)
+    _report(folder, settings, rows)
+
+
+def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record]) -> None:
+    """Write ``table.md`` and ``summary.json``."""
+    lines, summary = [], dict[str, Any]()
+    each = column(where(rows, arm="each"), "speed")
+    for name, title in ARMS.items():
+        part = where(rows, arm=name)
+        speeds = column(part, "speed")
+        several = len(speeds) > 1
+        ends = mean_interval(speeds) if several else None
+        gain = difference_of_means(each, speeds) if several and name != "each" else None
+        interval = f" ({ends[0]:.3f} to {ends[1]:.3f})" if ends else ""
+        against = f"{gain.difference:+.3f} ({gain.low:+.3f} to {gain.high:+.3f})" if gain else "-"
+        seconds = float(column(part, "seconds").mean())
+        lines.append([title, f"{speeds.mean():.3f}{interval}", against, cell(seconds, ".0f")])
+        summary[name] = {"speeds": speeds.tolist(), "seconds": seconds}
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    header = ["controller", "mean speed in unseen bodies [lengths/s]", "more than trained in each", "CPU time [s]"]
+    told = (
+        f"{settings.gradients} gradients for each training: a universal one over {settings.trained} bodies, one in "
+        f"each of {settings.tested} unseen bodies, {max(1, settings.gradients // settings.tested)} steps; "
+        f"{settings.seeds} seeds, 95 % intervals over seeds."
+    )
+    write_text(folder / "table.md", page(told, markdown(header, "lrrr", lines)))
+    write_json(folder / "summary.json", {"settings": settings.describe(), "arms": summary, "peak_memory": peak})
+
+
+STUDY = Study(
+    title="one controller for many bodies, tested on bodies that it has not met",
+    source="",
+    scales={
+        "small": UniversalControl(trained=4, tested=2, gradients=4, batch=2, seeds=2, cycles=1),
+        "medium": UniversalControl(),
+        "full": UniversalControl(trained=2000, gradients=5000, seeds=10),
+    },
+    run=study,
+    writes=("table.md", TABLE, "summary.json"),
+    cost="about 30 hours of a core",
+)

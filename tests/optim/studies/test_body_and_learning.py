@@ -1,0 +1,96 @@
+"""Metrics of soft bodies against learning in them, and one controller for many bodies."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from optim.experiments.tables import read_records
+from optim.studies.beyond.body_and_learning import universal
+from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
+from optim.studies.beyond.body_and_learning.report import correlations, foretold
+from optim.studies.beyond.body_and_learning.study import LEARNERS, STUDY, BodyAndLearning
+from optim.studies.beyond.body_and_learning.universal import Controller
+
+
+def test_walkers_differ_in_their_bodies_and_share_their_controllers():
+    """As many muscles in all of them, so that a point of one is a point of another."""
+    robots = [walker(number) for number in range(12)]
+    assert len({robot.body.voxel_count for robot in robots}) > 3
+    assert len({tuple(p.name for p in robot.parameters) for robot in robots}) == 1
+    told = np.array([described(number) for number in range(12)])
+    assert told.shape == (12, 13) and (np.abs(told) <= 1).all() and (told[:, -1] == 1).all()
+    assert np.ptp([np.hypot(*world.light) for world in WORLDS]) < 1e-4  # as far away in every world
+
+
+def test_what_metrics_foretell():
+    """Of bodies in which evaluations follow M_L, those held out are foretold; noise foretells nothing."""
+    rng = np.random.default_rng(0)
+    every = rng.integers(1, 100, 80)
+    rows = [
+        {"M_L": a / 256, "M_CI": a / 200, "all": a, "any": 200, "felt": np.nan, "voxels": v, "evolution": 300 / a}
+        for a, v in zip(every, rng.integers(40, 80, 80), strict=True)
+    ]
+    assert foretold(rows, "evolution").r == pytest.approx(1.0)
+    found = correlations(rows, ("evolution",))
+    assert found["M_L", "evolution"].r == pytest.approx(-1.0)
+    assert abs(found["voxels", "evolution"].r) < 0.3 and found["felt", "evolution"].r is None
+
+
+@pytest.mark.kernels
+def test_the_study_goes_on_where_it_was(tmp_path):
+    """To the same rows; with more bodies, too."""
+    settings = BodyAndLearning(bodies=2, controllers=4, repetitions=1, budget=4, cycles=1, nearer=0.001)
+    STUDY.run(tmp_path / "a", settings)
+    first = read_records(tmp_path / "a/bodies.csv")
+    for name in ("controllers0", "learned_nes"):
+        (lost,) = (tmp_path / "a/parts/001").glob(f"{name}-*.npz")
+        lost.unlink()
+    STUDY.run(tmp_path / "a", replace(settings, bodies=3))
+    rows = read_records(tmp_path / "a/bodies.csv")
+    assert [str(row) for row in rows[:2]] == [str(row) for row in first] and len(rows) == 3
+    assert all(1 <= row[name] <= settings.budget_of(name) for row in rows for name in LEARNERS)
+    assert (tmp_path / "a/evaluations.png").stat().st_size > 1000
+    summary = json.loads((tmp_path / "a/summary.json").read_text())
+    assert summary["bodies"] == 3 and set(summary["held_out"]) == set(LEARNERS)
+    with pytest.raises(ValueError, match="of other settings"):
+        STUDY.run(tmp_path / "a", replace(settings, budget=5))
+
+
+def test_a_controller_that_is_told_the_body_learns_what_depends_on_it():
+    """Points that should be 0.2 in one body and 0.8 in the other; the one told nothing ends between."""
+    bodies = [np.array([-1.0, 1.0]), np.array([1.0, 1.0])]
+    wanted = [0.2, 0.8]
+
+    def trained(told: list[np.ndarray]) -> list[float]:
+        controller = Controller(np.full(3, 0.5), 2, 0.02)
+        for _ in range(200):
+            controller.step(
+                told, [2 * (want - controller.point(body)) for body, want in zip(told, wanted, strict=True)]
+            )
+        return [float(controller.point(body)[0]) for body in told]
+
+    assert np.allclose(trained(bodies), wanted, atol=0.03)
+    assert np.allclose(trained([np.array([0.0, 1.0])] * 2), 0.5, atol=0.03)
+
+
+def test_points_stay_in_their_ranges():
+    """And are not pushed beyond."""
+    controller, one = Controller(np.array([0.99]), 1, 0.1), np.ones(1)
+    for _ in range(20):
+        controller.step([one], [np.ones(1)])
+    assert controller.point(one) == 1.0 and controller.weights[0, 0] < 1.6
+
+
+@pytest.mark.kernels
+def test_universal_control_goes_on_where_it_was(tmp_path):
+    """Seeds that are whole are not trained again; all kinds are told."""
+    settings = replace(universal.STUDY.scales["small"], trained=2, gradients=2, batch=1, tested=1, seeds=1)
+    universal.STUDY.run(tmp_path / "a", settings)
+    first = (tmp_path / "a/runs.csv").read_text()
+    universal.STUDY.run(tmp_path / "a", settings)
+    assert (tmp_path / "a/runs.csv").read_text() == first
+    rows = read_records(tmp_path / "a/runs.csv")
+    assert [row["arm"] for row in rows] == list(universal.ARMS) and all(row["failed"] == 0 for row in rows)
+    assert "universal, told the body" in (tmp_path / "a/table.md").read_text()
