@@ -4,7 +4,7 @@ Each measurement is a process of its own, by turns, and counts steps of random a
 compilation. Another version's environments of one robot are measured in the same turns. Only ratios mean something, as
 speeds of shared machines drift; told are the median of the rounds and the range.
 
-    python benchmarks/environments.py [--robots 16] [--threads 1] [--precision f32] [--rounds 5] [--against TREE] [--cases vehicle]
+    python benchmarks/environments.py [--robots 16] [--threads 1] [--precision f32] [--rounds 5] [--against TREE]
 """
 
 import argparse
