@@ -1,7 +1,7 @@
 """Gymnasium environments: what a step costs for each robot of a vector environment, and for one alone.
 
-Each measurement is a process of its own, by turns, and counts steps of random actions after a reset, without resets and
-compilation. Another version's environments of one robot are measured in the same turns. Only ratios mean something, as
+Each measurement is a process of its own, by turns, and counts steps of random actions after a reset, other ones in each
+round, without resets and compilation. Another version's environments of one robot are measured in the same turns. Only ratios mean something, as
 speeds of shared machines drift; told are the median of the rounds and the range.
 
     python benchmarks/environments.py [--robots 16] [--threads 1] [--precision f32] [--rounds 5] [--against TREE]
@@ -30,7 +30,7 @@ CASES = {
 NEW = ("lattice robot",)  # that version 1.0 does not have
 
 
-def seconds(case: str, robots: int, compute: dict[str, Any]) -> float:
+def seconds(case: str, robots: int, seed: int, compute: dict[str, Any]) -> float:
     """Time of a step for each robot [s]; of an environment of one robot with 0 robots."""
     import gymnasium
 
@@ -41,10 +41,10 @@ def seconds(case: str, robots: int, compute: dict[str, Any]) -> float:
         environment = gymnasium.make_vec(name, num_envs=robots, **settings)
     else:
         environment = gymnasium.make(name, **settings, disable_env_checker=True)
-    environment.action_space.seed(0)
-    environment.reset(seed=0)
+    environment.action_space.seed(seed)
+    environment.reset(seed=seed)
     environment.step(environment.action_space.sample())  # compiles what a reset does not
-    environment.reset(seed=0)
+    environment.reset(seed=seed)
     actions = [environment.action_space.sample() for _ in range(steps)]
     begun = time.perf_counter()
     for action in actions:
@@ -52,9 +52,9 @@ def seconds(case: str, robots: int, compute: dict[str, Any]) -> float:
     return (time.perf_counter() - begun) / steps / max(robots, 1)
 
 
-def measured(tree: Path, case: str, robots: int, compute: dict[str, Any]) -> float:
+def measured(tree: Path, case: str, robots: int, seed: int, compute: dict[str, Any]) -> float:
     """The same in a process of a source tree."""
-    own = ["--measure", case, "--robots", str(robots)]
+    own = ["--measure", case, "--robots", str(robots), "--seed", str(seed)]
     own += [text for name, value in compute.items() for text in (f"--{name}", str(value))]
     environment = {**os.environ, "PYTHONPATH": str(tree)}
     command = [sys.executable, str(Path(__file__).resolve()), *own]
@@ -76,11 +76,12 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
     parser.add_argument("--against", type=Path, help="source tree of another version")
+    parser.add_argument("--seed", type=int, default=0, help="of the first round")
     parser.add_argument("--measure", choices=CASES, help=argparse.SUPPRESS)
     given = parser.parse_args()
     compute = {"threads": given.threads} | ({"precision": given.precision} if given.precision else {})
     if given.measure:
-        print(json.dumps(seconds(given.measure, given.robots, compute)))
+        print(json.dumps(seconds(given.measure, given.robots, given.seed, compute)))
         return
     print(f"{given.rounds} rounds; times of a step for each robot, how many times less among {given.robots}:")
     for case in given.cases:
@@ -88,9 +89,9 @@ def main() -> None:
         if given.against and case not in NEW:
             ways["before"] = (given.against.resolve(), 0)
         times: dict[str, list[float]] = {way: [] for way in ways}
-        for _ in range(given.rounds):
+        for seed in range(given.seed, given.seed + given.rounds):
             for way, (tree, robots) in ways.items():
-                times[way].append(measured(tree, case, robots, compute))
+                times[way].append(measured(tree, case, robots, seed, compute))
         middle = {way: 1e3 * float(np.median(each)) for way, each in times.items()}
         line = f"{case:14} one {middle['one']:8.3f} ms, among {given.robots} {middle['many']:8.3f} ms:"
         for way in [way for way in ways if way != "many"]:

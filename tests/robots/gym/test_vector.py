@@ -7,6 +7,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import robots.gym
 from robots.gym.batch import FAILED_RETURN
+from robots.gym.lattice_robot import LatticeRobotVector
 from robots.gym.vehicle import VehicleVector
 from robots.inflatable import SMALL, InflatableActuation
 from robots.lattice_robot.offered import soft_quadruped
@@ -14,9 +15,10 @@ from taichi_sim.vehicle import VehicleTask
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
 PANCAKE = {"geometry": SMALL, "actuation": QUICK, "threads": 1}
+LATTICE = {"robot": soft_quadruped(1), "threads": 1}
 CASES = {
     **{name: PANCAKE if "Pancake" in name else {} for name in robots.gym.ENVIRONMENTS},
-    "morpholab/LatticeRobot-v0": {"robot": soft_quadruped(1), "threads": 1},
+    "morpholab/LatticeRobot-v0": LATTICE,
 }
 
 
@@ -75,6 +77,33 @@ def test_vehicles_that_diverge_never_win_and_disturb_no_other():
     assert info["status"].tolist() == ["diverged", "ok"] and np.array_equal(observed, first)
     _, gained, ended, _, info = many.step(still)
     assert not ended.any() and not gained.any() and info["status"].tolist() == ["ok", "ok"]
+
+
+@pytest.mark.kernels
+def test_a_lattice_robot_that_diverges_rests_and_disturbs_no_other():
+    many, undisturbed = (LatticeRobotVector(2, max_episode_steps=4, **LATTICE) for _ in range(2))
+    many.reset(), undisturbed.reset()
+    actions = np.random.default_rng(0).uniform(-1, 1, (5, *many.action_space.shape))
+    gained, seen = np.zeros(2), []
+    for number, action in enumerate(actions[:4]):
+        if number == 2:
+            engine = many._batch.episodes._rollout.engine
+            state = engine.state()
+            state.velocities[0] = 1e12
+            engine.set_state(state)
+            engine = undisturbed._batch.episodes._rollout.engine
+            engine.set_state(engine.state())
+        observed, reward, ended, cut, info = many.step(action)
+        other = undisturbed.step(action)
+        assert observed[1].tolist() == other[0][1].tolist() and reward[1] == other[1][1]
+        gained += reward
+        seen.append(observed[0].tolist())
+        assert ended.tolist() == [number >= 2, False] and cut.tolist() == [False, number == 3]
+    assert gained[0] == pytest.approx(FAILED_RETURN) and seen[1] == seen[2] == seen[3]
+    assert info["status"].tolist() == ["diverged", "ok"]
+    many.step(actions[4])
+    *_, ended, _, info = many.step(actions[4])
+    assert not ended.any() and info["status"].tolist() == ["ok", "ok"]
 
 
 def test_statistics_of_gymnasium_count_the_episodes():
