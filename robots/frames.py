@@ -1,6 +1,6 @@
 """Recorded poses of robots made of voxels: what pictures, films and the player show."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,3 +39,14 @@ def frames_of(run: LatticeResult, extents: np.ndarray, first: int, times: np.nda
         np.moveaxis(each[:, first:], 0, 1) for each in (run.positions, run.orientations, extents, run.sizes)
     )
     return Frames(positions, orientations, times, sides, rest)
+
+
+def last_whole(before: LatticeResult, now: LatticeResult) -> LatticeResult:
+    """A run's snapshots, for robots that have diverged those of the run before; both have as many."""
+    lost = now.status != "ok"
+    if not lost.any():
+        return now
+    names = ("positions", "orientations", "strains", "sizes")
+    pairs = {name: (getattr(before, name), getattr(now, name)) for name in names}
+    kept = {n: np.where(lost.reshape(-1, *[1] * (new.ndim - 1)), old, new) for n, (old, new) in pairs.items()}
+    return replace(now, **kept)

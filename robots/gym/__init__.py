@@ -15,14 +15,14 @@ try:
 except ModuleNotFoundError:
     raise ModuleNotFoundError(f"gymnasium is missing; {install_extra('gym')}") from None
 
-# Identifier: (place of the class, steps of the published experiment, arguments).
+# Identifier: (classes for one robot and for many, steps of the published experiment, arguments).
 ENVIRONMENTS: Mapping[str, tuple[str, int, Mapping[str, Any]]] = MappingProxyType(
     {
-        "morpholab/Pancake-v0": ("robots.gym.pancake:PancakeEnvironment", 16, {}),
-        "morpholab/Vehicle-v0": ("robots.gym.vehicle:VehicleEnvironment", 10_000, {}),
-        "morpholab/LeggedQuadruped-v0": ("robots.gym.quadruped:QuadrupedEnvironment", 999, {"kind": "legged"}),
-        "morpholab/WheeledQuadruped-v0": ("robots.gym.quadruped:QuadrupedEnvironment", 999, {"kind": "wheeled"}),
-        "morpholab/WheggedQuadruped-v0": ("robots.gym.quadruped:QuadrupedEnvironment", 999, {"kind": "whegged"}),
+        "morpholab/Pancake-v0": ("pancake:Pancake", 16, {}),
+        "morpholab/Vehicle-v0": ("vehicle:Vehicle", 10_000, {}),
+        "morpholab/LeggedQuadruped-v0": ("quadruped:Quadruped", 999, {"kind": "legged"}),
+        "morpholab/WheeledQuadruped-v0": ("quadruped:Quadruped", 999, {"kind": "wheeled"}),
+        "morpholab/WheggedQuadruped-v0": ("quadruped:Quadruped", 999, {"kind": "whegged"}),
     }
 )
 
@@ -46,15 +46,20 @@ def task_settings(task: Task) -> dict[str, Any]:
     return {"robot": task.source, "world": world, "gain": GAINS[goal.removeprefix("minimise:")]}
 
 
-_made = {"LatticeRobot": {}, **{name.capitalize(): task_settings(task) for name, task in builtin_tasks().items()}}
-for _name, _given in _made.items():
-    if f"morpholab/{_name}-v0" not in gymnasium.registry:
-        gymnasium.register(
-            f"morpholab/{_name}-v0",
-            entry_point="robots.gym.lattice_robot:LatticeRobotEnvironment",
-            vector_entry_point="robots.gym.lattice_robot:LatticeRobotVector",
-            kwargs=_given,
-        )
-for _name, (_place, _steps, _arguments) in ENVIRONMENTS.items():
+_made: dict[str, tuple[str, int | None, Mapping[str, Any]]] = {
+    **ENVIRONMENTS,
+    "morpholab/LatticeRobot-v0": ("lattice_robot:LatticeRobot", None, {}),
+    **{
+        f"morpholab/{name.capitalize()}-v0": ("lattice_robot:LatticeRobot", None, task_settings(task))
+        for name, task in builtin_tasks().items()
+    },
+}
+for _name, (_classes, _steps, _given) in _made.items():
     if _name not in gymnasium.registry:
-        gymnasium.register(_name, entry_point=_place, max_episode_steps=_steps, kwargs=dict(_arguments))
+        gymnasium.register(
+            _name,
+            entry_point=f"robots.gym.{_classes}Environment",
+            vector_entry_point=f"robots.gym.{_classes}Vector",
+            max_episode_steps=_steps,
+            kwargs=dict(_given),
+        )

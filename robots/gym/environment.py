@@ -1,51 +1,42 @@
-"""Base class of the Gymnasium environments."""
+"""Base classes of the Gymnasium environments: of one robot, and of many as one batch."""
 
-from abc import abstractmethod
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
 
-from taichi_sim.base.arrays import Floats
-
-Observation = Floats
-
-FAILED_RETURN = -1.0  # of an episode in which the simulation diverges, whatever it gained before
+from robots.gym.batch import Account, Batch, Observation, checked_actions
+from robots.gym.pictures import RENDER_MODES, Pictures
+from taichi_sim.base.arrays import Bools, Bytes, Ints
 
 
 class RobotEnvironment(gymnasium.Env[Observation, Any]):
     """Gymnasium environment whose reward is progress, and in which a robot that diverges never wins.
 
-    A subclass tells how an episode begins, what an action does, and what ``info`` has.
+    A subclass says what is simulated, as a batch of one.
     """
 
-    metadata = {"render_modes": []}  # noqa: RUF012 - what Gymnasium asks for
+    metadata = {"render_modes": list(RENDER_MODES)}  # noqa: RUF012 - what Gymnasium asks for
 
-    def __init__(self, low: Observation, high: Observation, actions: gymnasium.Space[Any], render_mode: None) -> None:
-        """Take the bounds of the observations, and the space of actions."""
-        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
-        self.action_space, self.render_mode = actions, render_mode
-        self._gained, self._observed, self._begun = 0.0, low, False
-
-    @abstractmethod
-    def _begin(self, options: dict[str, Any]) -> Observation:
-        """Begin an episode; the first observation."""
-
-    @abstractmethod
-    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
-        """Apply an action: observation, reward, whether the aim is reached, and whether the simulation diverged."""
-
-    @abstractmethod
-    def _info(self) -> dict[str, Any]:
-        """What people may want to know."""
+    def __init__(self, batch: Batch, render_mode: str | None) -> None:
+        """Take the robot, and how pictures are given: ``"rgb_array"``, or None for none."""
+        self._batch, self._account, self._pictures = batch, Account(batch), Pictures(batch, render_mode)
+        self.observation_space = cast(gymnasium.Space[Observation], batch.observed)
+        self.action_space, self.render_mode = batch.acted, render_mode
+        self.metadata = {**self.metadata, "render_fps": 1 / batch.seconds}
+        self._begun = False
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode."""
         super().reset(seed=seed)
-        self._gained, self._observed, self._begun = 0.0, self._within(self._begin(dict(options or {}))), True
-        return self._observed.copy(), self._info()
+        which = np.arange(1)
+        way = self._batch.way(dict(options or {}), self.np_random)
+        self._account.begin(which, self._batch.begin(which, np.array([way])))
+        self._pictures.begin(which)
+        self._begun = True
+        return self._account.observed[0].copy(), self._info()
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Apply an action.
@@ -57,38 +48,100 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         """
         if not self._begun:
             raise RuntimeError("reset the environment before its first step")
-        given = np.asarray(action)
-        if given.dtype.kind in "biuf":
-            given = given.astype(self.action_space.dtype or float)
-        if not self.action_space.contains(given):
-            text = np.array2string(given, threshold=12)
-            raise ValueError(f"action: {text!r} is not allowed; give one of {self.action_space}")
-        observation, reward, reached, failed = self._advance(given.astype(np.float64))
-        if failed:
-            reward = FAILED_RETURN - self._gained
-        else:
-            self._observed = self._within(observation)
-        self._gained += reward
-        status = "diverged" if failed else "ok"
-        return self._observed.copy(), reward, reached or failed, False, {**self._info(), "status": status}
+        if self._batch.left == 0:
+            raise RuntimeError("reset the environment: the robot's cycles are over")
+        given = checked_actions(self.action_space, action)
+        reward = self._account.book(*self._batch.advance(given[None]))
+        ended, observed = bool(self._account.ended[0]), self._account.observed[0].copy()
+        info = {**self._info(), "status": str(self._account.status[0])}
+        return observed, float(reward[0]), ended, self._batch.left == 0, info
 
-    def _within(self, observation: Observation) -> Observation:
-        space = self.observation_space
-        assert isinstance(space, gymnasium.spaces.Box)
-        found: Observation = np.clip(observation, space.low, space.high)
-        return found
+    def render(self) -> Bytes | None:
+        """A picture of the robot as it is: red, green, blue, shape (H, W, 3); None without a render mode."""
+        return None if self.render_mode is None else self._pictures.draw(0)
 
-    def _chosen(self, options: dict[str, Any], name: str, count: int) -> int:
-        """Number below ``count`` that the option ``name`` gives; drawn at random without this option.
+    def _info(self) -> dict[str, Any]:
+        return {name: values[0] for name, values in self._batch.info().items()}
 
-        Raises:
-            ValueError: for an unknown option, or a number outside 0 to ``count`` - 1.
+
+class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
+    """Many robots as one batch; with the same actions each moves as it does alone, to the bit.
+
+    The step after the last of an episode begins it anew, whatever the action (``AutoresetMode.NEXT_STEP``). Most
+    robots begin together: then a robot that diverges rests until the episodes of all are over.
+    """
+
+    metadata = {  # noqa: RUF012 - what Gymnasium asks for
+        "render_modes": list(RENDER_MODES),
+        "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(self, batch: Batch, max_episode_steps: int | None, render_mode: str | None) -> None:
+        """Take the robots, the steps after which episodes are cut off, and ``"rgb_array"`` or None for pictures."""
+        self._batch, self._account, self._pictures = batch, Account(batch), Pictures(batch, render_mode)
+        self.num_envs, self.render_mode, self._most = batch.count, render_mode, max_episode_steps
+        self.single_observation_space, self.single_action_space = batch.observed, batch.acted
+        self.observation_space = gymnasium.vector.utils.batch_space(batch.observed, batch.count)
+        self.action_space = gymnasium.vector.utils.batch_space(batch.acted, batch.count)
+        self.metadata = {**self.metadata, "render_fps": 1 / batch.seconds}
+        self._generators = [np.random.default_rng() for _ in range(batch.count)]
+        self._steps, self._over = np.zeros(batch.count, np.int64), np.ones(batch.count, bool)
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode of all robots.
+
+        Args:
+            seed: of the first robot; those of the others follow it. Or a list of one each.
+            options: of the environment of one robot, a value for all or a list of one each.
         """
-        number = options.pop(name, None)
-        if options:
-            raise ValueError(f"options: {next(iter(options))!r} is unknown; give {name}")
-        if number is None:
-            return int(self.np_random.integers(count))
-        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 <= number < count:
-            raise ValueError(f"{name}: {number!r} is not allowed; give a whole number from 0 to {count - 1}")
-        return int(number)
+        following = [seed + robot for robot in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        for robot, one in enumerate(self._each("seed", following)):
+            if one is not None:
+                self._generators[robot], _ = gymnasium.utils.seeding.np_random(int(one))
+        self._begin(np.arange(self.num_envs), options or {})
+        return self._account.observed.copy(), self._info()
+
+    def _begin(self, which: Ints, options: dict[str, Any]) -> None:
+        """Begin episodes of some robots."""
+        each = {name: self._each(name, value) for name, value in options.items()}
+        own = [{name: values[robot] for name, values in each.items()} for robot in which]
+        ways = [self._batch.way(one, self._generators[robot]) for one, robot in zip(own, which, strict=True)]
+        self._account.begin(which, self._batch.begin(which, np.array(ways)))
+        self._pictures.begin(which)
+        self._steps[which], self._over[which] = 0, False
+
+    def _each(self, name: str, given: Any) -> Any:
+        """A value for each robot, of one for all or of as many as there are."""
+        values = [given] * self.num_envs if np.ndim(given) == 0 else given
+        if len(values) != self.num_envs:
+            raise ValueError(f"{name}: {len(values)} are not allowed for {self.num_envs} robots; give one each")
+        return values
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """Apply an action of each robot, shape (N, ...); those whose episodes are over begin anew instead."""
+        anew, reward = self._over.copy(), np.zeros(self.num_envs)
+        if not anew.all():
+            given = checked_actions(self.action_space, actions)
+            reward = np.where(anew, 0.0, self._account.book(*self._batch.advance(given)))
+            self._steps += 1
+        if anew.any():
+            self._begin(np.flatnonzero(anew), {})
+        ended, cut = self._account.ended.copy(), self._cut(anew)
+        over = ended | cut
+        self._over = np.full(self.num_envs, over.all()) if self._batch.together else over
+        info = {**self._info(), "status": self._account.status, "_status": np.ones(self.num_envs, bool)}
+        return self._account.observed.copy(), reward, ended, cut, info
+
+    def _cut(self, anew: Bools) -> Bools:
+        """Which episodes are cut off before they ended; none that has only begun."""
+        cut = np.full(self.num_envs, self._batch.left == 0) | (self._steps == self._most)
+        return cut & ~anew & ~self._account.ended
+
+    def render(self) -> tuple[Bytes, ...] | None:
+        """Pictures of the robots as they are, as of one; None without a render mode."""
+        return None if self.render_mode is None else tuple(map(self._pictures.draw, range(self.num_envs)))
+
+    def _info(self) -> dict[str, Any]:
+        """What people may want to know, with a mask beside each array, as Gymnasium has them."""
+        found = self._batch.info()
+        return {**found, **{f"_{name}": np.ones(self.num_envs, bool) for name in found}}

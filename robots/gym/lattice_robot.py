@@ -1,20 +1,25 @@
 """Lattice robots as environments, one or a batch: an action says how muscles differ from their waves for a while."""
 
 from pathlib import Path
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium
 import numpy as np
 
-from robots.gym.environment import FAILED_RETURN, Observation, RobotEnvironment
+from robots.gym.batch import Batch, Observation
+from robots.gym.environment import RobotEnvironment, RobotVector
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.reflexes import SENSES
 from robots.lattice_robot.robot import LatticeRobot
+from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
 from robots.world import Terrain, terrain_of
-from taichi_sim.base.arrays import Bools, Floats
-from taichi_sim.base.checks import choice, number
+from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
 USUAL_SENSES = tuple(name for name in SENSES if name != "light")
@@ -33,8 +38,8 @@ def _lattice_robot(given: LatticeRobot | str | Path) -> LatticeRobot:
     return found
 
 
-class Rewarded:
-    """A batch of robots and what they gain with every action.
+class Rewarded(Batch):
+    """Robots and what they gain with every action.
 
     Attributes:
         episodes: of the robots.
@@ -55,7 +60,8 @@ class Rewarded:
         terrain = Terrain.parse(world) if isinstance(world, str) else terrain_of(world)
         found = _lattice_robot(robot)
         feels = senses or (tuple(SENSES) if found.light_in(terrain) else USUAL_SENSES)
-        self.episodes = Episodes(found, terrain, batch, feels, compute)
+        count = whole_number("num_envs", batch, 1)
+        self.episodes = Episodes(found, terrain, count, feels, compute)
         self.gain = choice("gain", gain, GAINS)
         self._light = found.light_in(terrain)
         if self.gain == "light" and self._light is None:
@@ -65,19 +71,26 @@ class Rewarded:
                 "gain: prop is not allowed without one; give a world such as flat+box:0.02,0.02,0.02,0.07,0"
             )
         self._strength = number("strength", strength, 0.0, 0.5)
-        self.observed = gymnasium.spaces.Box(-FARTHEST, FARTHEST, (self.episodes.width,), np.float64)
-        self.acted = gymnasium.spaces.Box(-1.0, 1.0, (self.episodes.regions,), np.float64)
+        self._given, self._terrain, self._left = found, terrain, self.episodes.steps
+        observed = gymnasium.spaces.Box(-FARTHEST, FARTHEST, (self.episodes.width,), np.float64)
+        acted = gymnasium.spaces.Box(-1.0, 1.0, (self.episodes.regions,), np.float64)
+        super().__init__(count, observed, acted, self.episodes.seconds)
 
-    def begin(self) -> Observation:
+    @property
+    def left(self) -> int:
+        """Steps until the cycles are over."""
+        return self._left
+
+    def begin(self, which: Ints, ways: Ints) -> Observation:
         """Begin an episode of all robots; what they feel, shape (B, width)."""
+        assert len(which) == self.count
         felt, e = self.episodes.begin(), self.episodes
         own = e.positions[:, : e.own]
-        self.left, self._heights = e.steps, own[..., 2].mean(axis=1)
+        self._left, self._heights = e.steps, own[..., 2].mean(axis=1)
         self._start, self._turned = own.mean(axis=1), np.zeros(len(own))
         self._before = own
         self._value = self._values()
-        self.failed = np.zeros(len(own), bool)
-        return np.clip(felt, -FARTHEST, FARTHEST)
+        return felt
 
     def _values(self) -> Floats:
         e = self.episodes
@@ -104,13 +117,25 @@ class Rewarded:
         found: Floats = value / e.robot.length
         return found
 
-    def advance(self, actions: Floats) -> tuple[Observation, Floats, Bools]:
-        """Play the next piece of the cycle: what is felt, what is gained, shape (B,), and which diverged."""
-        felt, _, self.failed = self.episodes.advance(self._strength * np.asarray(actions, float))
-        self.left -= 1
+    def advance(self, actions: Floats) -> tuple[Observation, Floats, Bools, Bools]:
+        """Play the next piece of the cycle."""
+        felt, _, failed = self.episodes.advance(self._strength * actions)
+        self._left -= 1
         before, value = self._value, self._values()
-        self._value = np.where(self.failed, before, value)
-        return np.clip(np.nan_to_num(felt), -FARTHEST, FARTHEST), self._value - before, self.failed
+        self._value = np.where(failed, before, value)
+        return np.nan_to_num(felt), self._value - before, np.zeros(self.count, bool), failed
+
+    def info(self) -> dict[str, Any]:
+        """How many steps are left."""
+        return {"left": np.full(self.count, self._left)}
+
+    def motion(self, robot: int) -> "Motion":
+        """A robot, with props and light."""
+        from robots.view.soft_motion import lattice_robot_motion
+
+        none, e = np.array([""]), self.episodes
+        shown = LatticeRobotResult({}, none, none, np.zeros(1, int), e.seconds, (e.robot.body,), (e.frames(robot),))
+        return lattice_robot_motion(shown, self._given, self._terrain, name=self._given.name)
 
 
 class LatticeRobotEnvironment(RobotEnvironment):
@@ -130,7 +155,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
         senses: tuple[str, ...] | None = None,
         gain: str = "progress",
         strength: float = 0.1,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **compute: Unpack[ComputeOptions],
     ) -> None:
         """Take the robot and its world.
@@ -141,45 +166,18 @@ class LatticeRobotEnvironment(RobotEnvironment):
             senses: names; all by default, light where there is one.
             gain: what rewards count: ``"progress"``, ``"light"``, ``"prop"``, ``"turn"`` or ``"rise"``.
             strength: largest difference of a scale.
-            render_mode: None.
+            render_mode: ``"rgb_array"`` for pictures, or None.
             compute: ``precision`` (``"f32"`` by default), ``device`` and ``threads``.
 
         Raises:
             ValueError: for values that are not allowed.
         """
         chosen = Compute.given({"precision": "f32", **compute})
-        self._batch = Rewarded(1, robot, world, senses, gain, strength, chosen)
-        super().__init__(self._batch.observed.low, self._batch.observed.high, self._batch.acted, render_mode)
-
-    def _begin(self, options: dict[str, Any]) -> Observation:
-        if options:
-            raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
-        found: Observation = self._batch.begin()[0]
-        return found
-
-    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
-        felt, gained, failed = self._batch.advance(action[None])
-        return felt[0], float(gained[0]), False, bool(failed[0])
-
-    def _info(self) -> dict[str, Any]:
-        return {"left": self._batch.left}
-
-    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Apply an action; the episode is cut off when the robot's cycles are over."""
-        if self._begun and self._batch.left == 0:
-            raise RuntimeError("reset the environment: the robot's cycles are over")
-        observed, reward, ended, _, info = super().step(action)
-        return observed, reward, ended, self._batch.left == 0, info
+        super().__init__(Rewarded(1, robot, world, senses, gain, strength, chosen), render_mode)
 
 
-class LatticeRobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """A batch of the same robots, side by side; with the same actions each moves as it does alone, to the bit.
-
-    All episodes are equally long and begin together: the step after the last begins all anew, whatever the actions
-    (``AutoresetMode.NEXT_STEP``). A robot that diverges ends with a return of -1, and rests until then.
-    """
-
-    metadata = {"render_modes": [], "autoreset_mode": gymnasium.vector.AutoresetMode.NEXT_STEP}  # noqa: RUF012
+class LatticeRobotVector(RobotVector):
+    """The same lattice robots as one batch; all episodes are equally long."""
 
     def __init__(
         self,
@@ -190,45 +188,10 @@ class LatticeRobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         gain: str = "progress",
         strength: float = 0.1,
         max_episode_steps: int | None = None,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **compute: Unpack[ComputeOptions],
     ) -> None:
         """Take the number of robots, and what a ``LatticeRobotEnvironment`` takes."""
         chosen = Compute.given({"precision": "f32", **compute})
-        self._batch = Rewarded(num_envs, robot, world, senses, gain, strength, chosen)
-        self.num_envs, self.render_mode, self._most = num_envs, render_mode, max_episode_steps
-        self.single_observation_space, self.single_action_space = self._batch.observed, self._batch.acted
-        self.observation_space = gymnasium.vector.utils.batch_space(self._batch.observed, num_envs)
-        self.action_space = gymnasium.vector.utils.batch_space(self._batch.acted, num_envs)
-        self._over = True
-
-    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode of all robots."""
-        if options:
-            raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
-        if isinstance(seed, int):
-            super().reset(seed=seed)
-        self._gained, self._ended, self._over, self._done = (
-            np.zeros(self.num_envs),
-            np.zeros(self.num_envs, bool),
-            False,
-            0,
-        )
-        return self._batch.begin(), {}
-
-    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
-        """Apply an action of each robot, shape (N, R)."""
-        still = np.zeros(self.num_envs, bool)
-        if self._over:
-            observed, _ = self.reset()
-            return observed, np.zeros(self.num_envs), still, still.copy(), {}
-        given = np.asarray(actions, float)
-        if given.shape != self.action_space.shape or not (np.abs(given) <= 1).all():
-            raise ValueError(
-                f"actions: shape {given.shape} is not allowed; give numbers from -1 to 1 of {self.action_space.shape}"
-            )
-        observed, gained, failed = self._batch.advance(given)
-        gained = np.where(self._ended, 0.0, np.where(failed, FAILED_RETURN - self._gained, gained))
-        self._gained, self._ended, self._done = self._gained + gained, self._ended | failed, self._done + 1
-        self._over = self._batch.left == 0 or self._done == self._most or bool(self._ended.all())
-        return observed, gained, self._ended.copy(), np.full(self.num_envs, self._over) & ~self._ended, {}
+        batch = Rewarded(num_envs, robot, world, senses, gain, strength, chosen)
+        super().__init__(batch, max_episode_steps, render_mode)

@@ -1,14 +1,16 @@
-"""The inflatable shape-changing robot as an environment: each step plays one column of a gait.
+"""The inflatable shape-changing robot as an environment, one or a batch: each step plays one column of a gait.
 
 Source: Powers 2021 dissertation, ch. 5; a sequence of actions does what a schedule of these columns does, bit for bit.
 """
 
-from typing import Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import gymnasium
 import numpy as np
 
-from robots.gym.environment import Observation, RobotEnvironment
+from robots.frames import frames_of, last_whole
+from robots.gym.batch import Batch, Observation
+from robots.gym.environment import RobotEnvironment, RobotVector
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
@@ -19,21 +21,156 @@ from robots.inflatable.body import (
     InflatableGeometry,
     kinds_of,
 )
-from robots.inflatable.design import Pressure, checked_pressure, each_pressure, highest_pressure
+from robots.inflatable.design import InflatableDesign, Pressure, checked_pressure, each_pressure, highest_pressure
 from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.simulation import engine_of, read_poses, travel_directions
 from robots.inflatable.timing import nominal_steps, play
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import value_of
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import choice, number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.lattice import LatticeEngine, LatticeResult, ProgramBuilder
+from taichi_sim.lattice.engine import SavedLattice
+from taichi_sim.lattice.faces import half_extents
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
+
+Actions = Literal["bits", "continuous"]
 
 FARTHEST = 100.0  # bodies' lengths in a step: displacements are cut off there
 _LOW = np.array([0.0] * ROWS + [-1.0] * 6 + [-FARTHEST] * 2)
 _HIGH = np.array([1.0] * (ROWS + 6) + [FARTHEST] * 2)
+SEEDS = 2**31  # of noise on the start
+
+
+class Pancakes(Batch):
+    """Inflatable robots of one design side by side; columns of each last as long as its own bladders need."""
+
+    def __init__(
+        self,
+        count: int,
+        pressure: Pressure,
+        orientation: float,
+        slope: float,
+        actions: Actions,
+        geometry: InflatableGeometry | str,
+        actuation: InflatableActuation,
+        perturbation: float,
+        compute: Compute,
+    ) -> None:
+        """Take what a ``PancakeEnvironment`` takes."""
+        if isinstance(geometry, str):
+            geometry = NAMED_GEOMETRIES[choice("geometry", geometry, NAMED_GEOMETRIES)]
+        spaces = {
+            "bits": gymnasium.spaces.MultiBinary(ROWS),
+            "continuous": gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64),
+        }
+        acted = spaces[choice("actions", actions, spaces)]
+        self._pressure = checked_pressure(pressure)
+        each_pressure(self._pressure, geometry)
+        self._heading = number("orientation", orientation, 0.0, 90.0, "degrees")
+        self._ahead = travel_directions(np.array([self._heading]))[0]
+        self._terrain = Terrain(slope)
+        self._geometry, self._actuation = geometry, actuation.on(self._terrain)
+        self._perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
+        self.choices = SEEDS if self._perturbation else 0
+        self._compute = compute
+        self._engine: LatticeEngine | None = None
+        self._ready: tuple[LatticeResult, SavedLattice] | None = None
+        observed = gymnasium.spaces.Box(_LOW, _HIGH, dtype=np.float64)
+        super().__init__(count, observed, acted, nominal_steps(1, self._actuation) * geometry.time_step)
+
+    def begin(self, which: Ints, ways: Ints) -> Observation:
+        """The first episode initialises all robots, later ones restore that state; with noise each initialises."""
+        assert len(which) == self.count
+        if self._engine is None:
+            self._engine = engine_of(self._geometry, [self._terrain] * self.count, self._compute)
+        if self._ready is None or self._perturbation:
+            self._engine.reset()
+            if self._perturbation:
+                body = self._geometry.body
+                starts = [body.scattered(self._perturbation, seed, [0])[0] for seed in ways.tolist()]
+                self._engine.set_positions(np.array(starts))
+            builder, steps = ProgramBuilder(self.count), self._actuation.initial_steps(highest_pressure(self._pressure))
+            self._events(builder, np.arange(self.count)).initialise(steps)
+            program = builder.build(steps, np.full((self.count, 1), steps))
+            self._ready = self._engine.run(program), self._engine.save()
+        self._seen, saved = self._ready
+        self._engine.restore(saved)
+        self._levels = np.full((self.count, BLADDER_COUNT), self._actuation.deflated)
+        self._grips, self._steps = np.ones((self.count, 2)), np.zeros(self.count, np.int64)
+        self._columns: list[Floats] = []
+        self._place = self._start = self._middles(self._seen)
+        return self._observation(self._seen, np.zeros((self.count, 2)))
+
+    def _events(self, builder: ProgramBuilder, robots: Any) -> RobotEvents:
+        """What writes the events of a robot, or of several, into a program."""
+        own = self._pressure, self._heading, self._terrain
+        return RobotEvents.of(builder, robots, *own, self._actuation, self._geometry)
+
+    def advance(self, actions: Floats) -> tuple[Observation, Floats, Bools, Bools]:
+        """Play one column."""
+        assert self._engine
+        bits, builder = (actions > 0.5).astype(float), ProgramBuilder(self.count)
+        lengths, levels, first = np.zeros(self.count, np.int64), self._levels.copy(), not self._columns
+        for robot, own in enumerate(bits):
+            gait = GaitSchedule(own[:, None], repeats=1)
+            (column,), lengths[robot] = play(gait, self._actuation, levels=self._levels[robot])
+            events = self._events(builder, robot)
+            if first:
+                events.tilt_skin(0)
+            events.play_column(column, 0, first=first)
+            levels[robot] = value_of(column.motion.ends)
+        found = self._engine.run(builder.build(lengths, lengths[:, None]))
+        failed = found.status != "ok"
+        self._levels, self._grips = levels, bits[:, BLADDER_COUNT:]
+        self._columns.append(bits)
+        self._steps = self._steps + found.steps
+        self._seen = last_whole(self._seen, found)
+        before, self._place = self._place, self._middles(self._seen)
+        (x, y), (ahead, aside) = (self._place - before)[:, :2].T / self._geometry.body_length, self._ahead
+        moved = np.stack([x * ahead + y * aside, y * ahead - x * aside], axis=1)
+        return self._observation(self._seen, moved), moved[:, 0], np.zeros(self.count, bool), failed
+
+    def _middles(self, found: LatticeResult) -> Floats:
+        """Middles of the robots, by which distances are measured: the means of all corners of exposed faces [m]."""
+        middles: Floats = read_poses(found, self._geometry, 1)[0][:, 0]
+        return middles
+
+    def _observation(self, found: LatticeResult, moved: Floats) -> Observation:
+        a, body = self._actuation, self._geometry.body
+        inflation = (self._levels - a.deflated) / (a.inflated - a.deflated)
+        height, regions = body.voxels[:, 2], kinds_of(np.asarray(body.regions))
+        skin = regions < FIRST_BLADDER
+        upper, lower = skin & (height == height[skin].max()), skin & (height == height[skin].min())
+        pairs, units = ((regions == FOOT_1, regions == FOOT_2), (lower, upper)), []
+        for places in found.positions[:, 0]:  # one by one, so that sums have the same bits in every batch
+            axes = [places[last].mean(axis=0) - places[first].mean(axis=0) for first, last in pairs]
+            units.append(np.concatenate([axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in axes]))
+        return np.concatenate([inflation, self._grips, units, moved], axis=1)
+
+    def info(self) -> dict[str, Any]:
+        """Distances since the start, speeds and time steps."""
+        (x, y), (ahead, aside) = (self._place - self._start)[:, :2].T, self._ahead
+        distance, played = x * ahead + y * aside, np.inf
+        if self._columns:
+            played = nominal_steps(len(self._columns), self._actuation) * self._geometry.time_step
+        return {"distance": distance, "speed": distance / self._geometry.body_length / played, "steps": self._steps}
+
+    def motion(self, robot: int) -> "Motion":
+        """A robot, whose bladders and feet show the column that it has just played."""
+        from robots.view.soft_motion import Recording, inflatable_motion
+
+        body, run = self._geometry.body, self._seen
+        times = self._steps[robot, None] * self._geometry.time_step
+        frames = frames_of(run, half_extents(body, run.strains, run.sizes), 0, times)
+        played = [column[robot] for column in self._columns] or [np.zeros(ROWS)]
+        design = InflatableDesign(self._pressure, self._heading, GaitSchedule(np.stack(played, axis=1), repeats=1))
+        shown = Recording(frames, body, self._geometry.time_step)
+        return inflatable_motion(shown, design, self._terrain, actuation=self._actuation, robot=robot)
 
 
 class PancakeEnvironment(RobotEnvironment):
@@ -58,11 +195,11 @@ class PancakeEnvironment(RobotEnvironment):
         pressure: Pressure = 0.0,
         orientation: float = 90.0,
         slope: float = 0.0,
-        actions: Literal["bits", "continuous"] = "bits",
+        actions: Actions = "bits",
         geometry: InflatableGeometry | str = "published",
         actuation: InflatableActuation = ACTUATION,
         perturbation: float = 0.0,
-        render_mode: None = None,
+        render_mode: str | None = None,
         **compute: Unpack[ComputeOptions],
     ) -> None:
         """Take the design and the terrain.
@@ -75,98 +212,36 @@ class PancakeEnvironment(RobotEnvironment):
             geometry: geometry of the body, or its name.
             actuation: rates and friction.
             perturbation: standard deviation of noise on the start positions [m].
-            render_mode: None.
+            render_mode: ``"rgb_array"`` for pictures, or None.
             compute: ``precision`` (``"f32"`` by default, as in searches), ``device`` and ``threads``, see
                 ``robots.inflatable.simulate``.
 
         Raises:
             ValueError: for values that are not allowed.
         """
-        if isinstance(geometry, str):
-            geometry = NAMED_GEOMETRIES[choice("geometry", geometry, NAMED_GEOMETRIES)]
-        spaces = {
-            "bits": gymnasium.spaces.MultiBinary(ROWS),
-            "continuous": gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64),
-        }
-        super().__init__(_LOW, _HIGH, spaces[choice("actions", actions, spaces)], render_mode)
-        self.pressure = checked_pressure(pressure)
-        each_pressure(self.pressure, geometry)
-        self._heading = number("orientation", orientation, 0.0, 90.0, "degrees")
-        self._ahead = travel_directions(np.array([self._heading]))[0]
-        self._terrain = Terrain(slope)
-        self.geometry, self.actuation = geometry, actuation.on(self._terrain)
-        self._perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
-        self._compute = Compute.given({"precision": "f32", **compute})
-        self._engine: LatticeEngine | None = None
-        self._ready: Any = None
+        chosen = Compute.given({"precision": "f32", **compute})
+        own = pressure, orientation, slope, actions, geometry, actuation, perturbation
+        super().__init__(Pancakes(1, *own, chosen), render_mode)
 
-    def _begin(self, options: dict[str, Any]) -> Observation:
-        """The first episode initialises the robot, later ones restore that state."""
-        if options:
-            raise ValueError(f"options: {next(iter(options))!r} is unknown; there are none")
-        if self._engine is None:
-            self._engine = engine_of(self.geometry, [self._terrain], self._compute)
-        self._levels = np.full(BLADDER_COUNT, self.actuation.deflated)
-        self._grips, self._columns, self._steps = np.ones(2), 0, 0
-        if self._ready is None or self._perturbation:
-            self._engine.reset()
-            if self._perturbation:
-                drawn = int(self.np_random.integers(2**31))
-                self._engine.set_positions(self.geometry.body.scattered(self._perturbation, drawn, [0]))
-            builder, events = self._events()
-            steps = self.actuation.initial_steps(highest_pressure(self.pressure))
-            events.initialise(steps)
-            self._ready = self._engine.run(builder.build(steps, np.array([[steps]]))), self._engine.save()
-        found, saved = self._ready
-        self._engine.restore(saved)
-        self._place = self._start = self._middle(found)
-        return self._observation(found, np.zeros(2))
 
-    def _events(self) -> tuple[ProgramBuilder, RobotEvents]:
-        """An empty program, and what writes the robot's events into it."""
-        builder = ProgramBuilder(1)
-        own = self.pressure, self._heading, self._terrain
-        return builder, RobotEvents.of(builder, 0, *own, self.actuation, self.geometry)
+class PancakeVector(RobotVector):
+    """Inflatable robots as one batch, which play a column each at the same time."""
 
-    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
-        """Play one column."""
-        assert self._engine
-        bits = (action > 0.5).astype(float)
-        (column,), steps = play(GaitSchedule(bits[:, None], repeats=1), self.actuation, levels=self._levels)
-        builder, events = self._events()
-        if self._columns == 0:
-            events.tilt_skin(0)
-        events.play_column(column, 0, first=self._columns == 0)
-        found = self._engine.run(builder.build(steps, np.array([[steps]])))
-        self._levels, self._grips = value_of(column.motion.ends), bits[BLADDER_COUNT:]
-        self._columns, self._steps = self._columns + 1, self._steps + int(found.steps[0])
-        if str(found.status[0]) != "ok":
-            return _LOW, 0.0, False, True
-        before, self._place = self._place, self._middle(found)
-        ahead, left = self._ahead, np.array([-self._ahead[1], self._ahead[0]])
-        moved = (self._place - before)[:2] / self.geometry.body_length
-        moved = np.array([moved @ ahead, moved @ left])
-        return self._observation(found, moved), float(moved[0]), False, False
-
-    def _middle(self, found: LatticeResult) -> Observation:
-        """Middle of the robot, by which distances are measured: the mean of all corners of exposed faces [m]."""
-        middle: Observation = read_poses(found, self.geometry, 1)[0][0, 0]
-        return middle
-
-    def _observation(self, found: LatticeResult, moved: Observation) -> Observation:
-        a, body, places = self.actuation, self.geometry.body, found.positions[0, 0]
-        inflation = (self._levels - a.deflated) / (a.inflated - a.deflated)
-        height, regions = body.voxels[:, 2], kinds_of(np.asarray(body.regions))
-        skin = regions < FIRST_BLADDER
-        upper, lower = skin & (height == height[skin].max()), skin & (height == height[skin].min())
-        axes = [
-            places[last].mean(axis=0) - places[first].mean(axis=0)
-            for first, last in ((regions == FOOT_1, regions == FOOT_2), (lower, upper))
-        ]
-        units = [axis / max(float(np.linalg.norm(axis)), 1e-12) for axis in axes]
-        return np.concatenate([inflation, self._grips, *units, moved])
-
-    def _info(self) -> dict[str, Any]:
-        distance = float((self._place - self._start)[:2] @ self._ahead)
-        played = nominal_steps(self._columns, self.actuation) * self.geometry.time_step if self._columns else np.inf
-        return {"distance": distance, "speed": distance / self.geometry.body_length / played, "steps": self._steps}
+    def __init__(
+        self,
+        num_envs: int = 1,
+        pressure: Pressure = 0.0,
+        orientation: float = 90.0,
+        slope: float = 0.0,
+        actions: Actions = "bits",
+        geometry: InflatableGeometry | str = "published",
+        actuation: InflatableActuation = ACTUATION,
+        perturbation: float = 0.0,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        **compute: Unpack[ComputeOptions],
+    ) -> None:
+        """Take the number of robots, and what a ``PancakeEnvironment`` takes."""
+        chosen = Compute.given({"precision": "f32", **compute})
+        own = pressure, orientation, slope, actions, geometry, actuation, perturbation
+        super().__init__(Pancakes(num_envs, *own, chosen), max_episode_steps, render_mode)

@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.gym.environment import Observation
+from robots.gym.batch import Observation
 
 
 class Policy(Protocol):

@@ -1,21 +1,81 @@
-"""Quadrupeds as Gymnasium environments.
+"""Quadrupeds as Gymnasium environments, one or a batch.
 
 Source: dissertation, chapter 2 ("The robots").
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from robots.control.neural import check_lights
-from robots.gym.environment import Observation, RobotEnvironment
+from robots.gym.batch import Batch, Observation
+from robots.gym.environment import RobotEnvironment, RobotVector
 from robots.quadruped import AS_RUN, ENVIRONMENTS, LIGHT_HEIGHT, MOTORS, SENSORS, Kind, Quadruped, Variant, engine
-from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid import RigidResult
+from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.rigid import Frames, RigidResult
+
+if TYPE_CHECKING:
+    from robots.view.motion import Motion
 
 BRIGHTEST = 100.0  # 1/m^2
+
+
+class Quadrupeds(Batch):
+    """Quadrupeds of one body side by side, each with its light."""
+
+    option = "light"
+
+    def __init__(self, count: int, robot: Quadruped, variant: Variant, lights: Sequence[Sequence[float]]) -> None:
+        """Take what a ``QuadrupedEnvironment`` takes."""
+        low = np.array([min(variant.touch_values)] * (SENSORS - 1) + [0.0])
+        high = np.array([max(variant.touch_values)] * (SENSORS - 1) + [BRIGHTEST])
+        self._engine = engine(robot, variant, precision="f64", threads=1)
+        observed = gymnasium.spaces.Box(low, high, dtype=np.float64)
+        acted = gymnasium.spaces.Box(-1.0, 1.0, (MOTORS,), np.float64)
+        super().__init__(count, observed, acted, self._engine.world.time_step)
+        self._robot, self._lights = robot, check_lights(lights)
+        self.choices = len(self._lights)
+
+    def begin(self, which: Ints, ways: Ints) -> Observation:
+        """Begin the episodes of all, with the lights that are chosen."""
+        assert len(which) == self.count
+        self._light, self._steps = self._lights[ways], 0
+        places = np.column_stack([self._light, np.full(self.count, LIGHT_HEIGHT)])
+        self._session = self._engine.session(lights=places)
+        self._commands: Floats = np.zeros((self.count, MOTORS))
+        return self._observe(self._session.advance(steps=0))
+
+    def advance(self, actions: Floats) -> tuple[Observation, Floats, Bools, Bools]:
+        """Apply the motors' commands for one time step."""
+        before, self._commands = self._distance, actions
+        found = self._session.advance(actions)
+        self._steps += 1
+        observation, gained = self._observe(found), before - self._distance
+        return observation, gained, np.zeros(self.count, bool), (found.status != "ok") | ~np.isfinite(gained)
+
+    def _observe(self, found: RigidResult) -> Observation:
+        """Sensors, as they now are."""
+        self._found, self._distance = found, np.hypot(*(found.position[:, :2] - self._light).T)
+        now, ok = (found.position, found.orientation, found.angles, found.readings), found.status == "ok"
+        seen = self._seen if self._steps else now
+        self._seen: tuple[Floats, ...] = tuple(
+            np.where(ok[:, None], each, before) for each, before in zip(now, seen, strict=True)
+        )
+        return found.readings
+
+    def info(self) -> dict[str, Any]:
+        """Positions, distances from the lights, and readings of them."""
+        found = self._found
+        return {"position": found.position, "distance": self._distance, "light": found.readings[:, -1]}
+
+    def motion(self, robot: int) -> "Motion":
+        """A quadruped and its light."""
+        from robots.view.rigid_motion import quadruped_frames
+
+        frames = Frames(np.array([self._steps * self.seconds]), *(each[None] for each in (*self._seen, self._commands)))
+        return quadruped_frames(self._robot, frames, robot, self._light[robot])
 
 
 class QuadrupedEnvironment(RobotEnvironment):
@@ -40,34 +100,28 @@ class QuadrupedEnvironment(RobotEnvironment):
         robot: Quadruped | None = None,
         variant: Variant = AS_RUN,
         lights: Sequence[Sequence[float]] = ENVIRONMENTS,
-        render_mode: None = None,
+        render_mode: str | None = None,
     ) -> None:
-        """Take a kind or a robot, the variant of the simulation, and places of the light [m], shape (E, 2)."""
-        low = np.array([min(variant.touch_values)] * (SENSORS - 1) + [0.0])
-        high = np.array([max(variant.touch_values)] * (SENSORS - 1) + [BRIGHTEST])
-        super().__init__(low, high, gymnasium.spaces.Box(-1.0, 1.0, (MOTORS,), np.float64), render_mode)
-        self.robot = Quadruped(kind) if robot is None else robot
-        self.lights = check_lights(lights)
-        self._engine = engine(self.robot, variant, precision="f64", threads=1)
+        """Take a kind or a robot, the variant of the simulation, and places of the light [m], shape (E, 2).
 
-    def _begin(self, options: dict[str, Any]) -> Observation:
-        self._light = self.lights[self._chosen(options, "light", len(self.lights))]
-        self._session = self._engine.session(lights=np.array([[*self._light, LIGHT_HEIGHT]]))
-        return self._observe(self._session.advance(steps=0))
+        ``render_mode`` is ``"rgb_array"`` for pictures, or None.
+        """
+        super().__init__(Quadrupeds(1, robot or Quadruped(kind), variant, lights), render_mode)
 
-    def _advance(self, action: Floats) -> tuple[Observation, float, bool, bool]:
-        """Apply the motors' commands for one time step."""
-        before = self._distance
-        found = self._session.advance(action[None])
-        observation, gained = self._observe(found), before - self._distance
-        return observation, gained, False, str(found.status[0]) != "ok" or not np.isfinite(gained)
 
-    def _observe(self, found: RigidResult) -> Observation:
-        """Sensors, as they now are."""
-        self._found, self._distance = found, float(np.hypot(*(found.position[0, :2] - self._light)))
-        readings: Observation = found.readings[0]
-        return readings
+class QuadrupedVector(RobotVector):
+    """Quadrupeds as one batch."""
 
-    def _info(self) -> dict[str, Any]:
-        light = float(self._found.readings[0, -1])
-        return {"position": self._found.position[0], "distance": self._distance, "light": light}
+    def __init__(
+        self,
+        num_envs: int = 1,
+        kind: Kind = "legged",
+        robot: Quadruped | None = None,
+        variant: Variant = AS_RUN,
+        lights: Sequence[Sequence[float]] = ENVIRONMENTS,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        """Take the number of quadrupeds, and what a ``QuadrupedEnvironment`` takes."""
+        batch = Quadrupeds(num_envs, robot or Quadruped(kind), variant, lights)
+        super().__init__(batch, max_episode_steps, render_mode)

@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
+from robots.frames import Frames, last_whole
 from robots.lattice_robot.reflexes import Anatomy, Reflexes, felt_by
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.rollout import Rollout
+from robots.lattice_robot.rollout import Rollout, frames_from
 from robots.lattice_robot.simulation import answers_in, channels_of, swing_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.lattice import LatticeProgram
+from taichi_sim.lattice import LatticeProgram, LatticeResult
 from taichi_sim.lattice.program import EVENT
 
 
@@ -29,6 +30,7 @@ class Episodes:
         steps: actions of an episode.
         own: how many voxels are the robot's, which come first.
         positions: voxel centres after the last action [m], shape (B, V, 3).
+        seconds: that an action lasts.
     """
 
     def __init__(
@@ -60,6 +62,7 @@ class Episodes:
         )
         self.regions, self.width = len(robot.felt_regions), self.senses.width(len(robot.felt_regions))
         self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
+        self.seconds = robot.cycle.segment * robot.cycle.time_step
         answers = answers_in(robot, channels)
         self._moves = (answers[None, :] == np.arange(self.regions)[:, None]).astype(float)
         self._channels, self._rest = channels, np.broadcast_to(np.asarray(channels.rest, float), self._swing.shape[:2])
@@ -68,13 +71,14 @@ class Episodes:
         floor = self._rollout.ground
         self._anatomy = Anatomy.of(body, robot.felt_regions, robot.length, floor)
         self._fresh = self._rollout.engine.save()
+        self._found: LatticeResult | None = None
         self.positions = self._rollout.start
 
     def begin(self) -> Floats:
         """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel."""
         cycle, self._piece = self.robot.cycle, 0
         self._rollout.engine.restore(self._fresh)
-        self._before = self._rollout.start[:, : self.own]
+        self._before, self._found = self._rollout.start[:, : self.own], None
         self._at = self._swing[:, :, 1]
         length = cycle.begin + cycle.segment
         events = self._rollout.program.events
@@ -100,11 +104,18 @@ class Episodes:
         self._at = onwards
         return self._run(segment, events.ravel())
 
+    def frames(self, robot: int) -> Frames:
+        """Where a robot is after the last action, or was last when its numbers were finite; a batch of one."""
+        assert self._found is not None
+        times = np.array([(self._piece + 1) * self.seconds])
+        return frames_from(self.robot.body, self._found, robot, 1, times)
+
     def _run(self, length: int, events: Any) -> tuple[Floats, Floats, Bools]:
         batch = len(self._swing)
         shots = np.tile([length - 1, length], (batch, 1))
         found = self._rollout.engine.run(LatticeProgram(np.full(batch, length), events, shots))
         failed = found.status != "ok"
+        self._found = found if self._found is None else last_whole(self._found, found)
         now = [np.nan_to_num(each[:, 0].astype(float)) for each in (found.positions, found.orientations, found.strains)]
         if self.robot.placed is not None:
             now = list(self.robot.placed.own_part(*now))

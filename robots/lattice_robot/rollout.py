@@ -275,7 +275,8 @@ class Rollout:
         frames: tuple[Frames | None, ...] = (None,) * len(self.bodies)
         if self._record_every:
             interval = self._record_every * self.cycle.time_step
-            frames = tuple(_frames(body, run, row, interval) for row, body in enumerate(self.bodies))
+            times = np.arange(run.positions.shape[1] - FRAMES_FROM) * interval
+            frames = tuple(frames_from(body, run, row, FRAMES_FROM, times) for row, body in enumerate(self.bodies))
         return Moved(measures, run.status, run.steps, frames, slopes)
 
 
@@ -298,10 +299,9 @@ class Moved:
     slopes: Mapping[str, Slopes]
 
 
-def _frames(body: LatticeBody, run: LatticeResult, robot: int, interval: float) -> Frames:
-    """The frames of one robot of a batch, as a batch of one; ``interval`` between them [s]."""
+def frames_from(body: LatticeBody, run: LatticeResult, robot: int, first: int, times: Floats) -> Frames:
+    """The snapshots of one robot of a batch from number ``first`` on, at times [s], as the frames of a batch of one."""
     positions, orientations, strains, sizes = (
-        each[robot, FRAMES_FROM:, None] for each in (run.positions, run.orientations, run.strains, run.sizes)
+        each[robot, first:, None] for each in (run.positions, run.orientations, run.strains, run.sizes)
     )
-    times = np.arange(len(positions)) * interval
     return Frames(positions, orientations, times, half_extents(body, strains, sizes), sizes)

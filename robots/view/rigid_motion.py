@@ -145,7 +145,19 @@ def quadruped_motion(
         ValueError: for results without frames, and frames of other robots.
     """
     robot = _place(result.light.shape, controller, environment)
-    tree, frames = quadruped.tree(), result.rollouts.frames
+    light = np.asarray(lights, float)[environment]
+    return quadruped_frames(quadruped, result.rollouts.frames, robot, light, name=name)
+
+
+def quadruped_frames(
+    quadruped: Quadruped, frames: Frames | None, robot: int, light: ArrayLike, *, name: str | None = None
+) -> Motion:
+    """Build the motion of a quadruped of a batch from its frames, with its light at a place (x, y) [m].
+
+    Raises:
+        ValueError: as :func:`quadruped_motion`.
+    """
+    tree = quadruped.tree()
     legs, feet = range(len(LEGS)), "shin" if quadruped.kind == "legged" else "wheel"
     joints = {"legged": ("hip", "knee"), "wheeled": ("steer", "wheel"), "whegged": ("hip", "wheel")}[quadruped.kind]
     rows = [
@@ -161,7 +173,7 @@ def quadruped_motion(
         channels=_channels(_recorded(tree, frames, robot), robot, rows),
         shown={f"{feet} {leg}": leg for leg in legs},
         hidden=[f"swivel {leg}" for leg in legs],  # inside their wheels
-        lights=[[*np.asarray(lights, float)[environment], LIGHT_HEIGHT]],
+        lights=[[*np.asarray(light, float), LIGHT_HEIGHT]],
         light_radius=0.12,
     )
 

@@ -29,8 +29,23 @@ from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import mean_of_face_corners, rotate
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Recording:
+    """Poses of inflatable robots apart from any result.
+
+    Attributes:
+        frames: of the robots.
+        body: the lattice of each.
+        time_step: dt [s].
+    """
+
+    frames: Frames
+    body: LatticeBody
+    time_step: float
+
+
 def inflatable_motion(
-    result: InflatableResult,
+    result: InflatableResult | Recording,
     design: InflatableDesign,
     terrain: Terrain | None = None,
     *,
@@ -98,7 +113,7 @@ def journey_motion(
 
 
 def _gait_motion(
-    result: InflatableResult | JourneyResult,
+    result: InflatableResult | JourneyResult | Recording,
     robot: int,
     gait: GaitTimeline,
     design: InflatableDesign,

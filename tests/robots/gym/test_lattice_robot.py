@@ -26,12 +26,12 @@ def test_every_task_is_registered():
 
 
 @pytest.mark.kernels
-def test_the_checker_of_gymnasium_passes():
+@pytest.mark.parametrize("name", ["LatticeRobot", *(name.capitalize() for name in builtin_tasks())])
+def test_the_checker_of_gymnasium_passes(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", message=".*render_modes.*|.*no render.*|.*render_fps.*|.*not symmetric.*")
-        environment = gymnasium.make("morpholab/LatticeRobot-v0", **QUICK).unwrapped
-        check_env(environment, skip_render_check=True)
+        warnings.filterwarnings("ignore", message=".*not symmetric.*")
+        check_env(gymnasium.make(f"morpholab/{name}-v0", render_mode="rgb_array", **QUICK).unwrapped)
 
 
 @pytest.mark.kernels

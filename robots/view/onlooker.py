@@ -1,0 +1,97 @@
+"""Pictures of a robot now and then, as arrays of one size, from a camera that stays as long as the robot is in view."""
+
+from dataclasses import replace
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from robots.view.mesh import faces
+from robots.view.motion import Motion
+from robots.view.scene import INK, Camera
+from robots.view.still import SEEN_FROM_ABOVE, Setting, default_camera, draw_motion, limits, setting
+from taichi_sim.base.arrays import Bytes, Floats
+
+WIDTH, HEIGHT, CAPTION = 640, 360, 22  # of a picture, and of the line of text at its top [pixels]
+DOTS_PER_INCH = 100
+MARGIN, AHEAD = 0.3, 1.5  # of ground around everything, and ahead of the robot, in its lengths
+BREADTH = 0.5  # least ground across the way, of that along it
+BELOW = 0.35  # of the height that is left over
+FARTHEST = 14.0  # robot's lengths: lights farther away would make it too small
+
+
+class Onlooker:
+    """Looks at a robot from its right.
+
+    What is seen is the robot where the first motion ends, ground ahead of it and the lights; as soon as the robot
+    would leave that, it moves on by as much as is needed. So a picture depends on nothing but where robots began and
+    are.
+    """
+
+    def __init__(self, begun: Motion) -> None:
+        """Take the robot where it begins."""
+        camera = _camera(begun)
+        self._length = float(np.ptp(_places(begun, camera), axis=0).max())
+        self._home = replace(setting(begun, [-1 % len(begun.times)], camera=camera), area=self._area(begun, camera))
+        self._where = camera.by_the_way(begun.path[-1:])[0]
+        across, up = limits(self._home, [len(begun.times) - 1])
+        self._limits = _filling(across, up)
+
+    def picture(self, motion: Motion) -> Bytes:
+        """The robot where a motion ends: red, green, blue, shape (``HEIGHT``, ``WIDTH``, 3)."""
+        home, frame = self._home, len(motion.times) - 1
+        moved = self._moved(home.camera.by_the_way(motion.path[-1:])[0])
+        seen = setting(motion, [frame], camera=home.camera)
+        seen = Setting(motion, home.camera, home.area + moved[:, None], seen.colouring)
+        shift = home.camera.on_ground(moved[0], moved[1], 0.0) - home.camera.on_ground(0.0, 0.0, 0.0)
+        figure = Figure(figsize=(WIDTH / DOTS_PER_INCH, HEIGHT / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes((0, 0, 1, 1 - CAPTION / HEIGHT))
+        draw_motion(axes, seen, frame, outlined=False)
+        across, up = self._limits + shift[:, None]
+        axes.set(xlim=across, ylim=up)
+        told = f"{motion.name}, {motion.times[frame]:.2f} s"
+        figure.text(0.012, 1 - 0.5 * CAPTION / HEIGHT, told, va="center", fontsize=8, color=INK)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
+
+    def _area(self, motion: Motion, camera: Camera) -> Floats:
+        """Ground that is seen at first, as ``Setting.area``."""
+        robot = _places(motion, camera)
+        lights = camera.by_the_way(motion.lights)
+        near = lights[np.hypot(*(lights - robot.mean(axis=0)).T) < FARTHEST * self._length]
+        ahead = robot.max(axis=0) + np.array([AHEAD * self._length, 0.0])
+        seen = np.concatenate([robot, ahead[None], near])
+        area = np.stack([seen.min(axis=0), seen.max(axis=0)], axis=1) + MARGIN * self._length * np.array([-1, 1])
+        more = max(BREADTH * np.ptp(area[0]) - np.ptp(area[1]), 0.0)
+        return area + 0.5 * more * np.array([[0, 0], [-1, 1]])
+
+    def _moved(self, place: Floats) -> Floats:
+        """How far what is seen has moved on to keep a robot in it that is at a place, along the way and to its left."""
+        room = (0.5 + 0.5 * MARGIN) * self._length
+        low, high = self._home.area.T + np.array([[room], [-room]])
+        low, high = np.minimum(low, self._where), np.maximum(high, self._where)
+        return place - np.clip(place, low, high)
+
+
+def _camera(motion: Motion) -> Camera:
+    """Camera that looks along the heading, or from the robot to its light, which is then at the right."""
+    if motion.lattice is not None or not len(motion.lights):
+        return default_camera(motion)
+    x, y = (motion.lights[0] - motion.path[-1])[:2]
+    return Camera(float(np.rad2deg(np.arctan2(y, x))), 0.0, shift_up=SEEN_FROM_ABOVE)
+
+
+def _places(motion: Motion, camera: Camera) -> Floats:
+    """Corners of a robot where its motion ends, along the way and to its left [m], shape (N, 2)."""
+    return camera.by_the_way(faces(motion, len(motion.times) - 1)[0].reshape(-1, 3))
+
+
+def _filling(across: tuple[float, float], up: tuple[float, float]) -> Floats:
+    """Limits of the axes that show what is within the limits, as large as it fits, shape (2, 2) [m]."""
+    found = np.array([across, up])
+    pixels = np.array([WIDTH, HEIGHT - CAPTION])
+    scale = float((np.ptp(found, axis=1) / pixels).max())
+    spare = scale * pixels - np.ptp(found, axis=1)
+    # Robots rise, but never sink: most of what is left over is above them.
+    return found + spare[:, None] * np.array([[-0.5, 0.5], [-BELOW, 1 - BELOW]])
