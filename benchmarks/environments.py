@@ -1,8 +1,8 @@
 """Gymnasium environments: what a step costs for each robot of a vector environment, and for one alone.
 
 Each measurement is a process of its own, by turns, and counts steps of random actions after a reset, other ones in each
-round, without resets and compilation. Another version's environments of one robot are measured in the same turns. Only ratios mean something, as
-speeds of shared machines drift; told are the median of the rounds and the range.
+round, without resets and compilation. Another version's environments of one robot are measured in the same turns. Only
+ratios mean something, as speeds of shared machines drift; told are the median of the rounds and the range.
 
     python benchmarks/environments.py [--robots 16] [--threads 1] [--precision f32] [--rounds 5] [--against TREE]
 """
