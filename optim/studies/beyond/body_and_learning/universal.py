@@ -247,7 +247,7 @@ def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record]) ->
 
 STUDY = Study(
     title="one controller for many bodies, tested on bodies that it has not met",
-    source="",
+    source="chapter 6, which asks for controllers that fit many bodies",
     scales={
         "small": UniversalControl(trained=4, tested=2, gradients=4, batch=2, seeds=2, cycles=1),
         "medium": UniversalControl(),
