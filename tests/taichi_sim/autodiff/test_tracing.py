@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from taichi_sim import runtime
 from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.lanes import Real, absolute, larger, smaller
-from taichi_sim.autodiff.tracing import law, pull_back, select, sqrt
+from taichi_sim.autodiff.tracing import law, primitive, pull_back, select, sqrt
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import contact, enclosure, floor, fluid, group, motion
 from taichi_sim.lattice.laws import link as beams
@@ -63,6 +63,18 @@ MEMORY = (2e-4, 3e-4, -1e-4, 0.05, 0.01, -0.02)
 BEAM = (0.0101, 1 / 0.0101, 40.0, 5.0, 3000.0, 50.0, 40.0, 0.03, 4e-3, 0.01, 1.02)
 SPHERES = (0.0101, 0.0103, 300.0, 280.0, 900.0, 800.0, 0.5, 0.4)
 PUSHED = (2e-5, -3e-5, 1e-5, 0.01, 0.02, -0.03, 300.0, 1e-3, -2e-4, 0.0101, 900.0, 0.5, 0.4)
+# Of a voxel on a cell of uneven ground: its push, its place, size, contact, and how deep it has pressed the ground.
+LANDED = (*PUSHED[:8], 0.003, 0.002, -2e-4, 0.0101, 900.0, 0.5, 0.4, 1e-5)
+CELL = (0.0, 0.0, 1e-4, 3e-4, -2e-4, 1e-4, 2e-4, 1.0, 0.1, -0.1, 0.05, 0.02, 200.0)
+WET = (*POSE[3:], 2e-4, -3e-4, 1e-4, 0.002, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0, 0.0101)
+
+
+@primitive
+def slowed(*given):
+    """The law of added mass, whose result is one number, as a tuple."""
+    return (fluid.slowed_step(*given),)
+
+
 LAWS = {
     "straight link": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, False), 18),
     "large link": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, False, True), 18),
@@ -83,6 +95,13 @@ LAWS = {
     ),
     "held rotation": (motion.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
+    "pushing on uneven ground": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, False), 4),
+    "pushing on sand": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
+    "pushing on sand that bears": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
+    "sticking to sand": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
+    "water": (fluid.water_force, WET, (1.0, 2.0, 0.0, 1.5, EDGE, 0.006, 9800.0), 3),
+    "water above": (fluid.water_force, WET, (1.0, 2.0, 0.0, 1.5, EDGE, 0.1, 9800.0), 3),
+    "added mass": (slowed, (WET[7], *WET[8:12], WET[14]), (1.5, EDGE, 0.006, 500.0, DT), 1),
     "square under pressure": (
         enclosure.pressed_square,
         (*POSE[:3], *NEXT[:3], 0.011, 0.009, 0.001, -5e-4, 0.0102, 2e-4, 500.0, 600.0, 400.0, 450.0),
