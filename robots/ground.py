@@ -22,7 +22,6 @@ START = 0.3  # m: where stairs, ramps and gaps begin, before which the ground is
 BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot; it goes on as at this edge
 MOST_NODES_ALONG = 1500
 WATER_DENSITY = 1000.0  # kg/m^3
-STANDARD_GRAVITY = 9.80665  # m/s^2
 
 Heights = Callable[[Floats, Floats], Floats]
 
@@ -163,7 +162,7 @@ class Ground:
         from taichi_sim.lattice import Water
 
         numbers = self._cover(WATER)
-        return Water(numbers[0], numbers[1], STANDARD_GRAVITY) if numbers else None
+        return Water(*numbers) if numbers else None
 
     @property
     def yield_per_depth(self) -> float | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
 
 import numpy as np
 
+from robots.ground import WATER_DENSITY as WATER_DENSITY
 from robots.ground import Ground, is_ground, ways
 from robots.ground import level as level_ground
 from robots.props import LIGHT, Prop, split_name
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from taichi_sim.lattice import Relief
 
 STEEPEST = 45.0  # degrees, either way
-WATER_DENSITY = 1000.0  # kg/m^3
 PRESSURE_DRAG, FRICTION_DRAG = 1.2, 0.02  # of a flat plate broadside on (Hoerner 1965, ch. III), and along its side
 STANDARD_GRAVITY = 9.80665  # m/s^2
 NO_WEIGHT = (0.0, 0.0, 0.0)

@@ -28,6 +28,10 @@ class Settings:
         """Describe all that results depend on, for JSON."""
         return {name: value for name, value in asdict(self).items() if name not in WHERE}
 
+    def lasting(self, *grows: str) -> dict[str, Any]:
+        """The description without fields by which a study only grows: its folder serves other values of them."""
+        return {name: value for name, value in self.describe().items() if name not in grows}
+
 
 @dataclass(frozen=True)
 class Study:

@@ -1,6 +1,6 @@
 """Networks in the loop as torch modules, and back: to train weights elsewhere, or to go on from what was found here.
 
-The only file of the package that imports torch.
+It imports torch, as only the ``autograd`` modules do besides.
 """
 
 from typing import Any

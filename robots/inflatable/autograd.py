@@ -1,6 +1,6 @@
 """The inflatable robot as a function of torch tensors: designs in, distances out, with first-order gradients.
 
-One of the two files of the project that import torch (the other is ``taichi_sim.lattice.autograd``).
+It imports torch, as only ``taichi_sim.lattice.autograd`` and ``robots.control.torch_networks`` do besides.
 """
 
 from collections.abc import Sequence

@@ -102,8 +102,7 @@ def _lit(distances: Floats, angles: Floats) -> list[Terrain]:
 
 def study(folder: Path, settings: LightSeeking, progress: Progress = None, jobs: int = 1) -> None:
     """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
-    lasting = {name: value for name, value in settings.describe().items() if name != "seeds"}
-    ResultsFolder(folder, NAME, lasting)
+    ResultsFolder(folder, NAME, settings.lasting("seeds"))
     runs = JudgedRuns(folder, TABLE, "robot", settings.seconds, partial(_judged, folder, settings))
     _report(folder, settings, runs.complete(settings.runs, progress, jobs))
 

@@ -91,11 +91,6 @@ class BodyAndLearning(Settings):
         near = (Success("remaining", "<=", self.bound),)
         return Environments(WORLDS, (near,) * len(WORLDS))
 
-    @property
-    def lasting(self) -> dict[str, Any]:
-        """All that what is known of a body depends on."""
-        return {name: value for name, value in self.describe().items() if name != "bodies"}
-
     def budget_of(self, learner: str) -> int:
         """Evaluations of a repetition of a kind of learning."""
         return max(2, round(LEARNERS[learner].share * self.budget))
@@ -103,7 +98,7 @@ class BodyAndLearning(Settings):
 
 def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jobs: int = 1) -> None:
     """Write a row for each body, what goes with what, and a picture; bodies that are whole are not tried again."""
-    ResultsFolder(folder, NAME, settings.lasting)
+    ResultsFolder(folder, NAME, settings.lasting("bodies"))
     numbers = range(settings.bodies)
     parts = [(f"body {number}", partial(body_part, folder, settings, number)) for number in numbers]
     run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
@@ -116,7 +111,7 @@ def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jo
 
 def body_part(folder: Path, settings: BodyAndLearning, number: int, _: Mapping[str, Any], progress: Progress) -> Record:
     """Measure a body and learn in it, unless that is done; its row."""
-    parts = ResultsFolder(folder / "parts" / f"{number:03d}", "body", {"number": number, **settings.lasting})
+    parts = ResultsFolder(folder / "parts" / f"{number:03d}", "body", {"number": number, **settings.lasting("bodies")})
     robot, compute = walker(number, settings.cycles), Compute(precision="f32", threads=1)
     measuring = Measuring(settings.controllers, seed=1)
     share = 1 + len(LEARNERS)

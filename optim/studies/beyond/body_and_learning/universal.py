@@ -171,7 +171,7 @@ def _told(number: int, told: bool) -> Floats:
 
 def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progress: Progress) -> list[Record]:
     """All trainings and tests of a seed, unless they are done: a row for each kind."""
-    kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", {"seed": seed, **_lasting(settings)})
+    kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", {"seed": seed, **settings.lasting("seeds")})
     rows: list[Record] = []
     weights = {}
     for count, name in enumerate(ARMS):
@@ -202,13 +202,9 @@ def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progr
     return rows
 
 
-def _lasting(settings: UniversalControl) -> dict[str, Any]:
-    return {name: value for name, value in settings.describe().items() if name != "seeds"}
-
-
 def study(folder: Path, settings: UniversalControl, progress: Progress = None, jobs: int = 1) -> None:
     """Write what every training reached, and a table; seeds that are whole are not trained again."""
-    ResultsFolder(folder, NAME, _lasting(settings))
+    ResultsFolder(folder, NAME, settings.lasting("seeds"))
     seeds = range(settings.seeds)
     parts = [(f"seed {seed}", partial(seed_part, folder, settings, seed)) for seed in seeds]
     run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
