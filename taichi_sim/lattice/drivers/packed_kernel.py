@@ -69,9 +69,10 @@ from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.laws.group import rest_length as rest_law
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
+from taichi_sim.lattice.stages.gauges import keep_strains, share_slots
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot
-from taichi_sim.lattice.stages.voxel import keep_strains, share_slots, voxel_stage
+from taichi_sim.lattice.stages.voxel import voxel_stage
 from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
 
 

@@ -49,6 +49,7 @@ from taichi_sim.lattice.laws import group as group_laws
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
+from taichi_sim.lattice.stages.gauges import share_slots
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import (
     axial_slots,
@@ -62,7 +63,6 @@ from taichi_sim.lattice.stages.link import (
     rest_slot,
 )
 from taichi_sim.lattice.stages.undo import Undo, take_all
-from taichi_sim.lattice.stages.voxel import share_slots
 from taichi_sim.lattice.stages.voxel_adjoint import strain_cotangents, voxel_adjoint
 from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
 

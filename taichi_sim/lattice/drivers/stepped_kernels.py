@@ -17,10 +17,11 @@ from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.contact import contact_force, listed_slots, place_slots, squared_move, surface_place
 from taichi_sim.lattice.stages.enclosure import add_pressure, square_stage
+from taichi_sim.lattice.stages.gauges import gauge_stage
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import CONTACT_ON, FORCE, LINKS, MONITOR, PAIRS, SQUARES, STATE_SLOTS, SURFACE
-from taichi_sim.lattice.stages.voxel import gauge_stage, voxel_stage
+from taichi_sim.lattice.stages.voxel import voxel_stage
 from taichi_sim.runtime import kernel_of, ti
 
 FEWEST_THREADS, MOST_THREADS = 1 << 9, 1 << 17  # of a launch; Taichi launches the most where it knows no number

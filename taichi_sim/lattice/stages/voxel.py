@@ -1,4 +1,4 @@
-"""The stage of a voxel: floor, pressure, drag and integration; then the gauges that read its strain for the next step.
+"""The stage of a voxel: floor, pressure, drag and integration. Its gauges are in ``gauges``.
 
 See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
 """
@@ -10,10 +10,8 @@ from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
-from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.stages import columns, memory, relief
 from taichi_sim.lattice.stages.groups import channels_of
-from taichi_sim.lattice.stages.link import beam_slot, rest_slot
 from taichi_sim.runtime import element, emit, ti
 
 
@@ -115,13 +113,6 @@ def around_in_water(v: Any, k: Any, t: Any) -> tuple[Any, ...]:
     """Wet faces along each axis, how often its own volume a voxel displaces; the edge; the water's level and weight."""
     level, weight, _ = relief.water_of(k, t)
     return *wet_faces(v, t), displaced_volume(v, t), t.edge, level, weight
-
-
-@ti.func
-def share_slots(l, side: ti.template(), t: ti.template()):
-    """Slots of the inverse rest length of a link and of the share that the voxel on one side has in its strain."""
-    share = beam_slot(l, t) + (materials.SHARE_PLUS if side == 0 else materials.SHARE_MINUS)
-    return rest_slot(l, t) + 1, share
 
 
 @ti.func
@@ -371,63 +362,3 @@ def link_count(v, axis: ti.template(), t: ti.template()):
     """How many of a voxel's two sides along an axis have a link."""
     side = v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis
     return ti.cast(t.voxel[side] >= 0, ti.i32) + ti.cast(t.voxel[side + 1] >= 0, ti.i32)
-
-
-@ti.func
-def gauge_stage(m: ti.template(), k, v, t: ti.template()):
-    """Strains of a voxel whose links are all done, for the next step's pressure and Poisson's effect."""
-    ex, ey, ez = axis_strain(m, k, v, 0, t), axis_strain(m, k, v, 1, t), axis_strain(m, k, v, 2, t)
-    keep_strains(m, k, v, ex, ey, ez, t)
-
-
-@ti.func
-def keep_strains(m: ti.template(), k, v, ex, ey, ez, t: ti.template()):
-    """Store the strains of a voxel, and what Poisson's effect makes of them."""
-    gauge = gauge_slot(v, t)
-    store_all(m, k, consecutive(gauge, 3), (ex, ey, ez))
-    if t.plan[memory.POISSON_ON] != 0:
-        nu = load(m, k, ti.static(group_of(v, t)).constant + materials.NU)
-        strains = motion.poisson_strains(ex, ey, ez, nu, *tensions(m, k, v, t))
-        store_all(m, k, consecutive(gauge + 3, 3), strains)
-
-
-@ti.func
-def axis_strain(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
-    """Mean of a voxel's shares in the strains of its links along an axis."""
-    total = 0.0 * load(m, k, t.plan[memory.CONSTANT])
-    for side in ti.static(range(2)):
-        l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + side]
-        if l >= 0:
-            extension = load(m, k, t.plan[memory.LINK] + l * memory.LINK_WIDTH)
-            total = total + beams.shared_strain(extension, *load_all(m, k, share_slots(l, side, t)))
-    if link_count(v, axis, t) == 2:
-        total = 0.5 * total
-    return total
-
-
-@ti.func
-def tensions(m: ti.template(), k, v, t: ti.template()):
-    """Whether each axis of a voxel is in tension, see :func:`in_tension`."""
-    return in_tension(m, k, v, 0, t), in_tension(m, k, v, 1, t), in_tension(m, k, v, 2, t)
-
-
-@ti.func
-def in_tension(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
-    """1 for two links, or one and something to pull against: a held degree of freedom or an external force; else 0."""
-    acceleration, force = load_all(m, k, slots_at(channels_of(v, t), ti.static(columns.PULLING[axis])))
-    pull = force + acceleration
-    tension = 0.0 * pull
-    if ti.static(t.packed):
-        row = v * columns.SHAPE_COLUMNS + axis
-        alone = select(t.shape[row + columns.SINGLE] > 0.5, pull, tension)
-        tension = select(alone != 0.0, tension + 1.0, tension + t.shape[row + columns.TENSE])
-    else:
-        count = link_count(v, axis, t)
-        if count == 2:
-            tension = tension + 1.0
-        elif count == 1:
-            if t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED] & (1 << axis) != 0:
-                tension = tension + 1.0
-            else:
-                tension = select(pull != 0.0, 1.0, tension)
-    return tension

@@ -12,7 +12,7 @@ from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.stages import columns, memory, relief
+from taichi_sim.lattice.stages import columns, gauges, memory, relief
 from taichi_sim.lattice.stages import voxel as stage
 from taichi_sim.lattice.stages.undo import Undo, after, before, cotangents_of, give, parameters_of, reverse, take_all
 from taichi_sim.lattice.stages.voxel import held, voxel_slot
@@ -284,7 +284,7 @@ def strain_cotangents(u: ti.template(), v, t: ti.template()):
         nu = ti.static(stage.group_of(v, t)).constant + materials.NU
         inputs = after(u, gauge) + parameters_of(u, (nu,))
         seeds = take_all(u, consecutive(gauge[0] + 3, 3))
-        found = ti.static(pull_back(motion.poisson_strains, inputs, stage.tensions(u.m, u.k, v, t), seeds))
+        found = ti.static(pull_back(motion.poisson_strains, inputs, gauges.tensions(u.m, u.k, v, t), seeds))
         gx, gy, gz = gx + found[0], gy + found[1], gz + found[2]
         give(u, (nu,), found[3:])
     return gx, gy, gz
@@ -292,7 +292,7 @@ def strain_cotangents(u: ti.template(), v, t: ti.template()):
 
 @ti.func
 def axis_adjoint(u: ti.template(), v, axis: ti.template(), seed, t: ti.template()):
-    """Reverse :func:`voxel.axis_strain`."""
+    """Reverse :func:`gauges.axis_strain`."""
     if stage.link_count(v, axis, t) == 2:
         seed = 0.5 * seed
     now = ti.static(u._replace(old=u.new))  # the links are done
@@ -300,4 +300,4 @@ def axis_adjoint(u: ti.template(), v, axis: ti.template(), seed, t: ti.template(
         l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + side]
         if l >= 0:
             extension = t.plan[memory.LINK] + l * memory.LINK_WIDTH
-            reverse(now, beams.shared_strain, (extension,), stage.share_slots(l, side, t), (), (seed,))
+            reverse(now, beams.shared_strain, (extension,), gauges.share_slots(l, side, t), (), (seed,))
