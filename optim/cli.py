@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import errno
 import json
 import os
 import signal
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
 CLOSED_PIPE = 141  # as shells report SIGPIPE
+BUG = 70  # EX_SOFTWARE of sysexits.h
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
@@ -104,10 +106,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Returns:
-        The exit code: 0; 2 for bad input; 1 for work that failed; 130 when interrupted; 143 when asked to end; 141
-        when nobody reads the output any more.
+        The exit code: 0; 2 for bad input; 1 for work that failed; 70 for what nobody foresaw; 130 when interrupted;
+        143 when asked to end; 141 when nobody reads the output any more.
     """
     _open_streams()
+    try:
+        os.getcwd()
+    except OSError:
+        return _fail("", "failed: the working directory was deleted; change to another one", FAILED)
     try:
         args = build_parser().parse_args(arguments)
     except SystemExit as stop:  # after help, versions, or a wrong option
@@ -151,6 +157,8 @@ def _refuse(command: str, error: Exception) -> int:
         traceback.print_exception(error)
     if isinstance(error, ValueError):
         return _fail(command, f"error: {error}", 2)
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
     if isinstance(error, OSError | RuntimeError):
         return _fail(command, f"failed: {error}", FAILED)
     if isinstance(error, MemoryError):
@@ -163,7 +171,7 @@ def _refuse(command: str, error: Exception) -> int:
     except OSError:
         place = "set MORPHOLAB_DEBUG=1 to see where"
     summary = "".join(traceback.format_exception_only(error))[:LONGEST_SUMMARY]
-    return _fail(command, f"this is a bug in morpholab ({summary.strip()}); {place}", FAILED)
+    return _fail(command, f"this is a bug in morpholab ({summary.strip()}); {place}", BUG)
 
 
 def _open_streams() -> None:

@@ -4,6 +4,7 @@ A ground is a function of the place, the same everywhere and for every robot; ro
 ``Relief``). Its x axis is the direction of travel.
 """
 
+import io
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import content_of
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
@@ -322,12 +324,13 @@ def _table(file: str) -> Floats:
         ValueError: for a file of anything else.
     """
     try:
+        content = content_of(file)
         if Path(file).suffix.lower() == ".npy":
-            table: Any = np.load(file, allow_pickle=False)
+            table: Any = np.load(io.BytesIO(content), allow_pickle=False)
         else:
             from matplotlib.image import imread
 
-            raw = np.asarray(imread(file))
+            raw = np.asarray(imread(io.BytesIO(content), format=Path(file).suffix[1:].lower() or None))
             most = np.iinfo(raw.dtype).max if np.issubdtype(raw.dtype, np.integer) else 1
             table = raw / most
             if table.ndim == 3:  # grey, or colours and maybe how opaque they are

@@ -20,7 +20,7 @@ from robots.robot import HERE, Option, Outcome, Robot, World, find_robot_doing, 
 from taichi_sim.base.arrays import Bools
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.files import why_unread
+from taichi_sim.base.files import content_of, why_unread
 
 BUILTIN = Path(__file__).with_name("tasks.toml")
 OWN = ("title", "success")  # keys that are no options of commands
@@ -181,7 +181,7 @@ def find_task(given: str | Path) -> Task:
             f"{nearest(str(given), list(known))}"
         )
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = tomllib.loads(content_of(path).decode())
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {given} cannot be read ({why_unread(error)})") from None
     return task_of(path.stem, table, path.parent)

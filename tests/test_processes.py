@@ -1,5 +1,6 @@
 """What surrounds a process must not end it: no cache, no home, threads, forks, closed pipes, two at once."""
 
+import gzip
 import os
 import subprocess
 import sys
@@ -7,6 +8,7 @@ import tempfile
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from taichi_sim.base import files
@@ -106,7 +108,7 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
     monkeypatch.setattr("optim.commands.simulate.robot_to_try", broken)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     code, out, error = morpholab("simulate --gait rolling")
-    assert (code, out) == (1, "") and error.count("\n") == 1
+    assert (code, out) == (70, "") and error.count("\n") == 1
     assert error.startswith(
         "morpholab simulate: this is a bug in morpholab (KeyError: 'fault'); please report it with "
     )
@@ -116,7 +118,7 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
         patch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
         patch.setenv("MORPHOLAB_DEBUG", "1")
         code, _, error = morpholab("simulate --gait rolling")
-    assert code == 1 and "Traceback" in error and error.endswith("; set MORPHOLAB_DEBUG=1 to see where\n")
+    assert code == 70 and "Traceback" in error and error.endswith("; set MORPHOLAB_DEBUG=1 to see where\n")
 
 
 @pytest.mark.parametrize(
@@ -178,3 +180,47 @@ def test_a_claim_of_a_killed_process_is_free(tmp_path):
     with pytest.raises(ValueError, match=r"^out: .*a/b cannot be made \(Not a directory\)$|^out: .* is a file"):
         (tmp_path / "file").touch()
         files.claimed_folder("out", tmp_path / "file/a").__enter__()
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("codesign --task pipe --out a", "task: pipe cannot be read (it is a pipe or device, give a file)"),
+        ("codesign --problem pipe --out a", "problem: pipe cannot be read (it is a pipe or device, give a file)"),
+        ("simulate --robot pipe.py", "robot: pipe.py is no file"),
+        ("simulate --robot stops.py", "stops.py: BaseException: no"),
+        ("export rolling --dry-run --rig pipe.toml", "pipe.toml: cannot be read (it is a pipe or device, give a file)"),
+        (f"simulate --gait rolling --out {300 * 'a'}", "a name of 300 characters is too long for a file"),
+    ],
+)
+def test_files_that_never_end_and_code_that_gives_up_are_bad_input(morpholab, tmp_path, line, told):
+    for name in ("pipe", "pipe.py", "pipe.toml"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "stops.py").write_text("raise BaseException('no')\n")
+    code, out, error = morpholab(line)
+    assert (code, out) == (2, "") and error.endswith(f"error: {told}\n") and error.count("\n") == 1
+
+
+def test_a_working_directory_that_was_deleted(tmp_path):
+    (tmp_path / "gone").mkdir()
+    shell = 'cd gone && rmdir ../gone && exec "$0" -P -m optim status runs'
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.run(
+        ["sh", "-c", shell, sys.executable], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert process.returncode == 1
+    assert process.stderr == "morpholab: failed: the working directory was deleted; change to another one\n"
+
+
+def test_archives_that_would_fill_the_memory_are_refused(tmp_path, monkeypatch):
+    """Before they are unpacked: a gzip file, a file of arrays, and a file that is too large itself."""
+    monkeypatch.setattr(files, "LARGEST_UNPACKED", 10_000)
+    packed = files.pack({"many": np.zeros(100_000)})
+    with pytest.raises(ValueError, match="800128 bytes of arrays are not allowed, at most 10000 are"):
+        files.unpack(packed)
+    assert files.unzipped(gzip.compress(bytes(1000)), 1000) == bytes(1000)
+    with pytest.raises(OSError, match="more than 999 bytes when decompressed are not allowed"):
+        files.unzipped(gzip.compress(bytes(1000)), 999)
+    (tmp_path / "large").write_bytes(bytes(11))
+    with pytest.raises(ValueError, match=r"large: cannot be read \(11 bytes are not allowed, give at most 10\)"):
+        files.read_bytes(tmp_path / "large", 10)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import write_bytes
+from taichi_sim.base.files import content_of, unzipped, write_bytes
 
 Record = Mapping[str, Any]
 MISSING = "–"
@@ -62,8 +62,8 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
     Raises ValueError if it cannot be read or is empty.
     """
     try:
-        content = path.read_bytes()
-        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode()
+        content = content_of(path)
+        text = (unzipped(content) if path.suffix == ".gz" else content).decode()
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "it is damaged"
         raise ValueError(f"{path}: cannot be read ({reason})") from None

@@ -14,7 +14,7 @@ from optim.problem import FILE, Evaluation, Objective, Problem, check_kind, obje
 from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
 from optim.wording import counted
-from taichi_sim.base.files import sha256, why_unread
+from taichi_sim.base.files import content_of, sha256, why_unread
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
 
@@ -113,7 +113,7 @@ def load_problem(path: Path) -> FileProblem:
         ValueError: if it cannot be read, fails, or defines no problem.
     """
     try:
-        source = path.read_bytes()
+        source = content_of(path)
     except OSError as error:
         raise ValueError(f"problem: {path} cannot be read ({why_unread(error)})") from None
     return FileProblem(path.name, source, str(path.absolute().parent))
@@ -137,7 +137,9 @@ def _run(file: str, source: bytes, folder: str) -> SimpleNamespace:
         sys.path.insert(0, folder)
         try:
             return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem"))
-        except (Exception, SystemExit) as error:  # whatever the user's code does
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever the user's code does
             raise ValueError(f"problem: {file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
         finally:
             sys.path.remove(folder)

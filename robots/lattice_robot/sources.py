@@ -96,7 +96,9 @@ def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
     """
     try:
         names = runpy.run_path(str(path))
-    except (Exception, SystemExit) as error:  # whatever the user's code does
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever the user's code does
         raise ValueError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from None
     robot = names.get("robot")
     if not isinstance(robot, kind):

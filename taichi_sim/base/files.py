@@ -3,11 +3,14 @@
 import contextlib
 import errno
 import fcntl
+import gzip
 import hashlib
 import io
 import json
 import os
+import stat
 import threading
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,6 +21,8 @@ from taichi_sim.base.arrays import Arrays
 
 Design = TypeVar("Design")
 ASIDE = ".aside-"  # names of unfinished files begin so; a kill may leave them, and any later run may remove them
+LARGEST = 200_000_000  # bytes of a file that is read at once
+LARGEST_UNPACKED = 2_000_000_000  # bytes of arrays, however small they were packed
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
 _DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)  # the machine's, not the user's
 
@@ -65,6 +70,38 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     write_bytes(path, text.encode())
 
 
+def check_plain_file(path: str | os.PathLike[str], largest: int = LARGEST) -> None:
+    """Refuse what cannot be read whole, before it is opened.
+
+    Raises:
+        OSError: if it does not exist, is no file but, say, a pipe, or has more than ``largest`` bytes.
+    """
+    found = os.stat(path)
+    if not stat.S_ISREG(found.st_mode):
+        kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe or device"
+        raise OSError(errno.EINVAL, f"it is {kind}, give a file")
+    if found.st_size > largest:
+        raise OSError(errno.EFBIG, f"{found.st_size} bytes are not allowed, give at most {largest}")
+
+
+def content_of(path: str | os.PathLike[str], largest: int = LARGEST) -> bytes:
+    """Read a file whole; raises OSError if it cannot be read, or :func:`check_plain_file` refuses it."""
+    check_plain_file(path, largest)
+    return Path(path).read_bytes()
+
+
+def read_bytes(path: str | os.PathLike[str], largest: int = LARGEST) -> bytes:
+    """Read a file whole, as :func:`content_of` does.
+
+    Raises:
+        ValueError: if it cannot be read or is larger.
+    """
+    try:
+        return content_of(path, largest)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
+
+
 def read_text(path: str | os.PathLike[str]) -> str:
     """Read a text in UTF-8.
 
@@ -72,7 +109,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
         ValueError: if the file cannot be read or is no text.
     """
     try:
-        return Path(path).read_text(encoding="utf-8")
+        return content_of(path).decode()
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
@@ -132,6 +169,33 @@ def unpack(content: bytes) -> Arrays:
     """
     if sha256(content[:-_DIGEST_LENGTH]).encode() != content[-_DIGEST_LENGTH:]:
         raise ValueError("the checksum does not match")
+    return arrays_of(content)
+
+
+def unzipped(content: bytes, largest: int = LARGEST) -> bytes:
+    """Decompress the content of a gzip file.
+
+    Raises:
+        OSError, EOFError, zlib.error: if it is damaged, or would take more than ``largest`` bytes.
+    """
+    with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:
+        found = file.read(largest + 1)
+    if len(found) > largest:
+        raise OSError(errno.EFBIG, f"more than {largest} bytes when decompressed are not allowed")
+    return found
+
+
+def arrays_of(content: bytes) -> Arrays:
+    """Unpack arrays from the content of a file that NumPy wrote (``.npz``), but no pickles.
+
+    Raises:
+        ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error: if it is damaged, or would take more
+            than ``LARGEST_UNPACKED`` bytes.
+    """
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        size = sum(each.file_size for each in archive.infolist())
+    if size > LARGEST_UNPACKED:
+        raise ValueError(f"{size} bytes of arrays are not allowed, at most {LARGEST_UNPACKED} are")
     with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
         return dict(arrays)
 

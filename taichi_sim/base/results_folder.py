@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import LONGEST_SHOWN
-from taichi_sim.base.files import ASIDE, make_folder, read_text, write_bytes, write_text
+from taichi_sim.base.files import ASIDE, arrays_of, content_of, make_folder, read_text, write_bytes, write_text
 
 
 class ResultsFolder:
@@ -61,8 +61,7 @@ class ResultsFolder:
         """Load the arrays of every file of that name; damaged files are skipped with a warning."""
         for path in sorted(self.path.glob(f"{name}-*.npz")):
             try:
-                with np.load(path) as file:  # checks its own checksums, and refuses pickles
-                    yield dict(file)
+                yield arrays_of(content_of(path))  # archives have checksums of their own
             except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
                 warnings.warn(f"{path}: is damaged, and as good as missing", stacklevel=2)
 

@@ -8,9 +8,10 @@ from os import PathLike
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
+from taichi_sim.base.files import read_bytes
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.lattice.body import LatticeBody
-from taichi_sim.lattice.files.voxel_file import Heat, VoxelFile, decoded, read_bytes
+from taichi_sim.lattice.files.voxel_file import LARGEST, Heat, VoxelFile, decoded
 from taichi_sim.lattice.files.vxa import read_vxa
 from taichi_sim.lattice.files.vxa_writer import write_vxa
 from taichi_sim.lattice.files.vxd import merged
@@ -43,7 +44,7 @@ def load_voxel_file(path: str | PathLike[str], base: str | PathLike[str] | None 
     path = Path(path)
     if not path.name.lower().endswith(SUFFIXES):
         raise ValueError(f"{path}: its kind is unknown; give a file of {', '.join(SUFFIXES)}")
-    text = decoded(read_bytes(path))
+    text = decoded(read_bytes(path, LARGEST))
     below = None
     if path.suffix.lower() == ".vxd":
         below = _root(Path(base) if base is not None else path.with_name("base.vxa"))
@@ -87,7 +88,7 @@ def _write(text: str, path: str | PathLike[str]) -> None:
 
 
 def _root(path: Path) -> Element:
-    text = decoded(read_bytes(path))
+    text = decoded(read_bytes(path, LARGEST))
     try:
         return parse_xml(text, "file")
     except ValueError as error:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.files import check_plain_file
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.materials import Material
@@ -194,6 +195,7 @@ def _loaded(mesh: Any) -> "trimesh.Trimesh":
 
     if isinstance(mesh, str | PathLike):
         try:
+            check_plain_file(mesh)
             mesh = trimesh.load_mesh(mesh)
         except Exception as error:  # readers of a dozen formats fail in as many ways
             raise ValueError(f"mesh: {mesh} cannot be read: {' '.join(str(error).split())}") from None

@@ -1,7 +1,6 @@
 """Content of a file of a voxel robot: its body, its loads, its heat."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
@@ -86,21 +85,6 @@ class VoxelFile:
                     raise ValueError(f"regions: the voxels of region {region} do not have their loads in common")
                 for axis in np.flatnonzero(found[0]).tolist():
                     builder.set(quantity + axis, found[0, axis], regions=[region], step=step)
-
-
-def read_bytes(path: Path) -> bytes:
-    """Read the content of a file.
-
-    Raises:
-        ValueError: if it cannot be read, or is larger than ``LARGEST``, which is checked before reading.
-    """
-    try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise ValueError(f"{path}: {size} bytes are not allowed; give at most {LARGEST}")
-        return path.read_bytes()
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
 
 
 def decoded(content: bytes) -> str:
