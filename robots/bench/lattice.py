@@ -35,6 +35,7 @@ PIECES = 8  # of a measurement
 SEVERAL = 16  # robots whose networks answer together
 CLIMBERS, COLUMNS, MAXIMUM_SEARCHED = 60, 8, 12e3  # of the published co-design; the core's pressure in Pa
 UNEVEN = "rough:0.005"  # hills under the robot [m]
+GROUNDS = {"uneven": UNEVEN, "sand": "sand:2e5", "shore": f"{UNEVEN}+water:0.02"}
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
 
 
@@ -108,7 +109,8 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
         found["prototype"] = {"before": before, "after": after}
         found["ratio_to_prototype"] = rate["median"] / ((before + after) / 2)
     found["gradient"] = gradient_cost(precision, 2000 if quick else COLUMN)
-    found["uneven"] = beside(single, Batch(1, precision, 1, UNEVEN), steps)
+    for name, ground in GROUNDS.items():
+        found[name] = beside(single, Batch(1, precision, 1, ground), steps)
     found["network"] = beside(single, Batch(1, precision, 1, network=Network()), steps)
     several = Batch(SEVERAL, precision, 1), Batch(SEVERAL, precision, 1, network=Network())
     several[0].advance(WARM_UP - 1)
@@ -222,6 +224,8 @@ def lines(figures: dict[str, Any], precision: str) -> list[str]:
         f"{CLIMBERS} climbers, a core      {whole['robot_steps_per_core_second']:>8.0f} robot-steps/s (a generation: "
         f"{whole['core_hours']:.3f} core-hours)",
         f"on uneven ground         {figures['uneven']['in_plain_steps']:>8.2f} steps on a floor",
+        f"on sand                  {figures['sand']['in_plain_steps']:>8.2f} steps on a floor",
+        f"uneven, half in water    {figures['shore']['in_plain_steps']:>8.2f} steps on a floor",
         f"network of 16-16-8       {figures['network']['in_plain_steps']:>8.2f} steps without, read every 50 steps; "
         f"{SEVERAL} robots {figures['network_of_several']['in_plain_steps']:.2f}",
         f"gradient with both       {figures['both']['gradient_in_forward_runs']:>8.1f} forward runs",

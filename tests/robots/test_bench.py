@@ -65,13 +65,15 @@ def test_figures_of_rigid_robots(tmp_path, capsys):
     assert "whegged" in capsys.readouterr().out
 
 
-def test_rates_of_the_lattice_are_measured_and_told(monkeypatch):
+@pytest.mark.slow
+def test_rates_of_the_lattice_are_measured(monkeypatch):
+    """Compiles the kernels of four kinds of robots."""
     monkeypatch.setattr(bench, "WARM_UP", 60)
     single = bench.Batch(1, "f32", 1)
     figures = {
         "single_robot_steps_per_second": bench.rates(time.process_time, single, 20, pieces=2),
         "gradient": bench.gradient_cost("f32", 20),
-        "uneven": bench.beside(single, bench.Batch(1, "f32", 1, bench.UNEVEN), 20),
+        **{name: bench.beside(single, bench.Batch(1, "f32", 1, ground), 20) for name, ground in bench.GROUNDS.items()},
         "network": bench.beside(single, bench.Batch(1, "f32", 1, network=bench.Network()), 120),
         "network_of_several": {"in_plain_steps": 1.1},
         "both": {"gradient_in_forward_runs": bench.gradient_cost("f32", 120, bench.UNEVEN, True)["in_forward_runs"]},
@@ -86,8 +88,33 @@ def test_rates_of_the_lattice_are_measured_and_told(monkeypatch):
     assert figures["uneven"]["in_plain_steps"] > 0.5 and figures["network"]["in_plain_steps"] > 0.5
     assert figures["both"]["gradient_in_forward_runs"] > 1
     assert figures["gradient"]["in_forward_runs"] > 1 and figures["generation"]["core_hours"] > 0
+    assert len(bench.lines(figures, "f32")) == 14
+
+
+def test_rates_of_the_lattice_are_told(monkeypatch):
+    """Of one robot they are measured, the rest is invented."""
+    monkeypatch.setattr(bench, "WARM_UP", 60)
+    single = bench.Batch(1, "f32", 1)
+    figures = {
+        "single_robot_steps_per_second": bench.rates(time.process_time, single, 20, pieces=2),
+        "gradient": {"in_forward_runs": 5.0, "megabytes": 1.0, "steps_per_second": 8.0, "steps": 20},
+        "uneven": bench.beside(single, single, 20),
+        "sand": {"in_plain_steps": 1.3},
+        "shore": {"in_plain_steps": 1.7},
+        "network": {"in_plain_steps": 1.3},
+        "network_of_several": {"in_plain_steps": 1.1},
+        "both": {"gradient_in_forward_runs": 6.0},
+        "generation": {"core_hours": 1.0, "robot_steps_per_core_second": 9.0},
+        "million_voxel_steps_per_core_second": 1.0,
+        "part_of_peak": 0.5,
+        "first_step_s": single.first_step,
+        "kilobytes_per_robot": single.engine.bytes_per_robot / 1e3,
+        "ratio_to_prototype": 2.0,
+        "two_threads": 1.9,
+    }
+    assert figures["uneven"]["in_plain_steps"] > 0.5
     lines = bench.lines(figures, "f32")
-    assert len(lines) == 12 and all(line.startswith("f32  ") for line in lines)
+    assert len(lines) == 14 and all(line.startswith("f32  ") for line in lines)
     assert lines[1].endswith("2.00") and lines[-1].endswith("1.90 times one")
 
 

@@ -62,12 +62,21 @@ def test_without_weights_a_robot_plays_its_waves():
         assert simulate(plain).distance[0] == simulate(feeling).distance[0]
 
 
+LATE = [((), {}), ((3,), {"noise": 0.05, "delay": 2})]
+
+
 @pytest.mark.kernels
-@pytest.mark.parametrize(("hidden", "late"), [((), {}), ((3,), {"noise": 0.05, "delay": 2})])
-def test_the_gradient_is_that_of_central_differences(hidden, late):
-    """By weights and waves: to 1e-6 in water over 400 steps, to 1e-4 with contact on a slope over 4,500."""
+def test_the_gradient_is_that_of_central_differences():
+    """By weights and waves: to 1e-6 in water over 400 steps, through hidden neurons that hear late."""
+    hidden, late = LATE[1]
     quick = swimmer_or_walker(oscillating(*FLOATING, hidden=hidden, **late), frequency=40.0, settling=0.0)
     assert errors(quick, Terrain.water(), (1e-6, 1e-7)).max() < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("hidden", "late"), LATE)
+def test_long_gradients_are_central_differences(hidden, late):
+    """With contact on a slope over 4,500 steps to 1e-4."""
     walker = swimmer_or_walker(oscillating(*SENSES, hidden=hidden, light=(0.1, 0.03), coupling=1.0, **late))
     assert errors(walker, Terrain(2.0), (1e-7, 1e-8, 1e-9)).max() < 1e-4
 
