@@ -3,11 +3,44 @@
 These are the names that most programs need. Each is imported when it is first used.
 """
 
+import sys
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
-from taichi_sim.base.lazy import exported_names
+PACKAGES = "taichi_sim", "robots", "optim"
+_PLACE = Path(__file__).resolve().parents[1]
+
+
+class _BesideThis:
+    """Finds the lab's packages beside this one, also where a folder of the same name is nearer, such as ``robots/``."""
+
+    @staticmethod
+    def find_spec(name: str, path: object = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """The place of one of the lab's packages; nothing of all others."""
+        return PathFinder.find_spec(name, [str(_PLACE)], target) if name in PACKAGES else None
+
+
+for _name in PACKAGES:
+    _other = getattr(sys.modules.get(_name), "__file__", None)
+    if _other is not None and Path(_other).resolve().parents[1] != _PLACE:
+        raise ImportError(
+            f"{_name}: {Path(_other).parent} was imported and hides the lab's package; import morpholab before it, or "
+            "rename that folder"
+        )
+sys.meta_path.insert(0, _BesideThis)
+
+from taichi_sim.base.lazy import exported_names  # noqa: E402 - found beside this package
 
 if TYPE_CHECKING:
+    from optim.lab import Trials as Trials
+    from optim.lab import differentiate as differentiate
+    from optim.lab import robot as robot
+    from optim.lab import robots as robots
+    from optim.lab import simulate as simulate
+    from optim.lab import view as view
+    from optim.lab import world as world
     from optim.maximising import Maximum as Maximum
     from optim.maximising import maximise as maximise
     from optim.measures import homeostasis as homeostasis

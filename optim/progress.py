@@ -1,8 +1,18 @@
-"""Progress of long work, on stderr."""
+"""Progress of long work: a bar on a terminal or in a notebook, a line now and then elsewhere."""
 
-from collections.abc import Iterator
+import html
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+FIRST_LINE, LONGEST_PAUSE = 10.0, 60.0  # seconds to the first line in a pipe, and at most between two
+PAUSE_GROWS = 1.5  # from line to line
+PAUSE_OF_A_BAR = 0.2  # seconds between pictures of a bar in a notebook
 
 
 class Update(Protocol):
@@ -16,20 +26,85 @@ class Update(Protocol):
 def shown_progress(text: str, total: float, quiet: bool = False) -> Iterator[Update]:
     """Yields a function to call with what is done of the total, and a new text if there is one.
 
-    On a terminal there is a bar with the time left; elsewhere every new text is a line.
+    On a terminal there is a bar with the time left, on stderr; in a notebook one below the cell, which goes away.
+    Elsewhere every new text is a line, and in between one now and then says how far the work is.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    console = Console(stderr=True, quiet=quiet)
+    console = Console(stderr=True, quiet=quiet, force_jupyter=False)
+    if not console.is_terminal:
+        with _notebook_bar(text, total) if in_notebook() and not quiet else _lines(text, total, console) as update:
+            yield update
+        return
     left = (TextColumn("left"), TimeRemainingColumn())
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), *left)
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), *left, console=console) as bar:
         task = bar.add_task(text, total=total)
 
-        def update(done: float, text: str | None = None) -> None:
+        def show(done: float, text: str | None = None) -> None:
             bar.update(task, completed=done, description=text)
-            if text is not None and not console.is_terminal:
-                console.print(text, highlight=False, soft_wrap=True)
 
-        yield update
+        yield show
+
+
+def in_notebook() -> bool:
+    """Whether a Jupyter kernel runs this process."""
+    return "ipykernel" in sys.modules and hasattr(sys.modules.get("IPython"), "get_ipython")
+
+
+@contextmanager
+def _lines(
+    text: str, total: float, console: "Console", clock: Callable[[], float] = time.monotonic
+) -> Iterator[Update]:
+    """Progress as lines: every new text, and between them, ever more seldom, how far the work is."""
+    begun = told_at = clock()
+    pause, current = FIRST_LINE, text
+    first: tuple[float, float] | None = None  # time and share, after whatever had to be compiled
+
+    def show(done: float, text: str | None = None) -> None:
+        nonlocal told_at, pause, current, first
+        now, share = clock(), min(done / total, 1.0) if total else 1.0
+        first = first or (now, share)
+        if text is not None:
+            current, told_at = text, now
+            console.print(text, highlight=False, soft_wrap=True)
+        elif now - told_at >= pause and share < 1:
+            told_at, pause = now, min(pause * PAUSE_GROWS, LONGEST_PAUSE)
+            gone = share - first[1]
+            left = f", about {span((now - first[0]) * (1 - share) / gone)} left" if gone > 0 else ""
+            console.print(f"{current}: {share:.0%} after {span(now - begun)}{left}", highlight=False, soft_wrap=True)
+
+    yield show
+
+
+def span(seconds: float) -> str:
+    """A span of time for people, such as ``42 s``, ``7 min`` or ``3.5 h``."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
+@contextmanager
+def _notebook_bar(text: str, total: float) -> Iterator[Update]:
+    """Progress as a bar below the cell, which goes away at the end."""
+    import IPython.display
+
+    display: Any = IPython.display.display
+
+    begun = shown = time.monotonic()
+    current = text
+    handle = display({"text/html": ""}, raw=True, display_id=True)
+
+    def show(done: float, text: str | None = None) -> None:
+        nonlocal current, shown
+        now, current = time.monotonic(), text if text is not None else current
+        if now - shown >= PAUSE_OF_A_BAR:
+            shown, share = now, min(done / total, 1.0) if total else 1.0
+            bar = f'<progress style="width:40%" max="1" value="{share:.4f}"></progress>'
+            told = f"{bar} {share:.0%}, {span(now - begun)}: {html.escape(current)}"
+            handle.update({"text/html": told}, raw=True)
+
+    try:
+        yield show
+    finally:
+        handle.update({"text/html": ""}, raw=True)

@@ -1,0 +1,341 @@
+"""Try a robot in one call, and look at what came of it: the functions behind ``import morpholab as ml``."""
+
+import html
+from argparse import ArgumentTypeError
+from base64 import b64encode
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike, fspath
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.progress import Update, shown_progress
+from robots.robot import KINDS, OK, Outcome, Replay, Robot, World, find_robot_doing, make_robot
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import nearest, whole_number
+from taichi_sim.base.compute import Compute, ComputeOptions
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from robots.view.player import Player
+
+MOST_ROWS = 12  # of a table in a notebook
+POSES = 100  # recorded of a single design, so that its picture costs no second run
+DOTS_PER_INCH = 110
+
+Designs = ArrayLike | Mapping[str, ArrayLike] | None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trials:
+    """What some designs of a robot did in a world; made by :func:`simulate` and :func:`differentiate`.
+
+    Notebooks show it as a table, of a single design with its picture.
+
+    Attributes:
+        robot: with what is free of it.
+        points: the designs, shape (N, P), in the order of ``robot.parameters``.
+        world: where.
+        outcome: measures, status and gradients.
+        compute: how it was computed.
+    """
+
+    robot: Robot
+    points: Floats
+    world: World
+    outcome: Outcome
+    compute: Compute
+    _replays: dict[int, Replay] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, name: str) -> Floats:
+        """Values of a measure, shape (N,)."""
+        known = self.outcome.measures
+        if name not in known:
+            raise KeyError(f"measure: {name!r} is unknown; there are {', '.join(known)}{nearest(name, list(known))}")
+        return known[name]
+
+    def best(self, measure: str | None = None) -> int:
+        """Number of the design with the highest value of a measure, of the first by default; failures never win."""
+        values = self[measure or self.robot.measures[0].name]
+        if np.isnan(values).all():
+            raise ValueError(f"designs: none of {len(self)} succeeded; the first: {self.outcome.told[0]}")
+        return int(np.nanargmax(values))
+
+    def show(self, design: int = 0, *, height: int = 860) -> "Player":
+        """A player of one design, as :func:`view` makes it."""
+        from robots.view.player import show
+
+        return show(self.replay(design).motion, height=height)
+
+    def plot(self, measure: str | None = None) -> "Figure":
+        """Draw a single design in motion, or a measure of several, over the parameter that varies if there is one."""
+        from robots.view.picture import motion_picture
+
+        if len(self) == 1 and measure is None:
+            replay = self.replay()
+            return motion_picture(replay.motion, title=replay.title or None)
+        return self._curve(measure or self.robot.measures[0].name)
+
+    def to_dataframe(self) -> Any:
+        """A table of pandas: a row for each design with its parameters, status, measures and derivatives.
+
+        Raises:
+            ValueError: if pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError:
+            raise ValueError("to_dataframe: pandas is not installed; pip install pandas") from None
+        return pandas.DataFrame(self.columns())
+
+    def columns(self) -> dict[str, Any]:
+        """What there is to tell, by name, shape (N,) each; derivatives are called ``d_MEASURE/d_PARAMETER``."""
+        names = [parameter.name for parameter in self.robot.parameters]
+        slopes = {
+            f"d_{measure}/d_{name}": found[:, n]
+            for measure, found in self.outcome.gradients.items()
+            for n, name in enumerate(names)
+        }
+        given = dict(zip(names, self.points.T, strict=True))
+        return {**given, "status": self.outcome.told, **self.outcome.measures, **slopes}
+
+    def replay(self, design: int = 0) -> Replay:
+        """One design again, with its motion; a single one has been recorded already."""
+        number = whole_number("design", design, 0, len(self) - 1)
+        if number not in self._replays:
+            with shown_progress(self._spoken, 1.0) as update:
+                again = self.robot.replay(self.points[number], self.world, compute=self.compute, progress=update)
+            self._replays[number] = again
+        return self._replays[number]
+
+    @property
+    def _spoken(self) -> str:
+        return f"{self.robot.name} {self.world.where}".strip()
+
+    def __repr__(self) -> str:
+        fine = self.outcome.status == OK
+        if len(self) == 1:
+            measures = [m.value(self[m.name][0]) for m in self.robot.measures] if fine[0] else [self.outcome.told[0]]
+            return f"{self._spoken}: {', '.join(map(str, measures))}"
+        ranges = [
+            f"{m.name.replace('_', ' ')} {self[m.name][fine].min():.4g} to {self[m.name][fine].max():.4g} {m.unit}"
+            for m in self.robot.measures
+            if fine.any()
+        ]
+        failed = f", {np.count_nonzero(~fine)} failed" if not fine.all() else ""
+        return f"{len(self)} designs, {self._spoken}: {', '.join(map(str.strip, ranges)) or 'none succeeded'}{failed}"
+
+    def _repr_html_(self) -> str:
+        units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self.robot.measures}
+        shown = {
+            name: values for name, values in self.columns().items() if len(self.points[0]) <= MOST_ROWS or name in units
+        }
+        head = "".join(f"<th>{html.escape(name + units.get(name, ''))}</th>" for name in shown)
+        rows = "".join(
+            f"<tr>{''.join(f'<td>{html.escape(_told(values[n]))}</td>' for values in shown.values())}</tr>"
+            for n in range(min(len(self), MOST_ROWS))
+        )
+        more = f"<p>and {len(self) - MOST_ROWS} more</p>" if len(self) > MOST_ROWS else ""
+        return f"<p>{html.escape(repr(self))}</p>{self._picture()}<table><tr>{head}</tr>{rows}</table>{more}"
+
+    def _picture(self) -> str:
+        """The picture of a single design that was recorded, as HTML."""
+        from robots.view.still import figure_content
+
+        if 0 not in self._replays or len(self) > 1:
+            return ""
+        content = b64encode(figure_content(self.plot(), "png", DOTS_PER_INCH)).decode()
+        return f'<img alt="{html.escape(self._spoken)}" src="data:image/png;base64,{content}"/>'
+
+    def _curve(self, name: str) -> "Figure":
+        """A measure of each design."""
+        from matplotlib.figure import Figure
+
+        values, measure = self[name], next(each for each in self.robot.measures if each.name == name)
+        varies = np.flatnonzero(np.ptp(self.points, axis=0))
+        figure = Figure(figsize=(6, 3.2), layout="constrained")
+        axes = figure.add_subplot()
+        if len(varies) == 1:
+            parameter = self.robot.parameters[int(varies[0])]
+            order = np.argsort(self.points[:, varies[0]])
+            axes.plot(self.points[order, varies[0]], values[order], marker="o", ms=3)
+            axes.set_xlabel(parameter.name.replace("_", " ") + (f" [{parameter.unit}]" if parameter.unit else ""))
+        else:
+            axes.plot(np.arange(len(self)), values, marker="o", ms=3, ls="")
+            axes.set_xlabel("design")
+        axes.set_ylabel(measure.spoken + (f" [{measure.unit}]" if measure.unit else ""))
+        axes.set_title(self._spoken, fontsize=10)
+        axes.grid(alpha=0.3)
+        return figure
+
+
+def robot(source: str | PathLike[str] | Robot, **options: Any) -> Robot:
+    """The robot of a name or a file, with the options of its kind.
+
+    Args:
+        source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; or a
+            robot, which comes back with the options.
+        options: as the command line has them, such as ``slope=5``; text is read as there.
+
+    Raises:
+        ValueError: for an unknown robot or option, or a value that is not allowed.
+    """
+    if isinstance(source, Robot):
+        return source.changed(options) if options else source
+    kind, found = find_robot_doing(fspath(source))
+    known = {option.name: option for option in kind.options}
+    for name, value in options.items():
+        if name not in known:
+            raise ValueError(
+                f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
+            )
+        options[name] = _read(name, known[name].type, value)
+    return make_robot(kind, found, options)
+
+
+def robots() -> dict[str, str]:
+    """What :func:`robot` knows by name, kinds and designs, and what each is."""
+    known = {name: KINDS[name].title for name in KINDS}
+    return {**known, **{design: KINDS[name].title for name in KINDS for design in KINDS[name].designs}}
+
+
+def world(of: Robot, name: "str | World | None" = None) -> World:
+    """A world of a robot by its name, such as ``"hill:15"``; its usual one for None.
+
+    Raises:
+        ValueError: for a world that robots of its kind do not know.
+    """
+    kind = KINDS[of.kind]
+    if name is None:
+        return of.worlds[0]
+    return kind.world(_read(kind.world_option, kind.world_type, name)) if isinstance(name, str) else name
+
+
+def simulate(
+    source: str | PathLike[str] | Robot,
+    designs: Designs = None,
+    where: "str | World | None" = None,
+    **how: Unpack[ComputeOptions],
+) -> Trials:
+    """Try designs of a robot in a world, as one batch; a single design is recorded, so that it can be shown.
+
+    Args:
+        source: the robot, or what :func:`robot` makes one of.
+        designs: points, shape (N, P) or (P,); or values of some parameters by name, shape (N,) each or numbers, while
+            the others are as at the start; None for the start.
+        where: the world or its name; the robot's usual one by default.
+        how: ``precision``, ``threads`` and ``device``, as of ``Compute``.
+
+    Raises:
+        ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
+
+    Example:
+        >>> simulate("vehicle")["closest"].shape
+        (1,)
+    """
+    tried, points, place, compute = _given(source, designs, where, how)
+    with shown_progress(f"{tried.name} {place.where}".strip(), 1.0) as update:
+        if len(points) > 1 or (single := _recorded(tried, points, place, compute, update)) is None:
+            return Trials(
+                tried, points, place, tried.simulate(points, place, compute=compute, progress=update), compute
+            )
+    return Trials(tried, points, place, single.outcome, compute, {0: single})
+
+
+def differentiate(
+    source: str | PathLike[str] | Robot,
+    designs: Designs = None,
+    where: "str | World | None" = None,
+    *,
+    measures: Sequence[str] | None = None,
+    **how: Unpack[ComputeOptions],
+) -> Trials:
+    """Try designs as :func:`simulate` does, with exact derivatives of measures, the first by default, by parameters.
+
+    Raises:
+        ValueError: if robots of this kind have no gradients, or for a value that is not allowed.
+    """
+    tried, points, place, compute = _given(source, designs, where, how)
+    with shown_progress(f"gradient of {tried.name}", 1.0) as update:
+        outcome = tried.differentiate(points, place, measures=measures, compute=compute, progress=update)
+    return Trials(tried, points, place, outcome, compute)
+
+
+def view(
+    source: str | PathLike[str] | Robot,
+    design: Designs = None,
+    where: "str | World | None" = None,
+    *,
+    height: int = 860,
+    **how: Unpack[ComputeOptions],
+) -> "Player":
+    """A player of one design in a world: drag to orbit; a notebook shows it below the cell.
+
+    Raises:
+        ValueError: for several designs, or a robot that cannot be shown.
+    """
+    tried, points, place, compute = _given(source, design, where, how)
+    if len(points) > 1:
+        raise ValueError(f"design: {len(points)} are not allowed; give one")
+    from robots.view.player import show
+
+    with shown_progress(f"{tried.name} {place.where}".strip(), 1.0) as update:
+        motion = tried.replay(points[0], place, compute=compute, progress=update).motion
+    return show(motion, height=height)
+
+
+def _given(
+    source: str | PathLike[str] | Robot, designs: Designs, where: "str | World | None", how: ComputeOptions
+) -> tuple[Robot, Floats, World, Compute]:
+    """The robot, points, world and computation that a call asks for."""
+    tried = robot(source)
+    return tried, tried.points(_points(tried, designs)), world(tried, where), Compute(**how)
+
+
+def _points(tried: Robot, designs: Designs) -> ArrayLike:
+    """Points, shape (N, P), of what a caller may give."""
+    if designs is None:
+        return tried.start[None]
+    if not isinstance(designs, Mapping):
+        return designs
+    names = [parameter.name for parameter in tried.parameters]
+    for name in designs:
+        if name not in names:
+            some = ", ".join(names[:MOST_ROWS]) + (", ..." if len(names) > MOST_ROWS else "")
+            known = f"there are {some}{nearest(name, names)}" if names else "nothing of the robot is free"
+            raise ValueError(f"designs: {name!r} is unknown; {known}")
+    try:
+        given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in designs.values()))
+    except (ValueError, TypeError):
+        raise ValueError("designs: give numbers, or arrays of one length, for each parameter") from None
+    points = np.tile(tried.start, (len(given[0]) if given else 1, 1))
+    for name, values in zip(designs, given, strict=True):
+        points[:, names.index(name)] = values
+    return points
+
+
+def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, update: Update) -> Replay | None:
+    """The trial of a single design with its motion; None if it is no robot, or cannot be shown."""
+    try:
+        return tried.replay(points[0], place, frames=POSES, compute=compute, progress=update)
+    except (ValueError, NotImplementedError):
+        return None
+
+
+def _read(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
+    """A value of an option; a text is read as the command line reads it."""
+    try:
+        return reads(value) if isinstance(value, str) and reads is not None else value
+    except ArgumentTypeError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _told(value: Any) -> str:
+    """A value in a cell of a table."""
+    return f"{value:.5g}" if isinstance(value, float | np.floating) else str(value)

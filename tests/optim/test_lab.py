@@ -1,0 +1,89 @@
+"""The functions of ``import morpholab as ml``: robots and worlds by name, designs, and what is shown of trials."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import morpholab as ml
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_robots_and_worlds_come_by_name():
+    known = ml.robots()
+    assert known["rolling"] == known["inflatable"] == "inflatable robot" and known["vehicle"] == "Braitenberg vehicle"
+    assert ml.robot("vehicle", design="162").describe() == ml.robot("vehicle", design=162).describe()
+    walker = ml.robot("soft-quadruped")
+    assert ml.robot(walker) is walker
+    assert ml.world(walker, "hill:5").name == "hill:5" and ml.world(walker) == walker.worlds[0]
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ml.robot("soft-quadruped", headin=3), "headin: is no option of lattice robot; .*did you mean heading"),
+        (lambda: ml.robot("soft-quadruped", heading="north"), "heading: "),
+        (lambda: ml.robot("quadrupd"), "robot: 'quadrupd' is unknown; did you mean quadruped"),
+        (lambda: ml.simulate("soft-quadruped", where="hil:3"), "terrain: 'hil:3' is unknown"),
+        (lambda: ml.simulate("vehicle", {"w9": 1.0}), "designs: 'w9' is unknown; there are l1x, .*w2"),
+        (
+            lambda: ml.simulate("vehicle", {"w1": (1, 2), "w2": (1, 2, 3)}),
+            "designs: give numbers, or arrays of one length",
+        ),
+        (lambda: ml.simulate("vehicle", np.zeros((2, 3))), r"points: shape \(2, 3\) is not allowed"),
+        (lambda: ml.view("vehicle", np.zeros((2, 6))), "design: 2 are not allowed; give one"),
+    ],
+)
+def test_bad_input(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.kernels
+def test_a_single_design_is_told_with_its_picture():
+    alone = ml.simulate("vehicle", {"w1": -1.0, "w2": -1.0})
+    assert len(alone) == 1 and repr(alone).startswith("Braitenberg vehicle: approach ") and "\n" not in repr(alone)
+    shown = alone._repr_html_()
+    assert shown.count("<tr>") == 2 and shown.count('src="data:image/png;base64,') == 1
+    assert "<th>closest [m]</th>" in shown and f"<td>{alone['closest'][0]:.5g}</td>" in shown
+    assert alone.show(height=300)._repr_html_().startswith("<iframe") and len(alone.plot().axes) == 2
+    together = ml.simulate("vehicle", {"w1": (-1.0, 0.5), "w2": -1.0})
+    assert together["closest"][0] == alone["closest"][0]
+
+
+@pytest.mark.kernels
+def test_several_designs_are_a_table():
+    pandas = pytest.importorskip("pandas")
+    found = ml.differentiate("vehicle", {"w1": np.linspace(-1, 1, 20)}, measures=["closest"])
+    frame = found.to_dataframe()
+    assert isinstance(frame, pandas.DataFrame) and len(frame) == 20
+    assert np.array_equal(frame["w1"], np.linspace(-1, 1, 20)) and frame["d_closest/d_w1"].abs().max() > 0
+    assert repr(found).startswith("20 designs, Braitenberg vehicle: ") and "and 8 more" in found._repr_html_()
+    axes = found.plot("closest").axes[0]
+    assert axes.get_xlabel() == "w1" and np.array_equal(axes.lines[0].get_ydata(), found["closest"])
+    assert found["closest"][found.best("closest")] == np.nanmax(found["closest"])
+    with pytest.raises(KeyError, match=r"measure: 'closet' is unknown; .*did you mean closest"):
+        found["closet"]
+
+
+def test_a_folder_of_the_name_of_a_package_does_not_hide_the_lab(tmp_path):
+    """Unless it was imported before, which is said in one line."""
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots/__init__.py").touch()
+    (tmp_path / "try.py").write_text(
+        f"import sys; sys.path.append({str(ROOT)!r})\n"
+        "if sys.argv[1:]: import robots\n"
+        "import morpholab as ml\n"
+        "print(ml.robots()['rolling'])\n"
+    )
+    run = [sys.executable, "try.py"]
+    fine = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert fine.stdout == "inflatable robot\n", fine.stderr
+    other = subprocess.run([*run, "first"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert other.returncode == 1 and other.stderr.splitlines()[-1] == (
+        f"ImportError: robots: {tmp_path / 'robots'} was imported and hides the lab's package; "
+        "import morpholab before it, or rename that folder"
+    )

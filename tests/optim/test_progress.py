@@ -1,0 +1,45 @@
+"""Progress of long work in pipes and notebooks."""
+
+import io
+import sys
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+
+from optim import progress
+
+
+def test_in_a_pipe_there_is_a_line_now_and_then():
+    """Ever more seldom, with the time left by the pace since the first news; a new text is a line at once."""
+    now, told = [0.0], io.StringIO()
+    with progress._lines("work", 200.0, Console(file=told), lambda: now[0]) as update:
+        now[0] = 5.0  # what was compiled does not count in the pace
+        update(0.0)
+        for done in range(1, 101):
+            now[0] = 5.0 + done
+            update(float(done))
+        update(150.0, "other work")
+    lines = told.getvalue().splitlines()
+    assert lines[0] == "work: 2% after 10 s, about 195 s left".replace("195 s", "3 min")
+    assert lines[-1] == "other work" and 4 <= len(lines) <= 6
+    assert lines[-2].startswith("work: ") and "after" in lines[-2]
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(42.4, "42 s"), (420.0, "7 min"), (12600.0, "3.5 h")])
+def test_spans_of_time(seconds, told):
+    assert progress.span(seconds) == told
+
+
+def test_in_a_notebook_there_is_a_bar_that_goes_away(monkeypatch):
+    shown = []
+    handle = SimpleNamespace(update=lambda data, raw: shown.append(data["text/html"]))
+    display = SimpleNamespace(display=lambda data, raw, display_id: handle)
+    notebook = SimpleNamespace(get_ipython=None, display=display)
+    for name, module in (("ipykernel", notebook), ("IPython", notebook), ("IPython.display", display)):
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr(progress, "PAUSE_OF_A_BAR", -1.0)
+    with progress.shown_progress("a < b", 4.0) as update:
+        update(1.0)
+    assert len(shown) == 2 and shown[1] == ""
+    assert 'value="0.2500"' in shown[0] and "25%, 0 s: a &lt; b" in shown[0]
