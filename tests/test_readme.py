@@ -18,7 +18,7 @@ README = (ROOT / "README.md").read_text()
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "optim/studies").rglob("*.md"))]
 DOCUMENTS = ["README.md", *(str(path.relative_to(ROOT)) for path in PAGES)]
-TOPS = "taichi_sim robots optim morpholab tests docs notebooks benchmarks examples .ci".split()
+TOPS = ["taichi_sim", "robots", "optim", "morpholab", "tests", "docs", "notebooks", "benchmarks", "examples", ".ci"]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
