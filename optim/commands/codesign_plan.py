@@ -187,7 +187,7 @@ def _method(args: argparse.Namespace, name: str, design: Design, known: dict[str
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
     settings |= {**given, **design.settings}
-    return settings | (_map(design.problem, settings) if name == "map-elites" else {})
+    return settings | (_map(design.problem, settings) if getattr(METHODS[name], "kind", "") == "elites" else {})
 
 
 def _map(problem: "Problem", settings: Mapping[str, Any]) -> dict[str, Any]:

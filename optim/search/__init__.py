@@ -20,6 +20,8 @@ METHODS: Registry[type[Method]] = Registry(
     {
         "borg": "optim.search.borg:Borg",
         "cma": "optim.search.cma:CMAESWithMargin",
+        "cma-mae": "optim.search.covariance_map:AnnealedMapElites",
+        "cma-me": "optim.search.covariance_map:CovarianceMapElites",
         "cma-gradient": "optim.search.cma_gradient:CMAGradient",
         "de": "optim.search.differential_evolution:DifferentialEvolution",
         "generating-set": "optim.search.generating_set:GeneratingSetSearch",
