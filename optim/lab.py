@@ -26,6 +26,7 @@ MOST_ROWS = 12  # of a table in a notebook
 POSES = 100  # recorded of a single design, so that its picture costs no second run
 DOTS_PER_INCH = 110
 
+OptionValue = str | float | bool | PathLike[str] | Sequence[float] | None
 Designs = ArrayLike | Mapping[str, ArrayLike] | None
 
 
@@ -175,7 +176,7 @@ class Trials:
         return figure
 
 
-def robot(source: str | PathLike[str] | Robot, **options: Any) -> Robot:
+def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
     """The robot of a name or a file, with the options of its kind.
 
     Args:
@@ -190,13 +191,14 @@ def robot(source: str | PathLike[str] | Robot, **options: Any) -> Robot:
         return source.changed(options) if options else source
     kind, found = find_robot_doing(fspath(source))
     known = {option.name: option for option in kind.options}
+    values: dict[str, Any] = {}
     for name, value in options.items():
         if name not in known:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        options[name] = _read(name, known[name].type, value)
-    return make_robot(kind, found, options)
+        values[name] = _read(name, known[name].type, value)
+    return make_robot(kind, found, values)
 
 
 def robots() -> dict[str, str]:
