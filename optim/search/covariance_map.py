@@ -169,7 +169,7 @@ class _Guides:
             )
             for origin, seed in zip(origins, seeds[1:], strict=True)
         ]
-        self.drawn = np.empty(0)
+        self.drawn: Floats = np.empty((0, search.space.size))
 
     def add(self, unit: Floats, scores: Floats, places: Floats) -> None:
         """Put first successes into the archive, and let emitters draw."""
@@ -178,7 +178,7 @@ class _Guides:
 
     def _draw(self) -> None:
         """Let emitters draw once a generation, as drawing changes them."""
-        self.drawn: Floats = np.concatenate([np.asarray(emitter.ask(), float) for emitter in self.emitters])
+        self.drawn = np.concatenate([np.asarray(emitter.ask(), float) for emitter in self.emitters])
 
     def tell(self, scores: Floats, places: Floats) -> None:
         """Tell emitters what came of the points that they drew; NaN for failures."""
