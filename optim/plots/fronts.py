@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS
 from optim.measures.pareto import non_dominated
+from optim.search.method import Grid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,11 +61,22 @@ def draw_points(
     axes.plot(x[full], y[full], "o", color=colour, markersize=3)
 
 
-def draw_elites(axes: "Axes", places: ArrayLike, scores: ArrayLike, names: "Sequence[str]") -> Any:
-    """Draw the elites, which are the best designs of many kinds, coloured by their scores; see :func:`add_bar`.
+def draw_elites(axes: "Axes", grid: Grid, scores: ArrayLike) -> Any:
+    """Draw a map of elites, the best designs of many kinds, coloured by their scores; see :func:`add_bar`.
 
-    ``places`` are two descriptors of each, shape (N, 2).
+    Args:
+        axes: to draw on.
+        grid: its cells, along one or two descriptors; of more, cells show their best elite along the first two.
+        scores: of the elites, shape (C,).
     """
-    axes.set(xlabel=names[0], ylabel=names[1])
-    x, y = np.asarray(places, float).T
-    return axes.scatter(x, y, c=np.asarray(scores, float), s=16, marker="s", linewidths=0)
+    names, ends = list(grid.axes)[:2], list(grid.axes.values())[:2]
+    best = np.full((grid.bins, grid.bins if len(names) == 2 else 1), np.nan)
+    places = grid.places[:, :2] if len(names) == 2 else np.column_stack([grid.places, np.zeros(len(grid.cells), int)])
+    np.fmax.at(best, tuple(places.T), np.asarray(scores, float))
+    edges = [np.linspace(*each, grid.bins + 1) for each in ends] + [np.array([0.0, 1.0])] * (2 - len(names))
+    axes.set(xlabel=names[0].replace("_", " "), facecolor="0.93")
+    if len(names) == 2:
+        axes.set_ylabel(names[1].replace("_", " "))
+    else:
+        axes.set_yticks([])
+    return axes.pcolormesh(*edges, best.T, rasterized=True)

@@ -22,7 +22,7 @@ def front_section(history: History, subject: Subject) -> Section | None:
         return None
     if result.kind == "front":
         return Section("The Pareto front", [_front(result, subject), _members(result, subject, "Designs of the front")])
-    return Section("The elites", [*_elites(result, subject, history), _members(result, subject, "Elites, best first")])
+    return Section("The elites", [*_elites(result, subject), _members(result, subject, "Elites, best first")])
 
 
 def _front(result: SearchResult, subject: Subject) -> Html:
@@ -43,18 +43,19 @@ def _front(result: SearchResult, subject: Subject) -> Html:
     return charted(draw, alt, caption, size=SIZE, kind="narrow")
 
 
-def _elites(result: SearchResult, subject: Subject, history: History) -> list[Html]:
-    names, space = history.config["method"].get("descriptors", []), subject.problem.space.names
-    if len(names) != 2:
+def _elites(result: SearchResult, subject: Subject) -> list[Html]:
+    grid = result.grid
+    if grid is None:
         return []
-    places = result.points[:, [space.index(name) for name in names]]
 
     def draw(axes: Any) -> None:
-        shown = draw_elites(axes, places, result.scores, names)
-        add_bar(axes.figure, axes, shown, subject.score.label)
+        add_bar(axes.figure, axes, draw_elites(axes, grid, result.scores), subject.score.label)
 
-    alt = f"{len(places)} elites by {names[0]} and {names[1]}, coloured by score"
-    return [charted(draw, alt, "The best design of every kind.", size=SIZE, kind="narrow")]
+    names, filled = list(grid.axes), len(grid.cells) / grid.bins ** len(grid.axes)
+    alt = f"{len(grid.cells)} elites by {' and '.join(names[:2])}, coloured by score"
+    more = f" Along {', '.join(names[2:])} the best is shown." if len(names) > 2 else ""
+    caption = f"The best design of every kind: {len(grid.cells)} cells, {filled:.0%} of all, have one.{more}"
+    return [charted(draw, alt, caption, size=SIZE, kind="narrow")]
 
 
 def _members(result: SearchResult, subject: Subject, caption: str) -> Html:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from optim.problem import Evaluation
 from optim.search.base import number, table, whole
-from optim.search.method import LARGEST, Kept
+from optim.search.method import LARGEST, Grid, Kept
 from optim.search.population import PopulationSearch
 from optim.search.variation import mutation_steps
 from taichi_sim.base.arrays import Floats, Ints
@@ -143,6 +143,10 @@ class MapElites(PopulationSearch):
         if details.shape != (len(points),):
             raise ValueError(f"descriptors: {name} of shape {details.shape} is not allowed; give one number a point")
         return details
+
+    def _grid(self) -> Grid:
+        """The cells of the elites."""
+        return Grid(dict(self.axes), self.bins, self.cells.copy())
 
     def _kept(self) -> tuple[Floats, Floats]:
         """The elites in the order of their cells."""

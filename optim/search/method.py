@@ -10,11 +10,31 @@ from numpy.typing import ArrayLike
 from optim.problem import Evaluation
 from optim.problem import Wants as Wants
 from optim.space import Space
-from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.arrays import Arrays, Floats, Ints
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
 LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
 Kept = Literal["climbers", "population", "front", "elites"]
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """The cells of a map of elites.
+
+    Attributes:
+        axes: lower and upper end of each descriptor by name.
+        bins: cells along each.
+        cells: number of the cell of each elite, shape (C,); the last descriptor varies fastest.
+    """
+
+    axes: Mapping[str, tuple[float, float]]
+    bins: int
+    cells: Ints
+
+    @property
+    def places(self) -> Ints:
+        """The cell of each elite along each descriptor, shape (C, axes)."""
+        return np.stack(np.unravel_index(self.cells, (self.bins,) * len(self.axes)), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +50,7 @@ class SearchResult:
         kind: what ``points`` are: the best point of each of the ``"climbers"``; a ``"population"``; a ``"front"``
             that holds only successes none of which dominates another; ``"elites"``, the best success in each cell
             of a grid. A front and elites are empty as long as every evaluation has failed.
+        grid: of elites.
     """
 
     point: Floats
@@ -38,6 +59,7 @@ class SearchResult:
     objectives: Floats
     numbers: Mapping[str, float | int | None] = field(default_factory=dict)
     kind: Kept = "climbers"
+    grid: Grid | None = None
 
     @property
     def scores(self) -> Floats:

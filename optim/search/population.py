@@ -71,8 +71,12 @@ class PopulationSearch(Search):
         """The best point ever met (the first of equals) and what the search keeps."""
         points, objectives = (values.copy() for values in self._kept())
         return method.SearchResult(
-            self.best_point.copy(), self.best_score, points, objectives, self._numbers(), self.kind
+            self.best_point.copy(), self.best_score, points, objectives, self._numbers(), self.kind, self._grid()
         )
+
+    def _grid(self) -> method.Grid | None:
+        """The cells of elites."""
+        return None
 
     def _kept(self) -> tuple[Floats, Floats]:
         """The points of the result and their objectives: the population."""

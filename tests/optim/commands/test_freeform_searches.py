@@ -30,6 +30,8 @@ def test_mass_and_energy_are_axes_of_a_map(morpholab, tmp_path):
     assert json.loads(out)["numbers"]["cells"] > 2
     assert morpholab("codesign --resume --generations 3 --out a --quiet --threads 1")[0] == 0
     assert len(log(tmp_path / "a")) == 4
+    assert morpholab("report a --no-player --out a.html")[0] == 0
+    assert "elites by mass and energy, coloured by score" in (tmp_path / "a.html").read_text()
 
 
 @pytest.mark.kernels

@@ -17,6 +17,7 @@ from optim.plots import (
 )
 from optim.runs import Generation
 from optim.runs.comparison import Curve
+from optim.search.method import Grid
 
 
 @pytest.fixture
@@ -111,8 +112,16 @@ def test_what_is_no_front_is_one_line(axes, objectives, names, message):
 
 
 def test_elites_lie_at_their_descriptors(axes):
-    shown = draw_elites(axes, [[1, 2], [3, 4]], [0.5, 0.25], ("orientation", "pressure"))
-    assert shown.get_offsets().tolist() == [[1, 2], [3, 4]] and shown.get_array().tolist() == [0.5, 0.25]
+    """Of more than two, a cell shows its best elite."""
+    grid = Grid({"orientation": (0.0, 90.0), "pressure": (0.0, 4.0)}, 3, np.array([1, 6]))
+    shown = draw_elites(axes, grid, [0.5, 0.25])
+    expected = np.full((3, 3), np.nan)  # rows are pressures
+    expected[1, 0], expected[0, 2] = 0.5, 0.25
+    assert np.array_equal(shown.get_array().filled(np.nan), expected, equal_nan=True)
+    assert axes.get_xlabel() == "orientation" and axes.get_xlim() == (0.0, 90.0) and axes.get_ylim() == (0.0, 4.0)
+    grid = Grid({"a": (0.0, 1.0), "b": (0.0, 1.0), "c": (0.0, 1.0)}, 2, np.array([0, 1, 7]))
+    shown = draw_elites(axes, grid, [0.5, 0.75, 0.25]).get_array()
+    assert shown[0, 0] == 0.75 and shown[1, 1] == 0.25
 
 
 def test_success_matrices_have_w1_to_the_right_and_w2_upwards(axes):
