@@ -25,7 +25,8 @@ class LamarckianSearch(GeneticSearch):
 
     A life is ``learning`` steps of Adam, each from the gradient at a true point, whose whole numbers stay. A child is
     the best point of its life, and competes as such: a new body is not judged before it has learnt to move. What it
-    has learnt its children inherit. A failure is taken half way back to the last point that did not fail.
+    has learnt its children inherit, unless ``inherit`` is false: then learning only tells what a child is worth
+    (Baldwin's effect). A failure is taken half way back to the last point that did not fail.
 
     A child has the whole numbers of both parents, and all else of the first; with ``patches`` it has a patch of cells
     of the second, with all that these have learnt, and most else of the first.
@@ -38,6 +39,7 @@ class LamarckianSearch(GeneticSearch):
         learning_rate: typical step of the boldest child [ranges of the variables].
         caution: part of it that is the step of the most cautious child; each draws its own between these.
         clip: length to which longer gradients are shortened [objective per range].
+        inherit: whether children begin with what their parents learnt, or with what these were born with.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("learners", "anchor", "lived", "lived_scores", "age", "lives")
@@ -47,6 +49,7 @@ class LamarckianSearch(GeneticSearch):
     learning_rate: float = positive(0.05, 1.0)
     caution: float = number(0.2, 1e-6, 1.0)
     clip: float = positive(1.0, 1e12)
+    inherit: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,6 +63,7 @@ class LamarckianSearch(GeneticSearch):
         shape = self.points.shape
         self.rule = Adam(*shape, 1.0, self.clip)
         self.learners = self._starts()
+        self.birth: Arrays = {} if self.inherit else {"points": self.learners.copy()}
         self.anchor = np.full(shape, np.nan)  # of each, the last point that did not fail
         self.lived, self.lived_scores = (
             np.full(shape, np.nan),
@@ -91,7 +95,8 @@ class LamarckianSearch(GeneticSearch):
             self.age += 1
         else:
             self._live(points, scores)
-            self._take(self.lived.copy(), Evaluation(self.lived_scores))
+            lasting = self.lived if self.inherit else self.birth["points"]
+            self._take(lasting.copy(), Evaluation(self.lived_scores))
             self._bear()
         self.generation += 1
 
@@ -122,6 +127,8 @@ class LamarckianSearch(GeneticSearch):
     def _bear(self) -> None:
         """Begin the lives of the next children."""
         self.learners = self._children(self._generator())
+        if not self.inherit:
+            self.birth["points"] = self.learners.copy()
         self.rule.forget(np.ones(self.population, bool))
         self.anchor = np.full(self.points.shape, np.nan)
         self.age, self.lives = 0, self.lives + 1
@@ -149,4 +156,4 @@ class LamarckianSearch(GeneticSearch):
         return {"lives": self.lives}
 
     def _groups(self) -> Mapping[str, Arrays]:
-        return {"rule": self.rule.arrays}
+        return {"rule": self.rule.arrays, "birth": self.birth}

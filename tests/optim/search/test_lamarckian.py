@@ -102,6 +102,16 @@ def test_what_is_learnt_is_inherited():
     assert not all(tuple(child[:2]) in parents for child in children)
 
 
+def test_what_is_learnt_may_only_tell_what_a_body_is_worth():
+    """Baldwin's effect: children begin with what their parents were born with; the best point is the learnt one."""
+    method = LamarckianSearch(MIXED, population=30, learning=4, mutation=0.0, inherit=False)
+    born = {tuple(point[2:]) for point in method.ask()}
+    run(method, hill, hill_slope, 5)
+    assert all(tuple(point[2:]) in born for point in method.points)
+    assert tuple(method.result().point[2:]) not in born
+    assert method.result().score == hill(method.result().point[None])[0] > hill(method.points).max()
+
+
 def test_patches_are_crossed_with_all_that_they_have_learnt():
     method = LamarckianSearch(CELL_GRID, population=400, patches=1.0)
     first, second = np.zeros((400, CELL_GRID.size)), np.ones((400, CELL_GRID.size))
@@ -147,9 +157,10 @@ def test_bodies_that_must_learn_before_they_are_worth_anything():
     assert min(lamarckian) > 7.9 > 7 > max(genetic) and np.median(genetic) < 5, (lamarckian, genetic)
 
 
+@pytest.mark.parametrize("inherit", [True, False])
 @pytest.mark.parametrize("stop", [1, 3, 4, 6])
-def test_resumes_exactly_within_and_between_lives(stop):
-    settings = {"population": 6, "learning": 3, "seed": 4}
+def test_resumes_exactly_within_and_between_lives(stop, inherit):
+    settings = {"population": 6, "learning": 3, "seed": 4, "inherit": inherit}
 
     def judge(points):
         return np.where(points[:, 8] > 0.8, np.nan, bodies(points))

@@ -50,7 +50,11 @@ def walker(number: int, cycles: int = 3) -> LatticeRobot:
 
     All walkers have as many muscles, so that controllers of one fit all others.
     """
-    legs, thick = columns_of(number)
+    return walker_of(*columns_of(number), cycles, f"walker {number}")
+
+
+def walker_of(legs: Ints, thick: Ints, cycles: int, name: str = "walker") -> LatticeRobot:
+    """The walker with legs and a back of so many voxels in every column, shape (3, 2) each."""
     filled = np.zeros((ALONG * WIDE, ACROSS * WIDE, LONGEST + THICKEST), bool)
     for i in range(ALONG):
         for j in range(ACROSS):
@@ -68,6 +72,6 @@ def walker(number: int, cycles: int = 3) -> LatticeRobot:
         frequency=FREQUENCY,
         cycles=cycles,
         settling=SETTLING,
-        name=f"walker {number}",
+        name=name,
         reflexes=REFLEXES,
     )

@@ -24,6 +24,7 @@ from optim.problems.robot import RobotProblem
 from optim.search import build_method
 from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS, walker
 from optim.studies.beyond.body_and_learning.report import write_report
+from robots.lattice_robot import LatticeRobot
 from robots.tasks import Success
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import positive
@@ -128,16 +129,24 @@ def body_part(folder: Path, settings: BodyAndLearning, number: int, _: Mapping[s
     }
     for count, name in enumerate(LEARNERS, 1):
         told = part_of(progress, count, share)
-        learned = cached(parts, f"learned {name}".replace(" ", "_"), partial(learn, settings, number, name, told))
+        learn_here = partial(learn, settings, robot, number, name, told)
+        learned = cached(parts, f"learned {name}".replace(" ", "_"), learn_here)
         row[name] = float(learned["evaluations"].mean())
         row[f"{name}_solved"] = int(learned["solved"].sum())
     return row
 
 
-def learn(settings: BodyAndLearning, number: int, name: str, progress: Progress = None) -> Arrays:
-    """Evaluations until a controller succeeds in all worlds, or all there are, and whether one did, shape (R,) each."""
+def learn(settings: BodyAndLearning, robot: LatticeRobot, stream: int, name: str, progress: Progress = None) -> Arrays:
+    """Evaluations until a controller succeeds in all worlds, or all there are, and whether one did, shape (R,) each.
+
+    Args:
+        settings: repetitions, budget and success.
+        robot: the body.
+        stream: of random numbers, one for each body.
+        name: of the learner.
+        progress: told the share that is done.
+    """
     learner, count = LEARNERS[name], settings.repetitions
-    robot = walker(number, settings.cycles)
     problem = RobotProblem(robot, WORLDS, objective=OBJECTIVE, summed=True, precision="f32", threads=1)
     evaluations, solved = np.zeros(count, np.int64), np.zeros(count, bool)
 
@@ -150,7 +159,7 @@ def learn(settings: BodyAndLearning, number: int, name: str, progress: Progress 
         evaluations[run] += good[0] + 1 if good.size else len(points)
         return bool(solved[run])
 
-    seeds = [int(np.random.SeedSequence((number, run)).generate_state(1)[0]) for run in range(count)]
+    seeds = [int(np.random.SeedSequence((stream, run)).generate_state(1)[0]) for run in range(count)]
     methods = [build_method(learner.method, problem.space, {**learner.settings, "seed": seed}) for seed in seeds]
     run_with_budget(methods, settings.budget_of(name), evaluate, observe, progress)
     return {"evaluations": evaluations, "solved": solved}

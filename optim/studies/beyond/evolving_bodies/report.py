@@ -1,0 +1,131 @@
+"""Tables, a summary and a picture of what bodies evolved for learning and loops of evolution and learning found."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.results import write_json
+from optim.experiments.tables import Record, cell, column, markdown, page, where
+from optim.measures.statistics import difference_of_means, mean_interval
+from optim.studies.beyond.body_and_learning.study import LEARNERS
+from optim.studies.beyond.evolving_bodies import loops, metrics
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import replacing, write_text
+
+BODY_COLUMNS = {
+    "fastest": ("fastest [cm]", 100.0, ".2f"),
+    "M_L": ("M_L", 1.0, ".3f"),
+    "M_CI": ("M_CI", 1.0, ".3f"),
+    **{name: (f"evaluations, {each.title}", 1.0, ".0f") for name, each in LEARNERS.items()},
+}
+
+
+def write_report(folder: Path, bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[str, Any]) -> None:
+    """Write ``table.md``, ``summary.json`` and ``evolving.png``."""
+    write_text(folder / "table.md", page(*_tables(bodies, runs, settings)))
+    write_json(folder / "summary.json", {"settings": dict(settings), **_summary(bodies, runs)})
+    with replacing(folder / "evolving.png") as aside:
+        _draw(bodies, runs, aside)
+
+
+def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[str, Any]) -> list[str | list[str]]:
+    """What was evolved for, and what came of loops, with 95 % intervals over seeds."""
+    rows = [
+        [
+            title,
+            *(
+                _interval(_values(bodies, "arm", arm, name) * scale, form)
+                for name, (_, scale, form) in BODY_COLUMNS.items()
+            ),
+        ]
+        for arm, title in metrics.ARMS.items()
+    ]
+    gains = [
+        [
+            f"{title} less those for speed",
+            *(_difference(bodies, arm, name, scale, form) for name, (_, scale, form) in BODY_COLUMNS.items()),
+        ]
+        for arm, title in metrics.ARMS.items()
+        if arm != "speed"
+    ]
+    searches = [
+        [
+            arm.label,
+            _interval(_values(runs, "search", name, "nearer") * 100, ".2f"),
+            cell(float(np.median(column(where(runs, search=name), "evaluations"))), ".0f"),
+        ]
+        for name, arm in loops.ARMS.items()
+    ]
+    heads = ["bodies", *(head for head, *_ in BODY_COLUMNS.values())]
+    return [
+        f"Bodies of {settings['seeds']} runs each, by {settings['held_out']} controllers that selection has not seen, "
+        f"and evaluations until one succeeds ({settings['repetitions']} repetitions in each body); means with 95 % "
+        "intervals:",
+        markdown(heads, "l" + "r" * len(BODY_COLUMNS), [*rows, *gains]),
+        f"Searches of {settings['seconds']:g} s of CPU time, {settings['seeds']} seeds: how much nearer the light the "
+        "best comes.",
+        markdown(["search", "nearer [cm]", "evaluations, median"], "lrr", searches),
+    ]
+
+
+def _values(rows: Sequence[Record], by: str, name: str, what: str) -> Floats:
+    """Values of one arm, in the order of seeds; what failed came no nearer."""
+    own = sorted(where(rows, **{by: name}), key=lambda row: int(row["seed"]))
+    return np.array([0.0 if row[what] is None else row[what] for row in own], float)
+
+
+def _interval(values: Floats, form: str) -> str:
+    """A mean with its interval."""
+    if len(values) < 2:
+        return format(values.mean(), form)
+    low, high = mean_interval(values)
+    return f"{values.mean():{form}} ({low:{form}} to {high:{form}})"
+
+
+def _difference(bodies: Sequence[Record], arm: str, name: str, scale: float, form: str) -> str:
+    """What an arm has more than bodies evolved for speed, seed by seed."""
+    a, b = (_values(bodies, "arm", each, name) * scale for each in ("speed", arm))
+    if len(a) < 2:
+        return format(float((b - a).mean()), f"+{form}")
+    found = difference_of_means(a, b, paired=True)
+    return f"{found.difference:+{form}} ({found.low:+{form}} to {found.high:+{form}})"
+
+
+def _summary(bodies: Sequence[Record], runs: Sequence[Record]) -> dict[str, Any]:
+    """Means of all arms."""
+    found = {
+        arm: {name: float(_values(bodies, "arm", arm, name).mean()) for name in BODY_COLUMNS} for arm in metrics.ARMS
+    }
+    return {
+        "bodies": found,
+        "loops": {name: float(_values(runs, "search", name, "nearer").mean()) for name in loops.ARMS},
+    }
+
+
+def _draw(bodies: Sequence[Record], runs: Sequence[Record], path: Path) -> None:
+    """Metrics and learning of bodies, and what searches reach: a dot for each run."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    shown = [("M_CI", "M_CI", 1.0), ("evolution", "evaluations, evolution", 1.0)]
+    left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 1.3))
+    for axes, (name, label, scale) in zip((left, middle), shown, strict=True):
+        _dots(axes, [(t, _values(bodies, "arm", arm, name) * scale) for arm, t in metrics.ARMS.items()])
+        axes.set_xlabel(label)
+    middle.tick_params(labelleft=False)
+    _dots(right, [(arm.label, _values(runs, "search", name, "nearer") * 100) for name, arm in loops.ARMS.items()])
+    right.set_xlabel("nearer the light [cm]")
+    figure.savefig(path, dpi=150, format="png")
+
+
+def _dots(axes: Any, groups: Sequence[tuple[str, Floats]]) -> None:
+    """A row of dots for each group, with its mean."""
+    for row, (_, values) in enumerate(groups):
+        axes.plot(values, np.full(len(values), row), "o", ms=4, alpha=0.5, color=f"C{row}")
+        axes.plot(values.mean(), row, "|", ms=18, mew=2.5, color=f"C{row}")
+    axes.set_yticks(range(len(groups)), [title.replace(", ", ",\n") for title, _ in groups])
+    axes.set_ylim(len(groups) - 0.5, -0.5)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(axis="x", alpha=0.3)
