@@ -139,4 +139,6 @@ class Quadruped:
         return Senses([f"{feet} {leg}" for leg in range(len(LEGS))], [("main", (0, 0, 0))])
 
 
-LEGGED, WHEELED, WHEGGED = Quadruped("legged"), Quadruped("wheeled"), Quadruped("whegged")
+LEGGED = Quadruped("legged")
+WHEELED = Quadruped("wheeled")
+WHEGGED = Quadruped("whegged")
