@@ -74,13 +74,19 @@ def _overview(where: dict[str, str]) -> str:
     return "\n".join(["# `morpholab`", "", intro, "", "| name | is | page |", "| --- | --- | --- |", *rows, ""])
 
 
+@cache
+def _tree(module: str) -> ast.Module:
+    return ast.parse(_source(module).read_text())
+
+
+@cache
 def public_names(module: str) -> dict[str, str]:
     """Public names of a package or module, each with the full name of what it stands for.
 
     They are those of ``__all__``, or else what is imported as itself (``import X as X``) and the classes and functions
     that are defined there.
     """
-    tree = ast.parse(_source(module).read_text())
+    tree = _tree(module)
     for line in tree.body:
         if isinstance(line, ast.Assign) and "__all__" in _assigned(line):
             return {name: _defined(f"{module}.{name}") for name in ast.literal_eval(line.value)}
@@ -99,7 +105,7 @@ def _defined(place: str) -> str:
 @cache
 def _imports(module: str) -> dict[str, str]:
     """Names that a module imports from others, each with where from."""
-    lines = _import_lines(ast.parse(_source(module).read_text()))
+    lines = _import_lines(_tree(module))
     return {each.asname or each.name: f"{line.module}.{each.name}" for line in lines for each in line.names}
 
 
@@ -119,21 +125,19 @@ def _source(module: str) -> Path:
 def _is_described(place: str) -> bool:
     """Whether an object has a line of its own, unlike names that one line sets together."""
     module, _, name = place.rpartition(".")
-    body = ast.parse(_source(module).read_text()).body
-    return any(getattr(line, "name", None) == name or name in _assigned(line) for line in body)
+    return any(getattr(line, "name", None) == name or name in _assigned(line) for line in _tree(module).body)
 
 
 def _first_line(place: str) -> str:
     """The first line of a docstring; of a constant, of the string below it or the comment beside it."""
     module, _, name = place.rpartition(".")
-    text = _source(module).read_text()
-    body = ast.parse(text).body
-    for line, after in pairwise([*body, ast.Pass()]):
+    for line, after in pairwise([*_tree(module).body, ast.Pass()]):
         if isinstance(line, ast.ClassDef | ast.FunctionDef) and line.name == name:
             return (ast.get_docstring(line) or "").partition("\n")[0].replace("|", "\\|")
         if name in _assigned(line):
             below = after.value if isinstance(after, ast.Expr) else None
-            beside = text.splitlines()[(line.end_lineno or 1) - 1].partition("  # ")[2]
+            last = _source(module).read_text().splitlines()[(line.end_lineno or 1) - 1]
+            beside = last.partition("  # ")[2]
             return str(below.value).partition("\n")[0] if isinstance(below, ast.Constant) else beside
     return ""
 

@@ -14,9 +14,9 @@ INTRODUCTION = """# Command line
 Each command has a page, made from the parser that reads it; `morpholab COMMAND --help` says the same. Options of a kind
 of robot join when the command line names the robot: `morpholab codesign --robot walker --help`.
 
-Every command takes `--json`: it then prints one JSON document, and nothing else, on standard output. Exit codes: 0; 2 for
-bad input, told in one line before any work; 1 for work that failed; 130 when interrupted; 143 when asked to end (SIGTERM);
-141 when nobody reads the output any more. `MORPHOLAB_DEBUG=1` shows the traceback of an error.
+Every command takes `--json`: it then prints one JSON document, and nothing else, on standard output. Exit codes: 0; 2
+for bad input, told in one line before any work; 1 for work that failed; 130 when interrupted; 143 when asked to end
+(SIGTERM); 141 when nobody reads the output any more. `MORPHOLAB_DEBUG=1` shows the traceback of an error.
 
 | command | does |
 | --- | --- |

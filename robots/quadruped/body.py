@@ -140,5 +140,8 @@ class Quadruped:
 
 
 LEGGED = Quadruped("legged")
+"""The published quadruped whose hips and knees move."""
 WHEELED = Quadruped("wheeled")
+"""The published quadruped whose stiff legs stand on wheels that drive and swivel."""
 WHEGGED = Quadruped("whegged")
+"""The published quadruped whose hips move and whose legs end in wheels."""
