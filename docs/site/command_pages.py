@@ -66,10 +66,9 @@ def _shown(action: argparse.Action) -> bool:
 
 def _spelling(action: argparse.Action) -> str:
     value = "" if action.nargs == 0 else _value(action)
-    names = action.option_strings or [value]
-    text = names[0] if not action.option_strings or not value else f"{names[0]} {value}"
+    words = [*action.option_strings[:1], *([value] if value else [])]
     required = " (required)" if action.required and action.option_strings else ""
-    return f"`{_cell(text)}`{required}"
+    return " ".join(f"`{_cell(word)}`" for word in words) + required
 
 
 def _value(action: argparse.Action) -> str:
