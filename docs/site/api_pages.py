@@ -40,16 +40,16 @@ PACKAGES = {
 
 
 def api_pages() -> dict[str, str]:
-    """Text of all pages by their place: the first lists what ``morpholab`` exports, then one a package."""
+    """Text of all pages by their place: the first lists what ``morpholab`` exports, then one a package.
+
+    The first also describes what ``morpholab`` exports of places without a page.
+    """
     where: dict[str, str] = {}  # the page of each object, which only the first to name it describes
     pages = {}
     for package, title in PACKAGES.items():
         named = {name: place for name, place in public_names(package).items() if _is_described(place)}
         pages[f"api/{package}.md"] = _page(package, title, {n: p for n, p in named.items() if p not in where}, named)
         where |= {place: package for place in named.values() if place not in where}
-    missing = [name for name, place in public_names("morpholab").items() if place not in where]
-    if missing:
-        raise ValueError(f"PACKAGES: no page describes {', '.join(missing)} of morpholab")
     return {"api/morpholab.md": _overview(where), **pages}
 
 
@@ -62,16 +62,31 @@ def _page(package: str, title: str, described: dict[str, str], named: dict[str, 
 
 
 def _overview(where: dict[str, str]) -> str:
+    exported = public_names("morpholab")
+    pages = {place: f"[{PACKAGES[package]}]({package}.md)" for place, package in where.items()}
     rows = [
-        f"| [`{name}`][{place}] | {_first_line(place)} | [{PACKAGES[where[place]]}]({where[place]}.md) |"
-        for name, place in public_names("morpholab").items()
+        f"| [`{n}`][{place}] | {_first_line(place)} | {pages.get(place, 'below')} |" for n, place in exported.items()
     ]
+    below = [f"::: {place}" for place in exported.values() if place not in where]
     intro = (
         "The names that most programs need: `from morpholab import ...` has all of them, each imported when it is "
         "first used. The other pages describe them, and more, package by package; packages import downwards only, "
         "`optim` from `robots` from `taichi_sim` ([architecture](../architecture.md))."
     )
-    return "\n".join(["# `morpholab`", "", intro, "", "| name | is | page |", "| --- | --- | --- |", *rows, ""])
+    return "\n".join(
+        [
+            "# `morpholab`",
+            "",
+            intro,
+            "",
+            "| name | is | page |",
+            "| --- | --- | --- |",
+            *rows,
+            "",
+            "\n\n".join(below),
+            "",
+        ]
+    )
 
 
 @cache
