@@ -5,6 +5,7 @@
 # make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
 # make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
+# make site       build the documentation as a site that works without a network, in build/site
 # make wheel      build dist/          make clean     remove what make has made, results excepted
 # make same-bits  compare with version 1.0, bit for bit; SAME_BITS="--quick" or other options
 # make bench-history  measure beside version 1.0, add the ratios to docs/data/bench-history.csv, draw them
@@ -22,7 +23,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test test-fast test-vulkan coverage validate validate-quadrants notebooks same-bits bench-history lint wheel clean
+.PHONY: demo test test-fast test-vulkan coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -62,6 +63,9 @@ lint: $(venv)/dev
 	$(python) -m ruff format --check
 	$(python) -m mypy
 
+site: $(venv)/docs
+	NO_MKDOCS_2_WARNING=1 $(python) -m mkdocs build --config-file docs/site/mkdocs.yml
+
 wheel: $(venv)/dev
 	$(python) -m build --no-isolation
 
@@ -76,6 +80,10 @@ $(venv)/runtime: pyproject.toml constraints.txt | $(venv)/bin/pip
 $(venv)/dev: pyproject.toml constraints.txt | $(venv)/bin/pip
 	$(install) -e ".[dev]"
 	@touch $@ $(venv)/runtime
+
+$(venv)/docs: pyproject.toml constraints.txt | $(venv)/runtime
+	$(install) -e ".[docs]"
+	@touch $@
 
 $(venv)/quadrants: $(venv)/dev
 	$(install) -e ".[quadrants]"

@@ -135,3 +135,4 @@ KINDS = _Kinds(
         "walker": "robots.lattice_robot.walker_kind:WalkerKind",
     },
 )
+"""The kinds of robots by name, those of installed packages among them."""

@@ -1,5 +1,8 @@
-"""What the documents say is so."""
+"""What the documents say is so, and the site has all of them."""
 
+import argparse
+import ast
+import itertools
 import json
 import pkgutil
 import re
@@ -9,7 +12,11 @@ from inspect import signature
 from pathlib import Path
 
 import pytest
+from api_pages import api_pages, public_names
+from command_pages import command_pages
+from notebook_pages import notebook_page
 
+import morpholab
 from optim.cli import build_parser
 from optim.search import METHODS
 
@@ -19,6 +26,9 @@ ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "optim/studies").rglob("*.md"))]
 DOCUMENTS = ["README.md", *(str(path.relative_to(ROOT)) for path in PAGES)]
 TOPS = ["taichi_sim", "robots", "optim", "morpholab", "tests", "docs", "notebooks", "benchmarks", "examples", ".ci"]
+LINKING = [*DOCUMENTS, "CHANGELOG.md", "CONTRIBUTING.md", "docs/data/README.md"]
+NAVIGATION = (ROOT / "docs/site/mkdocs.yml").read_text().partition("\nnav:\n")[2]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
@@ -88,10 +98,10 @@ def test_every_target_of_make_exists():
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
-@pytest.mark.parametrize("name", DOCUMENTS)
+@pytest.mark.parametrize("name", LINKING)
 def test_every_link_leads_somewhere(name):
     document = ROOT / name
-    for link in re.findall(r"\]\(([^)]+)\)", document.read_text()):
+    for link in re.findall(r"\]\(([^)]+)\)", FENCE.sub("", document.read_text())):
         path, _, anchor = link.partition("#")
         target = document.parent / path if path else document
         assert link.startswith("https://") or target.exists(), link
@@ -100,8 +110,72 @@ def test_every_link_leads_somewhere(name):
 
 def headings(document: Path) -> list[str]:
     """Of a page, as anchors name them."""
-    found = re.findall(r"^#+ (.+)$", document.read_text(), re.MULTILINE)
+    found = re.findall(r"^#+ (.+)$", FENCE.sub("", document.read_text()), re.MULTILINE)
     return [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in found]
+
+
+@pytest.mark.parametrize("name", LINKING)
+def test_code_of_documents_is_what_its_language_and_the_command_line_take(name):
+    for language, code in FENCE.findall((ROOT / name).read_text()):
+        if language == "python":
+            ast.parse(code)
+        elif language == "toml":
+            tomllib.loads(code)
+        elif language == "json":
+            json.loads(code)
+        elif language in ("", "sh", "bash"):
+            for line in code.replace("\\\n", " ").splitlines():
+                check_command(line)
+
+
+def check_command(line: str) -> None:
+    """Fail if a line of a shell is a command of ``morpholab`` that its parser refuses."""
+    words = shlex.split(line, comments=True) if line.startswith("morpholab ") else []
+    if words:
+        named = ["articulated" if word.endswith((".xml", ".urdf")) else word for word in words[1:]]  # files not here
+        try:
+            build_parser().parse_args(named)
+        except SystemExit as stop:  # without an error after help
+            assert stop.code == 0, line
+
+
+def test_every_page_and_notebook_is_in_the_navigation():
+    pages = {path.relative_to(ROOT / "docs").as_posix() for path in (ROOT / "docs").glob("*.md")}
+    studies = {path.relative_to(ROOT / "optim").as_posix() for path in (ROOT / "optim/studies").rglob("*.md")}
+    notebooks = {f"notebooks/{path.stem}.md" for path in (ROOT / "notebooks").glob("*.ipynb")}
+    made = {"data/README.md", "project/contributing.md", "project/changelog.md"}
+    listed = re.findall(r"[\w/.-]+\.md$", NAVIGATION, re.MULTILINE)
+    assert sorted(listed) == sorted(pages | studies | notebooks | made)
+
+
+def test_the_gallery_has_every_picture_and_how_it_is_made():
+    blocks = (ROOT / "docs/gallery.md").read_text().split("\n\n")
+    pictures = [re.match(r"!\[.+\]\((.+)\)", block) for block in blocks]
+    files = [path.name for kind in ("*.webp", "*.gif") for path in (ROOT / "docs").glob(kind)]
+    assert sorted(found[1] for found in pictures if found) == sorted(files)
+    for picture, after in itertools.pairwise(range(len(blocks))):
+        if pictures[picture]:
+            made = re.search(r"`(morpholab|python|make|shape_picture)\b", blocks[after])
+            assert made or pictures[after], blocks[picture]
+
+
+def test_pages_of_the_site_have_every_command_option_and_public_name():
+    commands, interface = command_pages(), api_pages()
+    for name, parser in build_parser()._actions[-1].choices.items():
+        parser.format_help()
+        hidden = argparse.SUPPRESS
+        shown = {option for action in parser._actions if action.help != hidden for option in action.option_strings}
+        missing = [option for option in shown - {"-h", "--help"} if f"`{option}" not in commands[f"commands/{name}.md"]]
+        assert not missing, name
+    rows = re.findall(r"^\| \[`(\w+)`\]\[[\w.]+\] \| \S.* \|", interface["api/morpholab.md"], re.MULTILINE)
+    assert sorted(rows) == sorted(public_names("morpholab")) == [name for name in dir(morpholab) if name in rows]
+
+
+def test_a_notebook_becomes_a_page_with_all_its_cells():
+    path = ROOT / "notebooks" / "vehicle.ipynb"
+    page = notebook_page(path)
+    cells = json.loads(path.read_text())["cells"]
+    assert page.startswith("# ") and page.count("```python\n") == sum(cell["cell_type"] == "code" for cell in cells)
 
 
 @pytest.mark.kernels

@@ -38,6 +38,7 @@ METHODS: Registry[type[Method]] = Registry(
         "random": "optim.search.random_search:RandomSearch",
     },
 )
+"""The search methods by name, those of installed packages among them."""
 _CLASSES = {place.partition(":")[2]: place.partition(":")[0] for place in METHODS.builtin.values()}
 
 __all__ = [

@@ -116,11 +116,13 @@ INCHING = InflatableDesign(
     orientation=90.0,
     schedule=GaitSchedule.from_text("/".join(["10101010"] * 4 + ["00000000"] * 4 + ["01010101", "10101010"])),
 )
+"""The published gait by hand of the flat robot: it inches."""
 ROLLING = InflatableDesign(
     pressure=12e3,
     orientation=0.0,
     schedule=GaitSchedule(np.vstack([np.eye(8)[::-1], np.zeros((2, 8))])),
 )
+"""The published gait by hand of the round robot: it rolls."""
 BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 
 

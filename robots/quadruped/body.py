@@ -139,4 +139,9 @@ class Quadruped:
         return Senses([f"{feet} {leg}" for leg in range(len(LEGS))], [("main", (0, 0, 0))])
 
 
-LEGGED, WHEELED, WHEGGED = Quadruped("legged"), Quadruped("wheeled"), Quadruped("whegged")
+LEGGED = Quadruped("legged")
+"""The published quadruped whose hips and knees move."""
+WHEELED = Quadruped("wheeled")
+"""The published quadruped whose stiff legs stand on wheels that drive and swivel."""
+WHEGGED = Quadruped("whegged")
+"""The published quadruped whose hips move and whose legs end in wheels."""
