@@ -132,6 +132,7 @@ class ReflexLoop:
         by_weights: derivatives of a cost by the weights, (B, K), once all decisions were taken back.
         by_points: by the points of rhythms, but through their commands, (B, 1 + 3 M).
         by_commands: by the commands of rhythms, shape as theirs.
+        felt: what was felt so far at every reading, (B, width) each.
     """
 
     def __init__(
@@ -147,7 +148,7 @@ class ReflexLoop:
     def begin(self) -> None:
         """Forget what was felt and decided."""
         self._before, self._state = self.first, self._still()
-        self._felt = list[Floats]()  # at every reading
+        self.felt = list[Floats]()
         self._given = list[tuple[tuple[Floats, ...], tuple[Floats, ...]]]()  # to feel, and to answer
 
     def _still(self) -> list[Floats]:
@@ -204,9 +205,9 @@ class ReflexLoop:
         now = [np.nan_to_num(each) for each in (felt.position, felt.orientation, felt.angles, felt.readings)]
         points = self.rhythms.points
         sensed = points, self._before, *now
-        self._felt.append(self._feel(number, *sensed))
+        self.felt.append(self._feel(number, *sensed))
         late = number - self.reflexes.delay
-        heard = self._felt[late] if late >= 0 else np.zeros(self._felt[0].shape)
+        heard = self.felt[late] if late >= 0 else np.zeros(self.felt[0].shape)
         asked = self.weights, points, self.rhythms.commands[:, number], heard, *self._state
         self._given.append((sensed, asked))
         commands, *self._state = self._answer(number, *asked)

@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.articulated.reflexes import PARTS, DriveReflexes
-from robots.articulated.simulation import GROUND, sensed_of, try_points
+from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
-from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_text
 from taichi_sim.rigid import Network, Senses
 from taichi_sim.rigid.model.assembly import Model
@@ -208,6 +210,18 @@ class ArticulatedRobot(Robot):
         measures = {"speed": found.distance / seconds, "distance": found.distance}
         frames = recorded(found.runs[0].frames)
         return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
+
+    @property
+    def feels(self) -> bool:  # type: ignore[override]
+        """Whether it has reflexes."""
+        return self.reflexes is not None
+
+    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
+        """What it feels at N points, at every decision or every so many of these, shape (N, S, T)."""
+        if self.reflexes is None:
+            return super().readings(points, world, samples, compute)
+        found = felt_over_time(self, points, world, compute)
+        return found[:, :, :: -(-found.shape[2] // samples)]
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its sensors and commands."""

@@ -120,6 +120,25 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     return _result(robot, runs, np.concatenate(slopes) if slopes else None)
 
 
+def felt_over_time(robot: "ArticulatedRobot", points: ArrayLike, world: World, compute: Compute) -> Floats:
+    """What robots with reflexes feel at N points whenever they decide, (N, S, T); NaN of robots that diverge."""
+    points, relief = robot.points(points), relief_under(robot, world)
+    engine = RigidEngine(
+        robot.model.tree, tilted(robot, world), robot.senses, robot.network, ground=relief, **compute.options
+    )
+    start = None if relief is None else engine.standing()
+    found = []
+    for first in range(0, len(points), ROBOTS_AT_ONCE):
+        some = points[first : first + ROBOTS_AT_ONCE]
+        loop = _loop(robot, some, engine.rest() if start is None else start)
+        assert loop is not None
+        result = engine.run(robot.steps, **_driven(robot, some), start=start, feedback=loop)
+        felt = np.stack(loop.felt, axis=2)
+        felt[result.status != "ok"] = np.nan
+        found.append(felt)
+    return np.concatenate(found)
+
+
 def on_ground(world: World) -> World:
     """A world that robots of this kind can be in: ground that is level, tilted or uneven.
 

@@ -12,6 +12,7 @@ from robots.articulated.reflexes import SENSES, ReflexLoop, Rhythms, Sensed
 from robots.articulated.robot import robot_of_record
 from robots.robot import find_robot, load_design, make_robot
 from robots.world import Terrain
+from taichi_sim.base.compute import Compute
 from taichi_sim.rigid.feedback import Felt
 
 QUICK = {"duration": 0.4, "friction": math.inf, "light": (3.0, 1.0, 0.2)}
@@ -101,7 +102,7 @@ def felt(name: str, number: int = 0, **given) -> np.ndarray:
     loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)))
     for each in range(number + 1):
         loop.decide(each, Felt(**{**now, **given}) if each == number else Felt(**now))
-    return loop._felt[-1][0]
+    return loop.felt[-1][0]
 
 
 def test_senses_feel_what_they_say():
@@ -113,6 +114,22 @@ def test_senses_feel_what_they_say():
     assert felt("velocity", 1, position=np.array([[0.01, 0.02, 0.3]])) == pytest.approx([1.0, 2.0])
     assert felt("clock", 2) == pytest.approx([np.sin(0.16 * np.pi), np.cos(0.16 * np.pi)])
     assert np.isfinite(felt("tilt", orientation=np.full((1, 4), np.nan))).all()
+
+
+@pytest.mark.kernels
+def test_what_is_felt_is_told_over_time():
+    """Of a batch as of each robot; the clock reads sines of the rhythm's time."""
+    robot = crawler(DriveReflexes(("clock", "angles"), gain=0.4))
+    points = some_points(robot, 2)
+    found = robot.readings(points, robot.worlds[0], 1000, Compute(**HERE))
+    decisions = -(-robot.steps // robot.hold)
+    assert robot.feels and found.shape[0] == 2 and found.shape[2] == decisions
+    angle = 2 * np.pi * points[:, :1] * np.arange(decisions) * robot.hold * robot.world.time_step
+    assert found[:, 0] == pytest.approx(np.sin(angle), abs=1e-12) and np.ptp(found[:, 2]) > 0
+    alone = robot.readings(points[1:], robot.worlds[0], 1000, Compute(**HERE))
+    assert np.array_equal(alone[0], found[1])
+    assert robot.readings(points, robot.worlds[0], 5, Compute(**HERE)).shape[2] <= 5
+    assert not crawler().feels
 
 
 def test_a_design_is_one_file(tmp_path):
