@@ -41,11 +41,11 @@ class EvolvingBodies(Settings):
 
     seeds: Several = 5
     population: Several = 6
-    generations: Count = 5
-    controllers: Count = 48
-    held_out: Count = 256
-    repetitions: Count = 3
-    budget: Several = 128
+    generations: Count = 4
+    controllers: Count = 24
+    held_out: Count = 128
+    repetitions: Count = 2
+    budget: Several = 64
     nearer: Annotated[float, positive] = 0.01
     seconds: Annotated[float, positive] = 30.0
     cycles: Count = 3
@@ -91,7 +91,14 @@ STUDY = Study(
         ),
         "medium": EvolvingBodies(),
         "full": EvolvingBodies(
-            seeds=10, population=16, generations=12, controllers=256, held_out=1024, budget=256, seconds=600.0
+            seeds=10,
+            population=16,
+            generations=12,
+            controllers=256,
+            held_out=1024,
+            repetitions=5,
+            budget=256,
+            seconds=600.0,
         ),
     },
     run=study,
