@@ -33,6 +33,7 @@ from optim.commands import (
     stopped_by,
     sweep,
     tasks,
+    track,
     train,
     view,
 )
@@ -86,6 +87,7 @@ def build_parser() -> argparse.ArgumentParser:
         status,
         compare,
         report,
+        track,
         gradient_check,
         export,
         play,

@@ -1,0 +1,98 @@
+"""What runs logged, for trackers."""
+
+import json
+import sys
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+PROBLEM = """
+bounds = {"x": (0.0, 1.0), "y": (0.0, 1.0)}
+
+
+def evaluate(points):
+    return -((points - 0.3) ** 2).sum(axis=1)
+"""
+
+
+@pytest.fixture
+def searched(morpholab, tmp_path):
+    """Makes a run of so many generations, or lets it go on."""
+    (tmp_path / "own.py").write_text(PROBLEM)
+
+    def search(folder, generations):
+        how = "--resume" if (tmp_path / folder).exists() else "--method random --climbers 4"
+        code, _, error = morpholab(
+            f"codesign {how} --problem own.py --generations {generations} --out {folder} --quiet --threads 1"
+        )
+        assert code == 0, error
+        return [json.loads(line) for line in (tmp_path / folder / "log.jsonl").read_text().splitlines()]
+
+    return search
+
+
+def test_tensorboard_reads_every_generation_once(morpholab, searched, tmp_path):
+    """Also after a run went on; then the file begins as before."""
+    accumulator = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    searched("a", 2)
+    assert morpholab("track a --tensorboard events")[0] == 0
+    (file,) = (tmp_path / "events/a").iterdir()
+    before = file.read_bytes()
+    log = searched("a", 4)
+    code, out, _ = morpholab("track a --tensorboard events --json")
+    assert code == 0 and json.loads(out) == {"runs": ["a"], "generations": 5, "tensorboard": "events"}
+    assert file.read_bytes().startswith(before[: len(before) // 2])
+    read = accumulator.EventAccumulator(str(file.parent))
+    read.Reload()
+    assert [(each.step, each.value) for each in read.Scalars("best")] == [
+        (each["generation"], pytest.approx(each["best"])) for each in log
+    ]
+    assert [each.value for each in read.Scalars("evaluations")] == [4, 8, 12, 16, 20]
+
+
+def test_a_table_has_a_row_for_each_generation_of_each_run(morpholab, searched, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    (tmp_path / "b").mkdir()
+    logs = {"a": searched("a", 2), "b-a": searched("b/a", 1)}
+    assert morpholab("track a b/a --parquet runs.parquet")[0] == 0
+    table = pandas.read_parquet(tmp_path / "runs.parquet")
+    assert len(table) == 5 and set(table["run"]) == {f"{tmp_path.name}-a", "b-a"}
+    assert table[table["run"] == "b-a"]["best"].tolist() == [each["best"] for each in logs["b-a"]]
+    assert (table["method"] == "random").all()
+
+
+def test_weights_and_biases_gets_what_it_does_not_have(morpholab, searched, monkeypatch):
+    """The same run under the same name, from the step that it wants next."""
+    sent, begun = [], []
+
+    def init(**given):
+        begun.append(given)
+        return SimpleNamespace(
+            step=len(sent), log=lambda row, step: sent.append((step, row["best"])), finish=lambda: None
+        )
+
+    fake = ModuleType("wandb")
+    fake.init = init
+    monkeypatch.setitem(sys.modules, "wandb", fake)
+    searched("a", 2)
+    assert morpholab("track a --wandb robots")[0] == 0
+    log = searched("a", 4)
+    assert morpholab("track a --wandb robots")[0] == 0
+    assert sent == [(each["generation"], each["best"]) for each in log]
+    assert begun[0]["id"] == begun[1]["id"] and begun[0]["config"]["method.name"] == "random"
+
+
+def test_bad_input(morpholab, searched, monkeypatch):
+    searched("a", 1)
+    for line, told in (
+        ("track a", "track: no tracker is given; give --tensorboard, --parquet, --wandb or --mlflow"),
+        ("track none --parquet a.parquet", "run: none does not exist"),
+        ("track a --wandb robots", "wandb: it is missing; install the extra trackers"),
+        ("track a --mlflow file:x", "mlflow: it is missing; install the extra trackers"),
+        ("track a --tensorboard own.py", "out: own.py/a cannot be made"),
+    ):
+        for name in ("wandb", "mlflow"):
+            monkeypatch.setitem(sys.modules, name, None)
+        code, out, error = morpholab(line)
+        assert (code, out) == (2, "") and told in error and error.count("\n") == 1, error
