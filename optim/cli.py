@@ -34,6 +34,7 @@ from optim.commands import (
     tasks,
     train,
     view,
+    work,
 )
 from optim.commands.robots import RobotOptions
 from optim.notes import notes, say
@@ -80,6 +81,7 @@ def build_parser() -> argparse.ArgumentParser:
         simulate,
         view,
         codesign,
+        work,
         tasks,
         status,
         compare,
