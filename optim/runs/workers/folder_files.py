@@ -36,7 +36,7 @@ EXPECTED = 16  # workers, if nobody says how many
 BEATS = 10  # signs of life in the time after which silence is noticed
 _ENDING, _OF_WORKER = ".npz", "@"
 _LONGEST_NAP, _SHORTEST_NAP, _SHARE = 1.0, 0.01, 0.02  # s, s, of the time waited so far
-_DETAIL = "detail:"
+_DETAIL = "detail-"  # and its number: archives do not take every name
 _ERRORS = {kind.__name__: kind for kind in (ValueError, OSError, MemoryError)}
 _UNREADABLE = (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile)
 
@@ -217,9 +217,10 @@ def packed_answer(part: str, worker: str, told: Told) -> bytes:
     arrays: dict[str, Any] = {}
     if isinstance(told, Evaluation):
         arrays = {"objectives": told.objectives, "status": np.asarray(told.status, str)}
-        for name, values in told.details.items():
-            arrays[_DETAIL + name] = np.asarray(values)
-            if arrays[_DETAIL + name].dtype.hasobject:
+        about["details"] = list(told.details)
+        for number, (name, values) in enumerate(told.details.items()):
+            detail = arrays[f"{_DETAIL}{number}"] = np.asarray(values)
+            if detail.dtype.hasobject:
                 raise ValueError(f"details: {name} is no plain array, so it cannot go through a folder of workers")
         if told.gradients is not None:
             arrays["gradients"] = told.gradients
@@ -264,7 +265,7 @@ def _told(about: dict[str, Any], found: dict[str, Any], count: int) -> Told:
         raise ValueError(f"it is a {about['kind']}")
     if len(found["objectives"]) != count:
         raise ValueError(f"it is about {len(found['objectives'])} points, not {count}")
-    details = {name.removeprefix(_DETAIL): values for name, values in found.items() if name.startswith(_DETAIL)}
+    details = {str(name): found[f"{_DETAIL}{number}"] for number, name in enumerate(about["details"])}
     return Evaluation(found["objectives"], found["status"], details, found.get("gradients"))
 
 
