@@ -3,8 +3,8 @@
     python benchmarks/workers.py --workers 8 --seconds 2
 
 starts that many ``morpholab work`` processes, evaluates generations of parts of one point each, and tells the share of
-the workers' time in which they evaluated, from the moment when each has answered once. With ``--killed 0.3`` that share
-of workers is killed at random instants and replaced. It fails if the log is not that of one process.
+the workers' time in which they evaluated; the first generation, in which they start, is not counted. With ``--killed
+0.3`` that share of workers is killed at random instants and replaced. It fails if the log is not that of one process.
 """
 
 import argparse

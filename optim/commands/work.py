@@ -40,9 +40,13 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.workers.folder_files import BEATS, make_folders
     from optim.runs.workers.folder_worker import IDLE, FolderWorker, Judge, ProcessJudge
     from taichi_sim.base.compute import available_threads
+    from taichi_sim.base.files import check_parent
 
-    if not args.folder.is_dir():
-        raise ValueError(f"folder: there is no folder {args.folder}; give that of codesign --workers-dir")
+    if args.folder.exists() and not args.folder.is_dir():
+        raise ValueError(f"folder: {args.folder} is a file; give the folder of codesign --workers-dir")
+    check_parent("folder", args.folder)
+    if not args.folder.exists() and not args.quiet:
+        print(f"note: {args.folder} is new; waiting for a search that is given it", file=sys.stderr)
     make_folders(args.folder)
     threads = args.threads or available_threads()
 

@@ -144,23 +144,24 @@ def test_options_that_do_not_fit_are_one_line(rocket, morpholab, line, message):
 
 def test_work_says_in_one_line_what_does_not_fit(rocket, morpholab):
     def said(more=""):
-        code, _, error = morpholab(f"work w {more}")
+        code, _, error = morpholab(f"work {more or 'w'}")
         assert code == 2 and error.count("\n") == 1
         return error.removeprefix("morpholab work: error: ").strip()
 
-    assert said() == "folder: there is no folder w; give that of codesign --workers-dir"
+    assert said("rocket.py") == "folder: rocket.py is a file; give the folder of codesign --workers-dir"
+    assert said("no/w") == "folder: no/w cannot be written; there is no folder no"
     make_folders(rocket / "w")
     described = load_problem(rocket / "rocket.py").describe()
     offer = Offer.here({**described, "sha256": "0" * 64}, 1.0)
     offer.write(rocket / "w")
     assert said() == "problem: the search needs its file here, too; give --problem rocket.py"
-    assert said("--problem rocket.py").startswith("problem: rocket.py is not the file of the run in w (SHA-256 ")
+    assert said("w --problem rocket.py").startswith("problem: rocket.py is not the file of the run in w (SHA-256 ")
     other = {**offer.versions, "numpy": "1.0"}
     Offer(offer.problem, other, offer.processor, 1.0).write(rocket / "w")
     assert re.fullmatch(r"work: this machine has numpy \S+, the search 1\.0; install the same here", said())
-    (rocket / "w/search.json").unlink()
-    code, out, _ = morpholab("work w --idle 0")
+    code, out, error = morpholab("work new --idle 0")
     assert (code, out) == (0, "0 parts evaluated; there was no sign of a search for 0 s\n")
+    assert error == "note: new is new; waiting for a search that is given it\n"
 
 
 @pytest.mark.parametrize(
