@@ -79,11 +79,13 @@ class SharedFolder:
         path: the folder.
         offer: what the search is about.
         note: told about silent workers and damaged files.
+        inherited: parts that workers had claimed of a search before.
     """
 
     path: Path
     offer: Offer
     note: Callable[[str], None]
+    inherited: set[str] = field(default_factory=set)
     _pending: dict[str, Seat] = field(default_factory=dict)
     _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: last change, when that was seen
     _missing: dict[str, float] = field(default_factory=dict)  # parts without any file, since when
@@ -125,7 +127,9 @@ class SharedFolder:
             part = f"{name}-{number}"
         seat.part = part
         self._pending[part] = seat
-        claimed = any(protocol.part_of_claim(claim)[0] == part for claim in protocol.parts_in(self.path, CLAIMED))
+        # Claims since then do not count: of a part that is put out again, the last worker may just be removing its own.
+        claimed = part in self.inherited
+        self.inherited.discard(part)
         if not claimed and not protocol.part_path(self.path, DONE, part).exists():
             self._write(seat)
 
@@ -243,7 +247,8 @@ def open_shared_folder(
         (path / protocol.STOP).unlink(missing_ok=True)
         offer = Offer.here(description, silence)
         offer.write(path)
-        yield SharedFolder(path, offer, note)
+        claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(path, CLAIMED)}
+        yield SharedFolder(path, offer, note, claimed)
         for state in (CLAIMED, DONE):  # answers that came twice or too late, and what dead workers have left
             for part in protocol.parts_in(path, state):
                 protocol.part_path(path, state, part).unlink(missing_ok=True)

@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -322,6 +323,41 @@ def test_answers_of_a_search_that_was_killed_serve_the_next(workers, crew):
     folder_files.part_path(folder, DONE, part).write_bytes(folder_files.packed_answer(part, "old", told))
     with workers.open(PROBLEM, 1) as evaluate:  # nobody works
         assert same(evaluate(REQUEST), told)
+
+
+def test_a_part_that_a_worker_still_holds_is_left_to_it(workers, crew):
+    folder = workers.folder / "shared"
+    told = judge(PROBLEM, REQUEST)
+    with workers.open(PROBLEM, 1):
+        pass
+    part, content = folder_files.packed_request(REQUEST, Offer.read(folder).digest)
+    claim = folder_files.part_path(folder, CLAIMED, f"{part}@old")
+    claim.write_bytes(content)
+    with workers.open(PROBLEM, 1, silence=0.3) as evaluate:  # it is dead, as is soon noticed
+        crew()
+        assert same(evaluate(REQUEST), told)
+    assert workers.notes == ["note: old has been silent for 0.3 s: its part is given to others"]
+
+
+def test_a_part_put_out_again_waits_for_no_claim(workers, crew, monkeypatch):
+    unlink, deaths = Path.unlink, []
+
+    def slowly(path, **options):  # the search has read the answer long before the claim is removed
+        if CLAIMED in path.parts:
+            time.sleep(0.2)
+        unlink(path, **options)
+
+    class Dying(Here):
+        def judge(self, request, beat):
+            deaths.append(1)
+            return Gone("killed by SIGSEGV") if len(deaths) == 1 else super().judge(request, beat)
+
+    monkeypatch.setattr(Path, "unlink", slowly)
+    crew(Dying())
+    begun = time.monotonic()
+    with workers.open(PROBLEM, 1) as evaluate:
+        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST))
+    assert time.monotonic() - begun < 30.0
 
 
 def test_two_searches_do_not_share_a_folder(workers, tmp_path):
