@@ -36,6 +36,7 @@ from optim.commands import (
     track,
     train,
     view,
+    work,
 )
 from optim.commands.robots import RobotOptions
 from optim.notes import notes, say
@@ -83,6 +84,7 @@ def build_parser() -> argparse.ArgumentParser:
         simulate,
         view,
         codesign,
+        work,
         tasks,
         status,
         compare,

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, named_kinds, plan
-from optim.commands.evaluation import WORKERS, opened_workers, with_options
+from optim.commands.codesign_seeds import search_each
+from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.task_file import TASK, take_task
 from optim.problem import Objective
@@ -53,13 +54,19 @@ COMMAND = Command(
 
 
 def run(args: argparse.Namespace) -> Report:
+    """Search, with one seed or several."""
+    take_task(args)
+    settle_workers(args)
+    return search_each(args, _run_one) if args.seeds else _run_one(args)
+
+
+def _run_one(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
     from optim.problems.robot_designing import RobotDesigning
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
 
-    take_task(args)
     planned = plan(args)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]

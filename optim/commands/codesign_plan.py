@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
+from optim.commands.codesign_seeds import SEEDS, run_of_any_seed
 from optim.commands.options import Option, count
 from optim.commands.robots import early
 from optim.problem import FILE, Objective, objectives_of, score_of
@@ -62,6 +63,7 @@ SEARCH_OPTIONS = (
         "METHOD",
     ),
     *SETTINGS,
+    SEEDS,
     count("generations", 0, f"after the random starts (default: {GENERATIONS}); may be raised when a run is continued"),
     Option(
         "set",
@@ -112,8 +114,10 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
     robot = found.robot
     if robot is None and found.task is not None:
         robot = find_task(found.task).source
-    if robot is None and "--resume" in words and found.out is not None and (Path(found.out) / "config.toml").exists():
-        return [kind_of_run(Path(found.out), read_config(Path(found.out)))]
+    if robot is None and "--resume" in words and found.out is not None:
+        out = Path(found.out)
+        if run := out if has_run(out) else run_of_any_seed(out):
+            return [kind_of_run(run, read_config(run))]
     return [find_robot_doing(robot)[0]]
 
 
@@ -123,7 +127,7 @@ def plan(args: argparse.Namespace) -> Plan:
     Raises:
         ValueError: if they do not fit.
     """
-    known = read_config(args.out) if args.resume and has_run(args.out) else None
+    known = _known(args)
     name = args.method or METHOD
     if known:
         name = known["method"]["name"]
@@ -141,6 +145,19 @@ def plan(args: argparse.Namespace) -> Plan:
     if generations is None:
         generations = known["generations"] if known else GENERATIONS
     return Plan(design.problem, name, settings, generations, design.note)
+
+
+def _known(args: argparse.Namespace) -> dict[str, Any] | None:
+    """Settings of the run that continues; for one of several seeds that has not begun, those of the others."""
+    if not args.resume:
+        return None
+    if has_run(args.out):
+        return read_config(args.out)
+    other = run_of_any_seed(args.out.parent) if args.seeds else None
+    if other is None:
+        return None
+    known = read_config(other)
+    return {**known, "method": {**known["method"], "seed": args.seed}}
 
 
 def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:

@@ -2,6 +2,9 @@
 
 import argparse
 import dataclasses
+import glob
+from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
@@ -18,7 +21,14 @@ COMMAND = Command(
     "Compare the best scores of runs: curves with confidence bands, effect sizes. Runs that differ in their seed only "
     "are one group.",
     (
-        options.RUNS,
+        dataclasses.replace(options.RUNS, words="*"),
+        Option(
+            "label",
+            "a group by name: runs, or folders of such, that a pattern matches, as in --label new='runs/new*'; "
+            "repeatable, beside other runs or instead",
+            metavar="NAME=PATTERN",
+            several=True,
+        ),
         options.by("(default: evaluations)"),
         path_to("out", "FILE", f"picture of the curves ({', '.join(PICTURES)})"),
         Option("names", "of the groups, in their order, with commas between (default: methods)", metavar="NAMES"),
@@ -36,9 +46,13 @@ def run(args: argparse.Namespace) -> Report:
 
     if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
-    histories = [read_history(path) for path in runs_below(args.runs)]
+    labels = _labelled(args.label or ())
+    if not (args.runs or labels):
+        raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
+    others = [path for path in runs_below(args.runs) if path not in labels]
+    histories = [read_history(path) for path in (*labels, *others)]
     comparison.check_comparable(histories)
-    curves = _named(comparison.curves(histories, args.by), args.names)
+    curves = _named(comparison.curves(histories, args.by, labels), args.names)
     score = score_in(histories[0].config)
     end = comparison.shared_end(curves, args.by)
     differences = comparison.differences(curves, end)
@@ -60,6 +74,28 @@ def run(args: argparse.Namespace) -> Report:
         "picture": str(args.out) if args.out else None,
     }
     return Report(document, "\n".join(_lines(score.label, document, differences)))
+
+
+def _labelled(given: Sequence[str]) -> dict[Path, str]:
+    """Labels of runs by their folders, as ``--label NAME=PATTERN`` gives them.
+
+    Raises:
+        ValueError: for what is no such text, matches no run, or labels one twice.
+    """
+    from optim.runs.history import runs_below
+
+    labels: dict[Path, str] = {}
+    for text in given:
+        name, _, pattern = (part.strip() for part in text.partition("="))
+        if not (name and pattern):
+            raise ValueError(f"label: {text!r} is not allowed; give NAME=PATTERN, as in new=runs/new*")
+        found = [Path(path) for path in sorted(glob.glob(pattern))]
+        if not found:
+            raise ValueError(f"label: nothing matches {pattern}, of {name}")
+        for run in runs_below(found):
+            if labels.setdefault(run, name) != name:
+                raise ValueError(f"label: {run} would be {labels[run]} and {name}; give it one label")
+    return labels
 
 
 def _named(curves: "list[Curve]", names: str | None) -> "list[Curve]":

@@ -133,27 +133,38 @@ def check_comparable(histories: Sequence[History]) -> None:
                 )
 
 
-def curves(histories: Sequence[History], axis: Axis) -> list[Curve]:
+def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] | None = None) -> list[Curve]:
     """Make one curve for each group of runs that differ in their seed only.
+
+    Args:
+        histories: of the runs.
+        axis: along which they are compared.
+        labels: of runs by folder: those of one label are a group, whatever other groups are like.
 
     Raises:
         ValueError: if a run has no generation yet, its times are unknown but wanted, two runs of a
-            group are the same search, or have no place on the axis in common.
+            group are the same search, have no place on the axis in common, or differ in more than their seed.
     """
+    labels = labels or {}
     for history in histories:
         if not history.generations:
             raise ValueError(f"run: {history.path} has no complete generation yet")
         if axis == "seconds" and np.isnan(history.seconds).any():
             raise ValueError(f"by: the times of {history.path} are not known; compare by evaluations")
-    groups: dict[str, list[History]] = {}
+    groups: dict[tuple[str | None, str], list[History]] = {}
     for history in histories:
-        groups.setdefault(json.dumps(_without_seed(history.config), sort_keys=True), []).append(history)
+        key = labels.get(history.path), json.dumps(_without_seed(history.config), sort_keys=True)
+        groups.setdefault(key, []).append(history)
     members = list(groups.values())
-    for group in members:
+    named = [label for label, _ in groups]
+    for label, group in zip(named, members, strict=True):
         _check_independent(group)
+        if label is not None and named.count(label) > 1:
+            raise ValueError(f"label: runs of {label!r} differ in {_difference(label, groups)}; only seeds may differ")
     single = all(len(group) == 1 for group in members)
     climbers = single and all(group[0].generations[-1].scores is not None for group in members)
-    return [_curve(label, group, axis, climbers) for label, group in zip(_labels(members), members, strict=True)]
+    told = [label or usual for label, usual in zip(named, _labels(members), strict=True)]
+    return [_curve(label, group, axis, climbers) for label, group in zip(told, members, strict=True)]
 
 
 def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
@@ -248,6 +259,13 @@ def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
         label = ", ".join([settings["method.name"], *own])
         labels.append(label if len(label) <= 50 else f"{settings['method.name']} ({group[0].path.name})")
     return labels
+
+
+def _difference(label: str, groups: Mapping[tuple[str | None, str], Sequence[History]]) -> str:
+    """Names of the settings in which the runs of a label differ."""
+    flat = [_flat(json.loads(settings)) for found, settings in groups if found == label]
+    names = sorted({name for each in flat for name in each})
+    return ", ".join(name for name in names if len({json.dumps(each.get(name)) for each in flat}) > 1)
 
 
 def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

@@ -43,6 +43,14 @@ def versions() -> dict[str, str | None]:
     return {"python": platform.python_version(), **{name: _version(name) for name in (*JUDGING, *SEARCHING)}}
 
 
+def other_version(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, str | None, str | None] | None:
+    """The first package whose version must be the same on two machines and is not: its name, here, there."""
+    for name in ("python", *JUDGING):
+        if _essential(name, here.get(name)) != _essential(name, there.get(name)):
+            return name, here.get(name), there.get(name)
+    return None
+
+
 def cpu_model() -> str:
     """Model of the CPU, for which kernels are compiled: results of two models may differ in their last bits."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
@@ -53,3 +61,8 @@ def cpu_model() -> str:
 def _version(package: str) -> str | None:
     """Version of a package; None for one that is not installed, and for the compiler that is not in use."""
     return None if package in COMPILERS and package != compiler() else installed_version(package)
+
+
+def _essential(name: str, version: str | None) -> str | None:
+    """Part of a version that must agree: for Python without the patch release."""
+    return version.rpartition(".")[0] if name == "python" and version else version

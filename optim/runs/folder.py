@@ -180,7 +180,7 @@ def open_run(
     """
     path = Path(path)
     if not (resume and has_run(path)):
-        _check_free(path)
+        check_free(path)
     with contextlib.ExitStack() as stack:
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -201,7 +201,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
         check_same(known, config, path)
         resolved = known | {"generations": config.get("generations", known["generations"])}
     else:
-        _check_free(path)
+        check_free(path)
         told = (*SECTIONS, *({OBJECTIVES} & set(config)))
         known, resolved = {}, {name: config[name] for name in told}
         _write_json(path / ENVIRONMENT, environment)
@@ -224,7 +224,7 @@ def _write_json(path: Path, document: Mapping[str, Any]) -> None:
         aside.write_text(json.dumps(document, indent=2) + "\n")
 
 
-def _check_free(path: Path) -> None:
+def check_free(path: Path) -> None:
     """Raise ValueError unless a run may start here: in a new or empty folder, or where no generation was complete."""
     if path.exists() and not path.is_dir():
         raise ValueError(f"out: {path} is a file; name a new folder")
@@ -237,8 +237,8 @@ def _check_free(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Lock a folder against other processes.
+def locked(path: Path, field: str = "out") -> Iterator[None]:
+    """Lock a folder, given as ``field``, against other processes.
 
     Raises:
         ValueError: if another process has locked it.
@@ -251,7 +251,7 @@ def locked(path: Path) -> Iterator[None]:
                 break
             except BlockingIOError:
                 if time.monotonic() > deadline:
-                    raise ValueError(f"out: {path} is in use by another process") from None
+                    raise ValueError(f"{field}: {path} is in use by another process") from None
                 time.sleep(0.02)
         yield
 

@@ -29,7 +29,7 @@ class Workers:
 
     def open(self, problem, count=2, **options):
         told = {"save_failed": self.save, "note": self.notes.append, "progress": self.progress.append}
-        return open_workers(problem, count=count, **told, **self.options, **options)
+        return open_workers(problem, count=count, **{**told, **self.options, **options})
 
     def save(self, points, reason):
         self.saved.append((points, reason))

@@ -1,4 +1,4 @@
-"""Workers that evaluate the requests of a search: processes of this machine, or actors on a Ray cluster."""
+"""Workers that evaluate the requests of a search: processes of this machine, on a Ray cluster, or around a folder."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -12,7 +12,8 @@ from taichi_sim.base.arrays import Floats
 
 __all__ = ["open_workers"]
 
-BackendName = Literal["processes", "ray"]
+BackendName = Literal["processes", "ray", "folder"]
+SILENCE = 120.0  # s; a network's disk may show a sign of life a minute late
 
 
 @contextlib.contextmanager
@@ -24,6 +25,7 @@ def open_workers(
     address: str | None = None,
     threads: int = 1,
     part: int = 16,
+    silence: float = SILENCE,
     save_failed: Callable[[Floats, str], Path],
     note: Callable[[str], None],
     progress: Callable[[float], None] | None = None,
@@ -37,13 +39,16 @@ def open_workers(
     problem is raised here as itself. On leaving, whatever the reason, all workers end at once.
 
     Args:
-        problem: sent to every worker once, by pickle.
-        count: number of workers; None for as many as this machine, or the cluster, has cores for.
-        backend: ``"processes"`` of this machine, spawned, or ``"ray"``, actors on a cluster.
+        problem: sent to every worker once, by pickle; through a folder, as its description alone.
+        count: number of workers; None for as many as this machine, or the cluster, has cores for. Of a folder, how
+            many to expect: a request is cut for so many.
+        backend: ``"processes"`` of this machine, spawned, ``"ray"``, actors on a cluster, or ``"folder"``, whoever runs
+            ``morpholab work`` on it.
         address: address of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
-            starts one on this machine for as long as the workers are open.
+            starts one on this machine for as long as the workers are open. Or the folder.
         threads: CPU threads of one worker.
         part: most points that a worker evaluates at once.
+        silence: time without a sign of life after which the part of a worker of a folder is given to others [s].
         save_failed: saves points, shape (F, D), that killed their workers, with the reason; returns the file.
         note: told about every death, and of whatever else the user should know.
         progress: called with the fraction of a request that is done.
@@ -59,14 +64,21 @@ def open_workers(
     for name, value in {"count": 1 if count is None else count, "threads": threads, "part": part}.items():
         checks.integer(name, value, 1)
     checks.choice("backend", backend, get_args(BackendName))
-    if address is not None and backend != "ray":
+    if address is not None and backend == "processes":
         raise ValueError(f"address: {address!r} is not allowed with {backend}; it belongs to ray")
+    if address is None and backend == "folder":
+        raise ValueError("address: None is not allowed with folder; give the folder")
+    checks.number("silence", silence, 0.0)
     with contextlib.ExitStack() as stack:
         source: Backend[Any]
         if backend == "processes":
             from optim.runs.workers.processes import Processes
 
             source = Processes(problem, threads)
+        elif backend == "folder":
+            from optim.runs.workers.shared_folder import open_shared_folder
+
+            source = stack.enter_context(open_shared_folder(Path(str(address)), problem, silence, note))
         else:
             from optim.runs.workers.ray_cluster import open_cluster
 

@@ -7,6 +7,7 @@ import re
 import signal
 import socket
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from optim.problem import Problem, Request
-from optim.runs.environment import JUDGING, cpu_model, versions
+from optim.runs.environment import cpu_model, other_version, versions
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 from taichi_sim.base.checks import install_extra
@@ -28,6 +29,7 @@ _ADDRESS = re.compile(r"(?:ray://)?(?:\[(?P<ipv6>[0-9a-fA-F:]+)\]|(?P<host>[\w.-
 _QUIET = {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0", "RAY_SCHEDULER_EVENTS": "0"}
 # It gives up soon if what answers at an address is no cluster, not after a quarter of an hour.
 _CONNECTING = {"RAY_NUM_REDIS_GET_RETRIES": "1", "RAY_py_gcs_connect_timeout_s": "5"}
+_NO_TOKEN = re.compile("AuthenticationError|InvalidAuthToken|Unauthenticated|authentication token", re.IGNORECASE)
 
 
 class RemoteService(Service):
@@ -157,22 +159,15 @@ class RayCluster:
             ValueError: for different versions.
         """
         here, there, host = versions(), about["versions"], about["host"]
-        for name in ("python", *JUDGING):
-            if _essential(name, here[name]) != _essential(name, there[name]):
-                raise ValueError(
-                    f"ray: {host} has {name} {there[name]}, this machine {here[name]}; install the same there"
-                )
+        if other := other_version(here, there):
+            name, ours, theirs = other
+            raise ValueError(f"ray: {host} has {name} {theirs}, this machine {ours}; install the same there")
         if about["cpu"] != cpu_model() and host not in self._noted:
             self._noted.add(host)
             self._note(
                 f"note: ray: {host} has another CPU ({about['cpu']}) than this machine ({cpu_model()}); "
                 "results may differ in their last bits"
             )
-
-
-def _essential(name: str, version: str | None) -> str | None:
-    """Part of a version that must agree: for Python without the patch release."""
-    return version.rpartition(".")[0] if name == "python" and version else version
 
 
 def _last_line(error: Exception) -> str:
@@ -227,15 +222,39 @@ def _import_ray() -> Any:
 def _connect(ray: Any, address: str | None, cpus: int) -> None:
     """Start a cluster, or connect to one; Ray's long errors become short ones."""
     quiet = {"log_to_driver": False, "logging_level": logging.CRITICAL}
-    try:
-        if address is None:
+    if address is None:
+        try:
             ray.init("local", num_cpus=cpus, include_dashboard=False, **quiet)
-        else:
+        except Exception as error:
+            raise RuntimeError(f"ray: no cluster could be started here ({_last_line(error)})") from None
+        return
+    said: list[str] = []
+    try:
+        with _stderr_kept(said):
             ray.init(address, **quiet)
     except Exception as error:
-        if address is None:
-            raise RuntimeError(f"ray: no cluster could be started here ({_last_line(error)})") from None
+        if _NO_TOKEN.search(f"{type(error).__name__} {error} {' '.join(said)}"):
+            raise ValueError(
+                f"ray: the cluster at {address} asks for a token, and this machine's is missing or another; copy "
+                "~/.ray/auth_token from its head (or set RAY_AUTH_TOKEN_PATH), and set RAY_AUTH_MODE=token"
+            ) from None
         raise _no_cluster(address, _last_line(error)) from None
+
+
+@contextlib.contextmanager
+def _stderr_kept(said: list[str]) -> Iterator[None]:
+    """Keep what libraries write to stderr meanwhile: only there Ray tells that it refused a token."""
+    sys.stderr.flush()
+    stderr = os.dup(2)
+    with tempfile.TemporaryFile() as kept:
+        os.dup2(kept.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            kept.seek(0)
+            said.append(kept.read().decode(errors="replace"))
 
 
 def _reach(address: str) -> None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from worker_problems import Awkward, Bowl, Fatal, Threads, Unloadable, sample
 
 from optim.problem import Evaluation, Request, judge
 from optim.runs.requests import failures, join
-from optim.runs.workers import open_workers
+from optim.runs.workers import open_workers, ray_cluster
 from optim.runs.workers.batch import Batch
 
 pytestmark = pytest.mark.long
@@ -233,6 +234,30 @@ def test_a_problem_that_cannot_be_pickled_is_one_line(workers):
     problem = dataclasses.replace(Bowl(), error=lambda: None)
     with pytest.raises(ValueError, match="problem: it cannot be sent to workers"), workers.open(problem):
         pass
+
+
+@pytest.mark.parametrize(
+    ("error", "said", "message"),
+    [
+        (ConnectionError("Failed to connect"), "Unauthenticated: RPC error: InvalidAuthToken: Authentication", "token"),
+        (RuntimeError("Token authentication is enabled but no authentication token was found"), "", "token"),
+        (ConnectionError("Failed to connect"), "some other trouble", "no cluster"),
+    ],
+)
+def test_a_cluster_that_asks_for_a_token_is_told_as_such(capfd, error, said, message):
+    def init(*_, **__):
+        os.write(2, said.encode())
+        raise error
+
+    messages = {
+        "token": r"^ray: the cluster at host:1 asks for a token, and this machine's is missing or another; [^\n]+$",
+        "no cluster": r"^ray: no cluster answers at host:1 \(Failed to connect\); start one by 'ray start --head'",
+    }
+    with pytest.raises(ValueError, match=messages[message]):
+        ray_cluster._connect(SimpleNamespace(init=init), "host:1", 1)
+    assert capfd.readouterr().err == ""
+    os.write(2, b"stderr is as it was")
+    assert capfd.readouterr().err == "stderr is as it was"
 
 
 def test_importing_workers_imports_no_ray():

@@ -1,0 +1,80 @@
+"""Several searches that differ in their seed: which, and one after the other, each in a folder of its own."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from optim.commands import INTERRUPTED, TERMINATED, Report
+from optim.commands.options import Option, checked
+from optim.runs.config import has_run
+
+MOST_SEEDS = 10_000
+
+
+def seeds_of(text: str) -> tuple[int, ...]:
+    """The seeds that a list such as ``0-5`` or ``0,2,7`` names, in its order.
+
+    Raises:
+        ValueError: if it names none, too many, or one twice.
+    """
+    seeds: list[int] = []
+    for part in text.split(","):
+        low, dash, high = part.strip().partition("-")
+        ends = (low, high) if dash else (low, low)
+        if not all(end.isascii() and end.isdigit() for end in ends) or int(ends[0]) > int(ends[1]):
+            raise ValueError(f"seeds: {text!r} is not allowed; give whole numbers and ranges, such as 0-5 or 0,2,7")
+        if int(ends[1]) - int(ends[0]) >= MOST_SEEDS:
+            raise ValueError(f"seeds: {text!r} is not allowed; give at most {MOST_SEEDS}")
+        seeds += range(int(ends[0]), int(ends[1]) + 1)
+    if len(set(seeds)) < len(seeds):
+        raise ValueError(f"seeds: {text!r} is not allowed; name each seed once")
+    return tuple(seeds)
+
+
+SEEDS = Option(
+    "seeds",
+    "search once with each seed, one after the other, in folders OUT/seed-0 and so on; --resume goes on",
+    checked(seeds_of),
+    "0-5|0,2,7",
+)
+
+
+def folder_of_seed(out: Path, seed: int) -> Path:
+    """Where the run of a seed is, below the folder of all."""
+    return out / f"seed-{seed}"
+
+
+def run_of_any_seed(out: Path) -> Path | None:
+    """The first run in the folder of several seeds; None if there is none yet."""
+    return next((folder for folder in sorted(out.glob("seed-*")) if has_run(folder)), None)
+
+
+def search_each(args: argparse.Namespace, search: Callable[[argparse.Namespace], Report]) -> Report:
+    """Search with each seed; the report on all.
+
+    Raises:
+        ValueError: before any work, if the folder of one is taken, or a single seed is given as well.
+    """
+    from optim.runs.folder import check_free
+
+    if args.seed is not None:
+        raise ValueError(f"seed: {args.seed} is not allowed with --seeds; give one of them")
+    if has_run(args.out):
+        raise ValueError(f"out: {args.out} holds a single run; name another folder for --seeds")
+    if not args.resume:
+        for seed in args.seeds:
+            check_free(folder_of_seed(args.out, seed))
+    documents: list[Any] = []
+    texts, code = list[str](), 0
+    for number, seed in enumerate(args.seeds, 1):
+        if not args.quiet:
+            print(f"seed {seed}, {number} of {len(args.seeds)}", file=sys.stderr)
+        report = search(argparse.Namespace(**{**vars(args), "seed": seed, "out": folder_of_seed(args.out, seed)}))
+        documents.append({"seed": seed, **(report.document if isinstance(report.document, dict) else {})})
+        texts.append(report.text)
+        code = max(code, report.code)
+        if report.code in (INTERRUPTED, TERMINATED):
+            break
+    return Report({"folder": str(args.out), "runs": documents}, "\n".join(texts), code)

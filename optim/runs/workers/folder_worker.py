@@ -1,0 +1,198 @@
+"""A worker of a shared folder: claims parts of a search, evaluates them in a process of its own, writes the answers."""
+
+import os
+import socket
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from optim.problem import Evaluation, Problem, Request
+from optim.runs.workers import folder_files as protocol
+from optim.runs.workers.folder_files import Gone, Offer, Told, Unread
+from optim.runs.workers.pool import STARTS, Died
+from optim.runs.workers.processes import Processes, ProcessWorker
+from optim.runs.workers.service import Raised
+from taichi_sim.base.files import write_bytes
+
+IDLE = 600.0  # s without a sign of a search after which a worker ends
+
+
+class Ended(Exception):
+    """Raised inside a worker when the search has ended while it works."""
+
+
+class Judge(Protocol):
+    """Evaluates requests for a worker."""
+
+    def judge(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
+        """Evaluate; call ``beat``, which may raise ``Ended``, every now and then meanwhile."""
+
+    def close(self) -> None:
+        """End at once whatever was started for it."""
+
+
+class ProcessJudge:
+    """Evaluates in a child process: signs of life go on whatever it does, and its death can be told.
+
+    Args:
+        problem: what the process evaluates.
+        threads: of its libraries.
+        rest: time between two signs of life [s].
+    """
+
+    def __init__(self, problem: Problem, threads: int, rest: float) -> None:
+        self._source, self._rest = Processes(problem, threads), rest
+        self._process: ProcessWorker | None = None
+
+    def judge(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
+        """Evaluate a request in the process, which is started if there is none.
+
+        Raises:
+            RuntimeError: if it dies at start again and again.
+        """
+        if self._process and self._process.connection.poll(0):  # it owes nothing, so it must be dead
+            self.close()
+        process = self._process or self._started(beat)
+        if isinstance(process, Raised):
+            return process
+        process.submit(request)
+        answer = self._answer(process, beat)
+        return Gone("it gave no answer") if answer is None else answer
+
+    def close(self) -> None:
+        """Kill the process."""
+        if self._process:
+            self._process.kill()
+            self._process = None
+
+    def _started(self, beat: Callable[[], None]) -> ProcessWorker | Raised:
+        for _ in range(STARTS):
+            process = self._process = self._source.start()
+            answer = self._answer(process, beat)
+            if answer is None:
+                return process
+            if isinstance(answer, Raised):
+                self.close()
+                return answer
+        raise RuntimeError(f"workers: {STARTS} processes died one after the other before they were ready ({answer})")
+
+    def _answer(self, process: ProcessWorker, beat: Callable[[], None]) -> Evaluation | Raised | Gone | None:
+        while not process.connection.poll(self._rest):
+            beat()
+        try:
+            return process.answer()
+        except Died as death:
+            self.close()
+            return Gone(str(death))
+
+
+def worker_name() -> str:
+    """Name of a worker of this process, unlike that of any other: machine, process and a moment."""
+    return f"{socket.gethostname()}-{os.getpid()}-{time.time_ns() % 10**9:09d}"
+
+
+@dataclass(eq=False)
+class FolderWorker:
+    """Works on the parts in a folder until the search has ended, or none has been heard of for long.
+
+    Attributes:
+        folder: the folder.
+        build: makes what evaluates for an offer; raises ValueError if it cannot be evaluated here.
+        idle: time without a part, and without a sign of a search, after which the worker ends [s].
+        name: of the worker.
+        parts: number of parts answered.
+    """
+
+    folder: Path
+    build: Callable[[Offer], Judge]
+    idle: float = IDLE
+    name: str = field(default_factory=worker_name)
+    parts: int = 0
+    _offer: Offer | None = None
+    _judge: Judge | None = None
+    _sign: int = 0  # last change of the offer, which is the search's sign of life
+    _heard: float = field(default_factory=time.monotonic)
+
+    def serve(self) -> str:
+        """Work; return why it ended.
+
+        Raises:
+            ValueError: if there is a search that cannot be evaluated here.
+            RuntimeError: if the disk is full or broken, or no process can be started.
+        """
+        since = time.monotonic()
+        try:
+            while not self._ended():
+                if self._listen():
+                    return f"there was no sign of a search for {self.idle:g} s"
+                if self._offer is None and self._sign:
+                    self._load()
+                if self._judge is not None and (claimed := protocol.claim_any(self.folder, self.name)):
+                    self._work(*claimed)
+                    since = self._heard = time.monotonic()
+                else:
+                    protocol.nap(time.monotonic() - since)
+        except Ended:
+            pass
+        finally:
+            self._close()
+        return "the search has ended"
+
+    def _work(self, part: str, claim: Path) -> None:
+        """Answer a claimed part; whatever goes wrong here, others get it."""
+        try:
+            told = self._evaluate(claim)
+            try:
+                content = protocol.packed_answer(part, self.name, told)
+            except ValueError as error:
+                content = protocol.packed_answer(part, self.name, Raised(error))
+            write_bytes(protocol.part_path(self.folder, protocol.DONE, part), content)
+        except BaseException:
+            protocol.give_back(self.folder, claim)
+            raise
+        claim.unlink(missing_ok=True)
+        self.parts += 1
+
+    def _evaluate(self, claim: Path) -> Told:
+        try:
+            search, request = protocol.unpacked_request(claim.read_bytes())
+        except (OSError, ValueError) as error:
+            return Unread(str(error))
+        if self._offer is None or search != self._offer.digest:
+            self._load()
+        if self._judge is None or self._offer is None or search != self._offer.digest:
+            return Unread("it is of another search")
+
+        def beat() -> None:
+            if self._ended():
+                raise Ended
+            protocol.touch(claim)  # if it was taken back, whoever answers first is heard
+
+        return self._judge.judge(request, beat)
+
+    def _load(self) -> None:
+        """Make what evaluates for the present search."""
+        self._close()
+        self._offer = Offer.read(self.folder)
+        self._judge = self.build(self._offer)
+
+    def _close(self) -> None:
+        if self._judge is not None:
+            self._judge.close()
+            self._judge = None
+
+    def _ended(self) -> bool:
+        return (self.folder / protocol.STOP).exists()
+
+    def _listen(self) -> bool:
+        """Listen for signs of the search; whether it has been silent for too long."""
+        try:
+            changed = (self.folder / protocol.SEARCH).stat().st_mtime_ns
+        except FileNotFoundError:
+            changed = 0
+        now = time.monotonic()
+        if changed != self._sign:
+            self._sign, self._heard = changed, now
+        return now - self._heard > self.idle

@@ -1,0 +1,262 @@
+"""The side of a search of a folder through which workers of any machine get parts: hands out, watches, gathers."""
+
+import contextlib
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from optim.problem import FILE, Evaluation, Problem, Request
+from optim.problems import problem_of_description
+from optim.runs.folder import locked
+from optim.runs.workers import folder_files as protocol
+from optim.runs.workers.folder_files import CLAIMED, DONE, OPEN, Gone, Offer, Unread
+from optim.runs.workers.pool import Died
+from optim.runs.workers.service import Answer, Raised
+from taichi_sim.base import files
+
+LOSSES = 10  # times that a part's worker falls silent that count as one death: nodes are preempted, designs seldom kill
+DAMAGES = 3  # damaged files of one part that are enough
+NOTE_AFTER = 30.0  # s in which some worker should have taken a part
+
+
+@dataclass(eq=False)
+class Seat:
+    """A place for one part in the folder, in the stead of a worker: whoever claims the part works for this place.
+
+    Attributes:
+        folder: where the part is.
+        part: its name; None while there is none.
+        content: its file.
+        count: number of its points.
+        fresh: whether the place has just been made, and owes the pool its first answer.
+        told: who answered, and what; None so far.
+        losses: how often a worker fell silent with it.
+        damages: how often its files were damaged.
+    """
+
+    folder: "SharedFolder"
+    part: str | None = None
+    content: bytes = b""
+    count: int = 0
+    fresh: bool = True
+    told: tuple[str, Evaluation | Raised | Gone] | None = None
+    losses: int = 0
+    damages: int = 0
+
+    def submit(self, request: Request) -> None:
+        """Put a request into the folder."""
+        self.losses, self.damages, self.told, self.count = 0, 0, None, len(request.points)
+        self.folder.put(self, request)
+
+    def answer(self) -> Answer:
+        """The answer that has come; raises ``Died`` if the part's process died, or its workers fell silent often."""
+        if self.fresh:
+            self.fresh = False
+            return None
+        if self.told is None:
+            raise Died("its place in the folder is gone")
+        worker, told = self.told
+        self.kill()
+        if isinstance(told, Gone):
+            raise protocol.died(worker, told)
+        return told
+
+    def kill(self) -> None:
+        """Take the part out of the folder."""
+        self.folder.withdraw(self)
+        self.part, self.told = None, None
+
+
+@dataclass(eq=False)
+class SharedFolder:
+    """Hands out the parts of a search through a folder, and takes those of silent workers back.
+
+    No clock of another machine is read: what counts is that a time of change no longer changes.
+
+    Attributes:
+        path: the folder.
+        offer: what the search is about.
+        note: told about silent workers and damaged files.
+        inherited: parts that workers had claimed of a search before.
+    """
+
+    path: Path
+    offer: Offer
+    note: Callable[[str], None]
+    inherited: set[str] = field(default_factory=set)
+    _pending: dict[str, Seat] = field(default_factory=dict)
+    _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: last change, when that was seen
+    _missing: dict[str, float] = field(default_factory=dict)  # parts without any file, since when
+    _looked: float = 0.0
+    _since: float = field(default_factory=time.monotonic)
+    _met: bool = False  # whether any worker has been seen
+
+    @property
+    def cores(self) -> int:
+        """Number of workers to expect, if nobody says it."""
+        return protocol.EXPECTED
+
+    def start(self) -> Seat:
+        """Make a place for a part."""
+        return Seat(self)
+
+    def ready(self, workers: Sequence[Seat], wait: bool) -> list[Seat]:
+        """List the places that have an answer; with ``wait``, wait for at least one."""
+        begun = time.monotonic()
+        while True:
+            self._gather()
+            found = [seat for seat in workers if seat.fresh or seat.told is not None]
+            if found or not wait:
+                return found
+            if time.monotonic() - self._looked > self.offer.silence / protocol.BEATS:
+                self._look_after()
+            protocol.nap(time.monotonic() - begun)
+
+    def put(self, seat: Seat, request: Request) -> None:
+        """Put a request into the folder, unless a search before asked the same and the answer is there or on its way.
+
+        Raises:
+            RuntimeError: if the disk is full or broken.
+        """
+        name, seat.content = protocol.packed_request(request, self.offer.digest)
+        part, number = name, 1
+        while part in self._pending:  # several parts of a request may be equal
+            number += 1
+            part = f"{name}-{number}"
+        seat.part = part
+        self._pending[part] = seat
+        # Claims since then do not count: of a part that is put out again, the last worker may just be removing its own.
+        claimed = part in self.inherited
+        self.inherited.discard(part)
+        if not claimed and not protocol.part_path(self.path, DONE, part).exists():
+            self._write(seat)
+
+    def withdraw(self, seat: Seat) -> None:
+        """Remove all files of the part that a place has."""
+        if seat.part is None or self._pending.pop(seat.part, None) is None:
+            return
+        self._missing.pop(seat.part, None)
+        for state in (OPEN, DONE):
+            protocol.part_path(self.path, state, seat.part).unlink(missing_ok=True)
+        if seat.losses or seat.told is None:  # else its worker has removed the claim
+            for claim in protocol.parts_in(self.path, CLAIMED):
+                if protocol.part_of_claim(claim)[0] == seat.part:
+                    protocol.part_path(self.path, CLAIMED, claim).unlink(missing_ok=True)
+
+    def _write(self, seat: Seat) -> None:
+        if seat.part is not None:
+            files.write_bytes(protocol.part_path(self.path, OPEN, seat.part), seat.content)
+
+    def _gather(self) -> None:
+        """Read the answers that have come; a damaged one is removed, and its part put out again."""
+        for part in protocol.parts_in(self.path, DONE):
+            seat, path = self._pending.get(part), protocol.part_path(self.path, DONE, part)
+            if seat is None or seat.told is not None:
+                continue
+            try:
+                worker, told = protocol.unpacked_answer(path.read_bytes(), part, seat.count)
+                if isinstance(told, Unread):
+                    raise ValueError(f"{worker} could not read the part: {told.why}")
+            except FileNotFoundError:
+                continue
+            except (OSError, ValueError) as error:
+                self._mend(seat, path, files.why_unread(error))
+                continue
+            self._met = True
+            seat.told = worker, told
+
+    def _mend(self, seat: Seat, path: Path, why: str) -> None:
+        """Put a part out again whose answer is of no use.
+
+        Raises:
+            RuntimeError: if that has happened too often.
+        """
+        seat.damages += 1
+        if seat.damages == DAMAGES:
+            raise RuntimeError(f"{path}: is damaged, {DAMAGES} times by now ({why}); the folder cannot be relied on")
+        self.note(f"note: {path} is damaged ({why}): its part is judged again")
+        path.unlink(missing_ok=True)
+        self._write(seat)
+
+    def _look_after(self) -> None:
+        """Give a sign of life, take parts back from silent workers, and put out again what has vanished."""
+        self._looked = now = time.monotonic()
+        protocol.touch(self.path / protocol.SEARCH)
+        claims = {claim: protocol.part_of_claim(claim) for claim in protocol.parts_in(self.path, CLAIMED)}
+        self._signs = {claim: sign for claim, sign in self._signs.items() if claim in claims}
+        for claim, (part, worker) in claims.items():
+            self._met = True
+            seat = self._pending.get(part)
+            if seat is not None and seat.told is None:
+                self._listen(claim, worker, seat, now)
+        known = {part for part, _ in claims.values()}
+        known |= {*protocol.parts_in(self.path, OPEN), *protocol.parts_in(self.path, DONE)}
+        for part, seat in self._pending.items():
+            if part in known or seat.told is not None:
+                self._missing.pop(part, None)
+            elif now - self._missing.setdefault(part, now) > self.offer.silence:
+                self._missing.pop(part)
+                self.note(f"note: part {part} has vanished from {self.path}: it is put there again")
+                self._write(seat)
+        if not self._met and now - self._since > NOTE_AFTER:
+            self._met = True
+            self.note(f"note: no worker has come yet; start some, on any machine, by: morpholab work {self.path}")
+
+    def _listen(self, claim: str, worker: str, seat: Seat, now: float) -> None:
+        """Note a sign of life of a claim, or its silence."""
+        path = protocol.part_path(self.path, CLAIMED, claim)
+        try:
+            changed = path.stat().st_mtime_ns
+        except FileNotFoundError:
+            return
+        last, seen = self._signs.get(claim, (None, now))
+        if changed != last:
+            self._signs[claim] = changed, now
+        elif now - seen > self.offer.silence:
+            del self._signs[claim]
+            if protocol.give_back(self.path, path):
+                seat.losses += 1
+                self.note(f"note: {worker} has been silent for {self.offer.silence:g} s: its part is given to others")
+            if seat.losses == LOSSES:
+                seat.told = worker, Gone(f"its workers fell silent {LOSSES} times")
+
+
+@contextlib.contextmanager
+def open_shared_folder(
+    path: Path, problem: Problem, silence: float, note: Callable[[str], None]
+) -> Iterator[SharedFolder]:
+    """Open a folder for the workers of a search, and keep other searches off it.
+
+    Raises:
+        ValueError: if the folder cannot be written or another search uses it, or the problem is not told by data.
+    """
+    description = problem.describe()
+    if description.get("kind") != FILE and not _is_told_by(description):
+        raise ValueError(
+            f"workers-dir: a problem of kind {description.get('kind')!r} is not told by data alone, which is all that "
+            "goes through a folder; give it as a file, with --problem"
+        )
+    protocol.make_folders(path)
+    with locked(path, "workers-dir"):
+        for state in (OPEN, DONE):  # parts that nobody asked again would keep workers busy
+            for name in os.listdir(path / state):
+                if state == OPEN or name.startswith(files.ASIDE):
+                    (path / state / name).unlink(missing_ok=True)
+        (path / protocol.STOP).unlink(missing_ok=True)
+        offer = Offer.here(description, silence)
+        offer.write(path)
+        claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(path, CLAIMED)}
+        yield SharedFolder(path, offer, note, claimed)
+        for state in (CLAIMED, DONE):  # answers that came twice or too late, and what dead workers have left
+            for part in protocol.parts_in(path, state):
+                protocol.part_path(path, state, part).unlink(missing_ok=True)
+
+
+def _is_told_by(description: dict[str, object]) -> bool:
+    """Whether a problem can be built from its description, and is described so again."""
+    try:
+        return problem_of_description(description).describe() == description
+    except ValueError:
+        return False

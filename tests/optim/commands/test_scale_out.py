@@ -1,0 +1,229 @@
+"""Searches on the command line over workers of a folder, array jobs of Slurm, and several seeds."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from worker_checks import wait_for
+
+from optim.commands.codesign_plan import named_kinds
+from optim.commands.codesign_seeds import seeds_of
+from optim.problems.user_file import load_problem
+from optim.runs.config import write_config
+from optim.runs.workers.folder_files import Offer, make_folders
+from optim.runs.workers.slurm import job_script
+
+ROOT = Path(__file__).resolve().parents[3]
+ROCKET = """
+import numpy as np
+
+bounds = {"fuel": (0, 1), "fins": (0, 8, "integer")}
+name, unit = "height", "km"
+
+
+def evaluate(points):
+    fuel, fins = np.asarray(points).T
+    return np.where(fuel > 0.9, np.nan, 100 * fuel - (fins - 3) ** 2)
+"""
+SHORT = "--problem rocket.py --climbers 5 --generations 3 --quiet"
+# Runs the tasks of an array job at once, as Slurm does when there is room.
+SBATCH = """#!/bin/bash
+echo "$@" >> "$0.called"
+last=$(sed -n 's/^#SBATCH --array=0-//p' "$1")
+output=$(sed -n 's/^#SBATCH --output=//p' "$1")
+for task in $(seq 0 "$last"); do
+  file=${output//%A/7}
+  SLURM_CPUS_PER_TASK=1 bash "$1" > "${file//%a/$task}" 2>&1 &
+done
+echo "Submitted batch job 7"
+"""
+
+
+@pytest.fixture
+def rocket(tmp_path):
+    """A file with a function and bounds, in the working directory."""
+    (tmp_path / "rocket.py").write_text(ROCKET)
+    return tmp_path
+
+
+@pytest.fixture
+def sbatch(tmp_path, monkeypatch):
+    """A command sbatch that runs what it is given on this machine."""
+    path = tmp_path / "bin" / "sbatch"
+    path.parent.mkdir()
+    path.write_text(SBATCH)
+    path.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{path.parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    return path
+
+
+def log(folder):
+    return (folder / "log.jsonl").read_bytes()
+
+
+@pytest.mark.long
+def test_a_job_of_workers_leaves_the_log_of_one_process(rocket, sbatch, morpholab):
+    assert morpholab(f"codesign {SHORT} --seeds 3,4 --out alone")[0] == 0
+    line = (
+        f"codesign {SHORT} --seeds 3,4 --out b --slurm --workers 2 --slurm-option=--partition=x --slurm-option=-t1:00"
+    )
+    code, _, error = morpholab(line)
+    assert code == 0
+    assert error == "note: slurm: Submitted batch job 7, 2 workers (b.workers/workers.sbatch)\n"
+    for seed in (3, 4):
+        for name in ("log.jsonl", "best.json", "config.toml"):
+            assert (rocket / f"b/seed-{seed}" / name).read_bytes() == (
+                rocket / f"alone/seed-{seed}" / name
+            ).read_bytes()
+    script = (rocket / "b.workers/workers.sbatch").read_text()
+    assert "#SBATCH --partition=x\n#SBATCH -t1:00\n" in script and "#SBATCH --array=0-1\n" in script
+    assert sbatch.with_name("sbatch.called").read_text() == "b.workers/workers.sbatch\n"
+    logs = sorted((rocket / "b.workers/logs").iterdir())
+    wait_for(lambda: all("the search has ended" in path.read_text() for path in logs))
+    assert len(logs) == 2 and not list((rocket / "b.workers/open").iterdir())
+
+
+def test_without_sbatch_one_line_says_where_the_script_is(rocket, morpholab, monkeypatch):
+    from optim.runs.workers.slurm import submit_workers
+
+    monkeypatch.setenv("PATH", "/nowhere")
+    told = submit_workers(rocket / "w", 3)
+    assert told == f"slurm: there is no sbatch on this machine; submit {rocket}/w/workers.sbatch where there is one"
+
+
+def test_what_sbatch_refuses_is_one_line(rocket, sbatch, morpholab):
+    sbatch.write_text("#!/bin/bash\necho 'sbatch: error: invalid partition' >&2\necho '  x' >&2\nexit 1\n")
+    code, _, error = morpholab(f"codesign {SHORT} --slurm --workers-dir w --out a")
+    assert code == 1
+    assert error == (
+        "morpholab codesign: failed: slurm: sbatch refused w/workers.sbatch (sbatch: error: invalid partition x)\n"
+    )
+    assert (rocket / "w/stop").exists()
+
+
+def test_a_run_that_is_complete_submits_nothing(rocket, sbatch, morpholab):
+    assert morpholab(f"codesign {SHORT} --out a")[0] == 0
+    assert morpholab(f"codesign {SHORT} --out a --resume --slurm")[:3:2] == (0, "")
+    assert not sbatch.with_name("sbatch.called").exists()
+
+
+def test_the_script_quotes_its_paths(tmp_path):
+    script = job_script(tmp_path / "my workers", 2, problem=tmp_path / "it's.py")
+    assert f'#SBATCH --output="{tmp_path}/my workers/logs"/%A_%a.txt\n' in script
+    words = subprocess.run(
+        ["bash", "-c", script.replace("exec ", "printf '%s\\n' ")], capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    assert words == [
+        *(sys.executable, "-m", "morpholab", "work", f"{tmp_path}/my workers"),
+        *("--problem", f"{tmp_path}/it's.py", "--threads", "1"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("--slurm-option=-x", "slurm-option: it belongs to --slurm; give that, too, or leave it out"),
+        ("--workers-dir w --slurm-option=-x", "slurm-option: it belongs to --slurm; give that, too, or leave it out"),
+        ("--silent-after 5", "silent-after: it belongs to --workers-dir; give that, too, or leave it out"),
+        ("--slurm --slurm-option=x", "slurm-option: 'x' is not allowed; give an option of sbatch"),
+        ("--workers-dir w --ray auto", "ray: it is not allowed with a folder of workers; give one of them"),
+        ("--workers-dir rocket.py", "workers-dir: rocket.py is a file; name a folder"),
+        ("--seeds 0-2 --seed 1", "seed: 1 is not allowed with --seeds; give one of them"),
+        ("--seeds 2-0", "argument --seeds: '2-0' is not allowed; give whole numbers and ranges, such as 0-5 or 0,2,7"),
+    ],
+)
+def test_options_that_do_not_fit_are_one_line(rocket, morpholab, line, message):
+    code, _, error = morpholab(f"codesign {SHORT} --out a {line}")
+    assert code == 2 and message in error and error.count("\n") == 1 and not (rocket / "a").exists()
+
+
+def test_work_says_in_one_line_what_does_not_fit(rocket, morpholab):
+    def said(more=""):
+        code, _, error = morpholab(f"work {more or 'w'}")
+        assert code == 2 and error.count("\n") == 1
+        return error.removeprefix("morpholab work: error: ").strip()
+
+    assert said("rocket.py") == "folder: rocket.py is a file; give the folder of codesign --workers-dir"
+    assert said("no/w") == "folder: no/w cannot be written; there is no folder no"
+    make_folders(rocket / "w")
+    described = load_problem(rocket / "rocket.py").describe()
+    offer = Offer.here({**described, "sha256": "0" * 64}, 1.0)
+    offer.write(rocket / "w")
+    assert said() == "problem: the search needs its file here, too; give --problem rocket.py"
+    assert said("w --problem rocket.py").startswith("problem: rocket.py is not the file of the run in w (SHA-256 ")
+    other = {**offer.versions, "numpy": "1.0"}
+    Offer(offer.problem, other, offer.processor, 1.0).write(rocket / "w")
+    assert re.fullmatch(r"work: this machine has numpy \S+, the search 1\.0; install the same here", said())
+    code, out, error = morpholab("work new --idle 0")
+    assert (code, out) == (0, "0 parts evaluated; there was no sign of a search for 0 s\n")
+    assert error == "note: new is new; waiting for a search that is given it\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "seeds"), [("0-2", (0, 1, 2)), ("0,2,7", (0, 2, 7)), ("5,1-2", (5, 1, 2)), ("3", (3,))]
+)
+def test_seeds_are_lists_and_ranges(text, seeds):
+    assert seeds_of(text) == seeds
+
+
+@pytest.mark.parametrize("text", ["", "a", "1,", "3-1", "-1", "1,0-3", "0-99999", "1.5", "1--2"])
+def test_other_seeds_are_refused(text):
+    with pytest.raises(ValueError, match=r"^seeds: .* is not allowed; "):
+        seeds_of(text)
+
+
+def test_each_seed_has_the_run_that_it_has_alone(rocket, morpholab):
+    assert morpholab(f"codesign {SHORT} --seed 2 --out alone")[0] == 0
+    code, out, error = morpholab(f"codesign {SHORT} --seeds 0,2 --out a --json")
+    assert (code, error) == (0, "") and [run["seed"] for run in json.loads(out)["runs"]] == [0, 2]
+    assert sorted(path.name for path in (rocket / "a").iterdir()) == ["seed-0", "seed-2"]
+    assert log(rocket / "a/seed-2") == log(rocket / "alone")
+    code, _, error = morpholab(f"codesign {SHORT} --seeds 1-2 --out a")
+    assert code == 2 and "out: a/seed-2 holds a run already; continue it with --resume" in error
+    assert not (rocket / "a/seed-1").exists()
+    code, _, error = morpholab(f"codesign {SHORT} --seeds 1-2 --out alone")
+    assert code == 2 and "out: alone holds a single run; name another folder for --seeds" in error
+
+
+def test_seeds_that_have_not_begun_take_the_settings_of_the_others(rocket, morpholab):
+    assert morpholab(f"codesign {SHORT} --method random --seeds 0,2 --out a")[0] == 0
+    assert morpholab(f"codesign {SHORT} --method random --seeds 0-2 --out whole")[0] == 0
+    code, out, _ = morpholab("codesign --problem rocket.py --seeds 0-2 --resume --quiet --out a")
+    assert code == 0 and out.count("best height: ") == 3
+    for seed in range(3):
+        assert log(rocket / f"a/seed-{seed}") == log(rocket / f"whole/seed-{seed}")
+
+
+def test_a_run_of_any_seed_tells_the_kind_of_robot(tmp_path):
+    (tmp_path / "seed-3").mkdir()
+    write_config(tmp_path / "seed-3", {"problem": {"kind": "vehicle"}, "method": {"name": "random"}, "generations": 1})
+    assert [kind.name for kind in named_kinds(["--out", str(tmp_path), "--resume"])] == ["vehicle"]
+    assert [kind.name for kind in named_kinds(["--out", str(tmp_path)])] == ["inflatable"]
+
+
+def test_compare_names_groups(rocket, morpholab):
+    for method, size in (("random", 5), ("hill-climb", 5), ("hill-climb", 6)):
+        own = f"--generations 0 --climbers {size} --method {method} --seeds 1-2 --out runs/{method}{size}"
+        assert morpholab(f"codesign {SHORT} {own}")[0] == 0
+    code, out, error = morpholab("compare --label 'drawn=runs/ran*' --label climbed=runs/hill-climb5/seed-? --json")
+    groups = json.loads(out)["groups"]
+    assert (code, error) == (0, "") and [(group["label"], group["count"]) for group in groups] == [
+        ("drawn", 2),
+        ("climbed", 2),
+    ]
+    code, out, _ = morpholab("compare --label one=runs/hill-climb5 runs/hill-climb5 runs/random5/seed-1 --json")
+    assert [group["label"] for group in json.loads(out)["groups"]] == ["one", "random"]
+    for line, message in {
+        "": "runs: none are given; name folders of runs, or groups by --label NAME=PATTERN",
+        "--label runs": "label: 'runs' is not allowed; give NAME=PATTERN, as in new=runs/new*",
+        "--label a=none*": "label: nothing matches none*, of a",
+        "--label a=runs/r* --label b=runs/random5/seed-1": "label: runs/random5/seed-1 would be a and b; give it one",
+        "--label 'a=runs/hill*'": "label: runs of 'a' differ in method.climbers; only seeds may differ",
+    }.items():
+        code, _, error = morpholab(f"compare {line}")
+        assert code == 2 and f"morpholab compare: error: {message}" in error and error.count("\n") == 1
