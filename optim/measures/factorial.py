@@ -172,7 +172,7 @@ def _bootstrap(
     return eta, omega
 
 
-def _ends(sample: Floats, found: ArrayLike) -> tuple[float, float]:
+def _ends(sample: Floats, found: float | Floats) -> tuple[float, float]:
     """Ends of an interval from resamples, whose percentiles are moved as far as resamples lie beside what was found."""
     from scipy.stats import norm  # slow to import
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -25,6 +26,7 @@ from taichi_sim.base.compute import Compute
 LOST = -1.0  # share of the way that a failed trial has covered: it is as far away again
 KINDS: tuple[Kind, ...] = ("legged", "wheeled", "whegged")
 LOOKS = 200  # at the sensors in a quadruped's trial, of 10 s
+CYCLES = 2  # of a walker's trial
 ASIDE = round(LIGHT_AT / np.sqrt(2), 4)  # m: the light of walkers is ahead to the left, then to the right
 
 
@@ -145,11 +147,11 @@ FAMILIES = MappingProxyType(
         ),
         "walker": Family(
             "soft walker",
-            walker,
+            partial(walker, cycles=CYCLES),
             (Terrain(light=(ASIDE, ASIDE)), Terrain(light=(ASIDE, -ASIDE))),
             "remaining",
             _by_distance(LIGHT_AT),
-            Success("remaining", "<=", LIGHT_AT - 0.01),
+            Success("remaining", "<=", LIGHT_AT - 0.005),
             0.06,
             "f32",
         ),

@@ -59,7 +59,10 @@ class Climb:
         """Begin at points."""
         self.points, self.best = np.array(points, float), np.array(points, float)
         self._value = np.full(len(points), -np.inf)
-        self._rule, self._left = Adam(*points.shape, recipe.rate, STEEPEST), np.linspace(1.0, 0.0, recipe.steps + 1)
+        self._rule, self._left = (
+            Adam(len(points), points.shape[1], recipe.rate, STEEPEST),
+            np.linspace(1.0, 0.0, recipe.steps + 1),
+        )
 
     def keep(self, rows: Bools, values: Floats) -> None:
         """Take in how good some points are where they are."""

@@ -30,6 +30,7 @@ OUTCOMES = MappingProxyType(
 )
 SOURCES = MappingProxyType({"rows": "body", "columns": "method", "interaction": "both together"})
 SIGNIFICANT = 0.05
+_SIDES = MappingProxyType({"high": -0.12, "low": 0.12})  # of a method in the picture
 
 
 def outcome(rows: Sequence[Record], name: str) -> Floats:
@@ -167,7 +168,7 @@ def _analyses(
             cells.append(f"{one.omega:.2f} ({one.omega_low:.2f} to {one.omega_high:.2f}), p {_spoken(p)}")
         words = verdict(each, adjusted.get((robot, name, "interaction")))
         lines.append([FAMILIES[robot].title, OUTCOMES[name], *cells, words])
-    return markdown(["robot", "outcome", *SOURCES.values(), "verdict"], "lllllr"[:2] + "rrr" + "l", lines)
+    return markdown(["robot", "outcome", *SOURCES.values(), "verdict"], "llrrrl", lines)
 
 
 def _compared(compared: Mapping[str, Mapping[str, tuple[str, Difference]]]) -> list[str]:
@@ -202,21 +203,18 @@ def _draw(path: Path, of_robot: Mapping[str, Sequence[Record]]) -> None:
     """A column for each robot; A at the end and the worse of both, by method, in bodies of either level."""
     shown = {"final_a": "A at the end", "worse": "worse of A and B"}
     ways = {"plain": "plain", "elastic": "elastic", "replay": "replay", "frozen": "frozen", "both": "both\nat once"}
-    place = np.arange(len(ways))
+    place = np.arange(float(len(ways)))
     with figure(path, PAGE, 4.2, nrows=len(shown), ncols=len(of_robot), sharex=True) as (drawn, panels):
         handles = []
         for axes_column, (robot, rows) in zip(panels.T, of_robot.items(), strict=True):
             for axes, name in zip(axes_column, shown, strict=True):
-                handles = [_points(axes, rows, name, level, place + side) for level, side in _SIDES.items()]
+                handles = [_points(axes, rows, name, level, np.asarray(place + side)) for level, side in _SIDES.items()]
                 axes.axhline(0.0, color="0.7", linewidth=0.6, zorder=0)
                 axes.set_xticks(place, list(ways.values()))
             caption(axes_column[0], FAMILIES[robot].title)
         for axes, title in zip(panels[:, 0], shown.values(), strict=True):
             axes.set_ylabel(title)
         legend_above(drawn, handles)
-
-
-_SIDES = MappingProxyType({"high": -0.12, "low": 0.12})
 
 
 def _points(axes: Any, rows: Sequence[Record], name: str, level: str, place: Floats) -> Any:

@@ -57,9 +57,9 @@ class Forgetting(Settings):
         vehicle, quadruped, walker: effort of each.
     """
 
-    vehicle: Effort = field(default_factory=lambda: Effort(12, controllers=512))
+    vehicle: Effort = field(default_factory=lambda: Effort(24, controllers=256))
     quadruped: Effort = field(default_factory=lambda: Effort(8, steps=30))
-    walker: Effort = field(default_factory=lambda: Effort(5, controllers=64, starts=1, steps=20))
+    walker: Effort = field(default_factory=lambda: Effort(5, measured=4, controllers=64, starts=1, steps=15))
 
     @property
     def efforts(self) -> dict[str, Effort]:
