@@ -27,6 +27,7 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 NAME, MEASURED = "forgetting", "bodies.csv"
 STRENGTH, REPLAY = 10.0, 2  # of elastic weights; every second step in B is one in A
+DIGITS = 6  # of shares of the way in the table, from which all else follows
 MEASURING = 1 / 4  # part of the time, for progress
 
 
@@ -147,26 +148,20 @@ def learn(
     if progress:
         progress(1.0)
     start, learned = found["start"].mean(axis=0), found["learned"].mean(axis=0)
-    rows = []
+    rows: list[dict[str, Any]] = []
     for method, final in zip(METHODS, found["final"], strict=True):
-        rows.append(
-            {
-                "robot": name,
-                "body": number,
-                "method": method,
-                "start_a": start[0],
-                "start_b": start[1],
-                "learned_a": learned[0],
-                "learned_b": learned[1],
-                "final_a": final[:, 0].mean(),
-                "final_b": final[:, 1].mean(),
-                "worse": final.min(axis=1).mean(),
-                "failed": int((final == LOST).sum()),
-            }
-        )
-    return [
-        {key: value.item() if isinstance(value, np.generic) else value for key, value in row.items()} for row in rows
-    ]
+        shares = {
+            "start_a": start[0],
+            "start_b": start[1],
+            "learned_a": learned[0],
+            "learned_b": learned[1],
+            "final_a": final[:, 0].mean(),
+            "final_b": final[:, 1].mean(),
+            "worse": final.min(axis=1).mean(),
+        }
+        told = {key: round(float(value), DIGITS) for key, value in shares.items()}
+        rows.append({"robot": name, "body": number, "method": method, **told, "failed": int((final == LOST).sum())})
+    return rows
 
 
 def _tried(name: str, effort: Effort, number: int) -> Arrays:
@@ -185,7 +180,7 @@ def _learned(name: str, effort: Effort, number: int) -> Arrays:
     return train(task, first, Recipe(effort.steps, family.rate, STRENGTH, REPLAY))
 
 
-_TINY = Effort(2, measured=2, controllers=8, starts=1, steps=1)
+_TINY = Effort(2, measured=2, controllers=8, starts=1, steps=3)
 _FULL = {"controllers": 1024, "starts": 8, "steps": 100}
 STUDY = Study(
     title="forgetting: whether a good body or a method against it keeps more of what was learned first",
