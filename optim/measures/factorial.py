@@ -2,7 +2,7 @@
 
 Sources: Montgomery, Design and analysis of experiments, 8th ed. 2013, sections 5.3 (two factors) and 14.4 (split
 plots); Olejnik & Algina, Psychological Methods 8, 2003 (eta squared and omega squared); Efron & Tibshirani, An
-introduction to the bootstrap, 1993, section 14.3 (intervals corrected for bias).
+introduction to the bootstrap, 1993, ch. 10 (bias) and 13 (percentile intervals).
 """
 
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ class Source:
         f: mean square over that of what it is tested against; None where one of them has no freedom, or no variance.
         p: probability of at least that F if nothing is there; None where ``f`` is.
         eta: eta squared, its share of the total sum of squares; grows by chance, the more the fewer values there are.
-        eta_low, eta_high: 95 % bootstrap interval.
+        eta_low, eta_high: 95 % bootstrap interval, corrected for bias.
         omega: omega squared, the same share less what chance explains; may be negative.
         omega_low, omega_high: 95 % bootstrap interval.
     """
@@ -173,10 +173,9 @@ def _bootstrap(
 
 
 def _ends(sample: Floats, found: float | Floats) -> tuple[float, float]:
-    """Ends of an interval from resamples, whose percentiles are moved as far as resamples lie beside what was found."""
-    from scipy.stats import norm  # slow to import
+    """Percentiles of resamples, less the mean by which resamples exceed what was found.
 
-    below = ((sample < found).sum() + 0.5 * (sample == found).sum()) / len(sample)
-    bias = norm.ppf(np.clip(below, 1 / len(sample), 1 - 1 / len(sample)))
-    low, high = np.percentile(sample, 100 * norm.cdf(2 * bias + norm.ppf([0.025, 0.975])))
+    Resampled cells differ by chance once more than the cells do, so that the mean of what they explain is too large.
+    """
+    low, high = np.percentile(sample, [2.5, 97.5]) - (sample.mean() - found)
     return float(low), float(high)
