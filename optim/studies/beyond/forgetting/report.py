@@ -214,7 +214,8 @@ def _draw(path: Path, of_robot: Mapping[str, Sequence[Record]]) -> None:
             caption(axes_column[0], FAMILIES[robot].title)
         for axes, title in zip(panels[:, 0], shown.values(), strict=True):
             axes.set_ylabel(title)
-        legend_above(drawn, handles)
+        after = panels[0, 0].plot([], [], "--", color="0.4", linewidth=0.8, label="A after A")
+        legend_above(drawn, [*handles, *after])
 
 
 def _points(axes: Any, rows: Sequence[Record], name: str, level: str, place: Floats) -> Any:
