@@ -29,6 +29,7 @@ STUDIES: Registry[Study] = Registry(
         "body-and-learning": "optim.studies.beyond.body_and_learning.study:STUDY",
         "evolving-bodies": "optim.studies.beyond.evolving_bodies:STUDY",
         "universal-control": "optim.studies.beyond.body_and_learning.universal:STUDY",
+        "forgetting": "optim.studies.beyond.forgetting.study:STUDY",
         "light-seeking": "optim.studies.beyond.light_seeking:STUDY",
         "robust-gaits": "optim.studies.beyond.robust_gaits:STUDY",
         "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",

@@ -1,0 +1,196 @@
+"""The study: bodies are measured, those with the best and the worst M_CI learn A and then B, by every method.
+
+Source: dissertation, chapters 3, 4 and 6: a good body avoids forgetting whatever the method. Methods against forgetting
+were not tried there.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.body_metrics import Measuring, Tries, controllers_of
+from optim.experiments.jobs import run_parallel
+from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.study import Count, Settings, Study, Whole
+from optim.experiments.tables import Record, write_records
+from optim.measures.sampled import sampled_metrics
+from optim.space import Space
+from optim.studies.beyond.forgetting.families import FAMILIES, LOST, Learning
+from optim.studies.beyond.forgetting.methods import METHODS, Recipe, train
+from optim.studies.beyond.forgetting.report import TABLE, write_report
+from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.results_folder import ResultsFolder
+
+NAME, MEASURED = "forgetting", "bodies.csv"
+STRENGTH, REPLAY = 10.0, 2  # of elastic weights; every second step in B is one in A
+DIGITS = 6  # of shares of the way in the table, from which all else follows
+MEASURING = 1 / 4  # part of the time, for progress
+
+
+@dataclass(frozen=True)
+class Effort(Settings):
+    """What is spent on a robot.
+
+    Attributes:
+        bodies: that learn, with a high M_CI and as many with a low one; 0 leaves the robot out.
+        measured: bodies that are measured for every one of them.
+        controllers: drawn in each that is measured.
+        starts: controllers that learn in each body.
+        steps: of learning in each environment.
+    """
+
+    bodies: Whole
+    measured: Count = 5
+    controllers: Count = 128
+    starts: Count = 4
+    steps: Count = 60
+
+
+@dataclass(frozen=True)
+class Forgetting(Settings):
+    """What is spent on every robot.
+
+    Attributes:
+        vehicle, quadruped, walker: effort of each.
+    """
+
+    vehicle: Effort = field(default_factory=lambda: Effort(24, controllers=256))
+    quadruped: Effort = field(default_factory=lambda: Effort(8, steps=30))
+    walker: Effort = field(default_factory=lambda: Effort(5, measured=4, controllers=64, starts=1, steps=15))
+
+    @property
+    def efforts(self) -> dict[str, Effort]:
+        """Effort by robot, of those that are not left out."""
+        found: dict[str, Effort] = {name: getattr(self, name) for name in FAMILIES}
+        return {name: effort for name, effort in found.items() if effort.bodies}
+
+
+def study(folder: Path, settings: Forgetting, progress: Progress = None, jobs: int = 1) -> None:
+    """Write what every body learned and forgot, what explains it, and a picture; what is whole is not done again."""
+    ResultsFolder(folder, NAME, settings.describe())
+    measured: list[Record] = []
+    rows: list[Record] = []
+    for done, (name, effort) in enumerate(settings.efforts.items()):
+        told = part_of(progress, done, len(settings.efforts))
+        count = effort.bodies * effort.measured
+        metrics = _each(folder, jobs, measure, name, effort, list(range(count)), _within(told, 0.0, MEASURING))
+        measured += metrics
+        write_records(folder / MEASURED, measured)
+        levels = levels_of(metrics, effort.bodies)
+        numbers = [number for level in levels.values() for number in level]
+        found = _each(folder, jobs, learn, name, effort, numbers, _within(told, MEASURING, 1.0))
+        known = {row["body"]: row for row in metrics}
+        level_of = {number: level for level, some in levels.items() for number in some}
+        for row in (row for each in found for row in each):
+            body = known[row["body"]]
+            rows.append({**row, "level": level_of[row["body"]], "M_CI": body["M_CI"], "M_L": body["M_L"]})
+        write_records(folder / TABLE, rows)
+        write_report(folder, rows, measured, settings.describe())
+
+
+def _within(progress: Progress, first: float, last: float) -> Progress:
+    return progress and (lambda fraction: progress(first + (last - first) * fraction))
+
+
+def _each(
+    folder: Path, jobs: int, do: Any, name: str, effort: Effort, numbers: Sequence[int], progress: Progress
+) -> list[Any]:
+    """Do something with bodies, several at the same time if asked to; what comes of each."""
+    parts = [(f"{name} {number}", partial(do, folder, name, effort, number)) for number in numbers]
+    run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
+    return [part({}, part_of(progress, number, len(parts))) for number, (_, part) in enumerate(parts)]
+
+
+def levels_of(metrics: Sequence[Record], count: int) -> dict[str, list[int]]:
+    """Numbers of the bodies with the highest M_CI, and of those with the lowest, M_L where it is the same.
+
+    Only bodies in which some controller succeeds in A and some in B count, if there are enough: others are not less
+    resistant, but unable.
+    """
+    able = [row for row in metrics if row["some_a"] and row["some_b"]]
+    chosen = able if len(able) >= 2 * count else metrics
+    order = [row["body"] for row in sorted(chosen, key=lambda row: (row["M_CI"], row["M_L"], row["body"]))]
+    return {"high": order[: -count - 1 : -1], "low": order[:count]}
+
+
+def measure(
+    folder: Path, name: str, effort: Effort, number: int, _: Mapping[str, Any], progress: Progress
+) -> dict[str, Any]:
+    """M_L and M_CI of a body, unless they are known."""
+    kept = ResultsFolder(folder / "measured" / f"{name}-{number}", "body", {"controllers": effort.controllers})
+    sampled = sampled_metrics(cached(kept, "tried", partial(_tried, name, effort, number))["succeeded"])
+    if progress:
+        progress(1.0)
+    some_a, some_b = (share.count for share in sampled.each)
+    return {
+        "robot": name,
+        "body": number,
+        "M_CI": sampled.resistance.value,
+        "M_L": sampled.learnability.value,
+        "all": sampled.learnability.count,
+        "any": sampled.resistance.of,
+        "some_a": some_a,
+        "some_b": some_b,
+    }
+
+
+def learn(
+    folder: Path, name: str, effort: Effort, number: int, _: Mapping[str, Any], progress: Progress
+) -> list[dict[str, Any]]:
+    """What controllers of a body learn and forget, means over starts, a row for each method; unless it is known."""
+    known = {"starts": effort.starts, "steps": effort.steps}
+    kept = ResultsFolder(folder / "learned" / f"{name}-{number}", "body", known)
+    found = cached(kept, "learned", partial(_learned, name, effort, number))
+    if progress:
+        progress(1.0)
+    start, learned = found["start"].mean(axis=0), found["learned"].mean(axis=0)
+    rows: list[dict[str, Any]] = []
+    for method, final in zip(METHODS, found["final"], strict=True):
+        shares = {
+            "start_a": start[0],
+            "start_b": start[1],
+            "learned_a": learned[0],
+            "learned_b": learned[1],
+            "final_a": final[:, 0].mean(),
+            "final_b": final[:, 1].mean(),
+            "worse": final.min(axis=1).mean(),
+        }
+        told = {key: round(float(value), DIGITS) for key, value in shares.items()}
+        rows.append({"robot": name, "body": number, "method": method, **told, "failed": int((final == LOST).sum())})
+    return rows
+
+
+def _tried(name: str, effort: Effort, number: int) -> Arrays:
+    """Which drawn controllers of a body succeed where, ``succeeded``, shape (N, 2)."""
+    family = FAMILIES[name]
+    robot = family.body(number)
+    tries = Tries(robot, family.environments, family.compute)
+    parts = controllers_of(Space(tuple(robot.parameters)), Measuring(effort.controllers, seed=1))
+    return {"succeeded": np.concatenate([tries.successes(points)["succeeded"] for points in parts])}
+
+
+def _learned(name: str, effort: Effort, number: int) -> Arrays:
+    family = FAMILIES[name]
+    task = Learning(family, family.body(number))
+    first = np.random.default_rng((number, 7)).random((effort.starts, task.space.size))
+    return train(task, first, Recipe(effort.steps, family.rate, STRENGTH, REPLAY))
+
+
+_TINY = Effort(2, measured=2, controllers=8, starts=1, steps=3)
+_FULL = {"controllers": 1024, "starts": 8, "steps": 100}
+STUDY = Study(
+    title="forgetting: whether a good body or a method against it keeps more of what was learned first",
+    source="chapters 3, 4 and 6, which promise it of bodies",
+    scales={
+        "small": Forgetting(_TINY, _TINY, _TINY),
+        "medium": Forgetting(),
+        "full": Forgetting(Effort(50, **_FULL), Effort(30, **_FULL), Effort(20, **_FULL)),
+    },
+    run=study,
+    writes=(TABLE, MEASURED, "table.md", "summary.json", "forgetting.png"),
+    cost="about 30 hours of a core",
+)
