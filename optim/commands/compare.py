@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> Report:
         "at": end,
         "groups": [dataclasses.asdict(comparison.standing(curve, end)) for curve in curves],
         "differences": [dataclasses.asdict(difference) for difference in differences],
+        "maps": [dataclasses.asdict(one) for one in comparison.map_standings(curves, histories, args.by, end)],
         "held_out": [dataclasses.asdict(one) for one in held_out({curve.label: curve.folders for curve in curves})],
         "picture": str(args.out) if args.out else None,
     }
@@ -130,6 +131,12 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         )
     if not differences and len(document["groups"]) > 1:
         lines.append("  no effect sizes: that takes at least two runs a group, with other seeds")
+    if document["maps"]:
+        lines.append(f"maps of elites after {end}: mean over runs, 95 % interval")
+    for one in document["maps"]:
+        interval = "" if one["low"] is None else f" [{one['low']:.4f}, {one['high']:.4f}]"
+        what = one["name"].replace("qd_score", "QD score")
+        lines.append(f"  {one['label']}, {what} ({counted(one['runs'], 'run')}): {one['mean']:.4f}{interval}")
     if document["held_out"]:
         lines.append("best designs over held-out draws: each number of a run, or its mean over runs, 95 % interval")
     for one in document["held_out"]:

@@ -119,6 +119,48 @@ class Difference:
     adjusted_p: float
 
 
+@dataclass(frozen=True)
+class MapStanding:
+    """How good the maps of elites of a group's runs are at one place on the axis.
+
+    Attributes:
+        label: label of its curve.
+        name: ``"qd_score"``, the sum of the elites' scores above the method's offset, or ``"coverage"``, the share of
+            cells that have one.
+        runs: number of runs.
+        mean: over these.
+        low, high: its 95 % bootstrap interval; None of a single run.
+    """
+
+    label: str
+    name: str
+    runs: int
+    mean: float
+    low: float | None
+    high: float | None
+
+
+def map_standings(compared: Sequence[Curve], histories: Sequence[History], axis: Axis, x: float) -> list[MapStanding]:
+    """Quality and coverage of maps at x, of groups all of whose runs keep one."""
+    known = {str(history.path): history for history in histories}
+    found = []
+    for curve in compared:
+        members = [known[folder] for folder in curve.folders]
+        for name in ("qd_score", "coverage"):
+            values = [_number_at(history, name, axis, x) for history in members]
+            if all(value is not None for value in values):
+                numbers = np.array(values, float)
+                low, high = (float(bound) for bound in mean_band(numbers)) if len(numbers) > 1 else (None, None)
+                found.append(MapStanding(curve.label, name, len(numbers), float(numbers.mean()), low, high))
+    return found
+
+
+def _number_at(history: History, name: str, axis: Axis, x: float) -> float | None:
+    """A number that the method reported in the last generation up to x; None if there is none."""
+    reached = int(np.searchsorted(_places(history, axis), x, side="right")) - 1
+    return history.generations[reached].numbers.get(name) if reached >= 0 else None
+
+
 def check_comparable(histories: Sequence[History]) -> None:
     """Raise ValueError unless the scores of all runs have the same meaning."""
     first = histories[0]

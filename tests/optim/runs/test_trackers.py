@@ -96,3 +96,23 @@ def test_bad_input(morpholab, searched, monkeypatch):
             monkeypatch.setitem(sys.modules, name, None)
         code, out, error = morpholab(line)
         assert (code, out) == (2, "") and told in error and error.count("\n") == 1, error
+
+
+def test_maps_of_elites_are_compared(morpholab, searched, tmp_path):
+    """By the QD score and the share of cells, with intervals over seeds."""
+    searched("plain", 1)
+    for seed in range(2):
+        how = f"--method map-elites --population 6 --set bins=4 --seed {seed} --out map-{seed}"
+        assert morpholab(f"codesign {how} --problem own.py --generations 3 --quiet --threads 1")[0] == 0
+    code, out, _ = morpholab("compare map-0 map-1 plain --json")
+    assert code == 0
+    shown = json.loads(out)["maps"]
+    assert [(one["label"], one["name"], one["runs"]) for one in shown] == [
+        ("map-elites", "qd_score", 2),
+        ("map-elites", "coverage", 2),
+    ]
+    logs = [json.loads((tmp_path / f"map-{n}/log.jsonl").read_text().splitlines()[0]) for n in range(2)]
+    covered = [log["numbers"]["coverage"] for log in logs]  # the other run ended after 8 evaluations
+    assert shown[1]["mean"] == pytest.approx(sum(covered) / 2)
+    text = morpholab("compare map-0 map-1")[1]
+    assert "maps of elites after 24 evaluations: mean over runs" in text and "  map-elites, QD score (2 runs): " in text
