@@ -81,7 +81,8 @@ class Part:
             found = cached(kept, f"loop_{arm}", partial(_timed, run))
             for cost, best in zip(found["costs"].tolist(), found["best"].tolist(), strict=True):
                 row = {"arm": arm, "seed": self.seed, "evaluations": cost}
-                looped.append({**row, "best": best, "seconds": float(found["seconds"])})
+                known = best if np.isfinite(best) else None  # nothing yet
+                looped.append({**row, "best": known, "seconds": float(found["seconds"])})
         return bodies, looped
 
     def _evolved(self, kept: ResultsFolder, arm: str, progress: Progress) -> Record:
