@@ -85,11 +85,12 @@ class BudgetedSearch:
 
     name: int  # its name for the observer, such as a number
     method: Method  # the method, not yet used
-    budget: int  # evaluations of the search; those of its last turn beyond the budget are not observed
+    budget: float  # evaluations of the search; those of its last turn beyond the budget are not observed
     observe: Callable[[int, Floats, Evaluation], bool]  # called with the name and what is new; returns whether to end
     turns: int = 0  # number of turns so far
-    spent: int = 0  # evaluations so far, those of the last turn beyond the budget included
+    spent: float = 0  # evaluations so far, those of the last turn beyond the budget included
     done: bool = False  # whether the budget is spent, or the observer has ended the search
+    price: float = 1.0  # of an evaluation with its gradient, in those without
 
     def ask(self) -> Request:
         """Points that the method wants evaluated next."""
@@ -97,22 +98,24 @@ class BudgetedSearch:
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
         """Tell the method, then the observer."""
-        left = slice(0, self.budget - self.spent)
+        price = self.price if request.wants == "gradients" else 1
+        left = slice(0, int((self.budget - self.spent) // price))
         self.method.tell(request.points, evaluation)
-        self.turns, self.spent = self.turns + 1, self.spent + len(request.points)
+        self.turns, self.spent = self.turns + 1, self.spent + price * len(request.points)
         ended = self.observe(self.name, request.points[left], part_of(evaluation, left))
         self.done = ended or self.spent >= self.budget
 
 
 def run_with_budget(
     methods: Iterable[Method],
-    budget: int,
+    budget: float,
     judge: Callable[[Sequence[BudgetedSearch], Request], Evaluation],
     observe: Callable[[int, Floats, Evaluation], bool],
     progress: Progress = None,
+    price: float = 1.0,
 ) -> None:
     """Run searches in memory side by side, see :class:`BudgetedSearch`, and judge their points together."""
-    searches = [BudgetedSearch(number, method, budget, observe) for number, method in enumerate(methods)]
+    searches = [BudgetedSearch(number, method, budget, observe, price=price) for number, method in enumerate(methods)]
 
     def after_round() -> None:
         if progress:

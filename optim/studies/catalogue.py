@@ -28,6 +28,7 @@ STUDIES: Registry[Study] = Registry(
         "tasks": "optim.studies.beyond.tasks:STUDY",
         "body-and-learning": "optim.studies.beyond.body_and_learning.study:STUDY",
         "evolving-bodies": "optim.studies.beyond.evolving_bodies:STUDY",
+        "evolving-vehicles": "optim.studies.beyond.evolving_vehicles.study:STUDY",
         "universal-control": "optim.studies.beyond.body_and_learning.universal:STUDY",
         "forgetting": "optim.studies.beyond.forgetting.study:STUDY",
         "light-seeking": "optim.studies.beyond.light_seeking:STUDY",

@@ -146,22 +146,28 @@ def learn(settings: BodyAndLearning, robot: LatticeRobot, stream: int, name: str
         name: of the learner.
         progress: told the share that is done.
     """
-    learner, count = LEARNERS[name], settings.repetitions
     problem = RobotProblem(robot, WORLDS, objective=OBJECTIVE, summed=True, precision="f32", threads=1)
-    evaluations, solved = np.zeros(count, np.int64), np.zeros(count, bool)
+    seeds = [int(np.random.SeedSequence((stream, run)).generate_state(1)[0]) for run in range(settings.repetitions)]
+    return learn_until(problem, -settings.bound, LEARNERS[name], settings.budget_of(name), seeds, progress)
+
+
+def learn_until(
+    problem: RobotProblem, score: float, learner: Learner, budget: int, seeds: Sequence[int], progress: Progress = None
+) -> Arrays:
+    """Evaluations until a search finds a score, or its budget, and whether it did, shape (R,) each; R seeds."""
+    evaluations, solved = np.zeros(len(seeds), np.int64), np.zeros(len(seeds), bool)
 
     def evaluate(_: Sequence[Any], request: Request) -> Evaluation:
         return judge(problem, request)
 
     def observe(run: int, points: Floats, evaluation: Evaluation) -> bool:
-        good = np.flatnonzero(np.nan_to_num(evaluation.objectives[:, 0], nan=-np.inf) >= -settings.bound)
+        good = np.flatnonzero(np.nan_to_num(evaluation.objectives[:, 0], nan=-np.inf) >= score)
         solved[run] = good.size > 0
         evaluations[run] += good[0] + 1 if good.size else len(points)
         return bool(solved[run])
 
-    seeds = [int(np.random.SeedSequence((stream, run)).generate_state(1)[0]) for run in range(count)]
     methods = [build_method(learner.method, problem.space, {**learner.settings, "seed": seed}) for seed in seeds]
-    run_with_budget(methods, settings.budget_of(name), evaluate, observe, progress)
+    run_with_budget(methods, budget, evaluate, observe, progress)
     return {"evaluations": evaluations, "solved": solved}
 
 
