@@ -8,7 +8,7 @@ import numpy as np
 
 from taichi_sim.base.arrays import Floats, Ints
 
-KINDS = ("level", "slope", "ridges", "slippery")  # of stretches
+KINDS = ("level", "slope", "ridges", "slippery")  # of stretches; every second one is level
 RIDGE = 0.04  # m: from one ridge to the next
 SHORTEST, LONGEST = 0.75, 1.25  # stretches, in their mean length
 
@@ -24,10 +24,10 @@ def hashed(cells: Floats, seed: float) -> Floats:
 
 @dataclass(frozen=True)
 class Course:
-    """Stretches of different ground along x: level at first, then slopes, ridges, slippery and level ones by chance.
+    """Stretches of ground along x: level ones, and between them slopes, ridges and slippery ones in random order.
 
-    No stretch is of the kind of the one before it. Ground goes on at the height where a slope ends. Lengths are whole
-    numbers of ridges, of ``SHORTEST`` to ``LONGEST`` mean lengths.
+    Ground goes on at the height where a slope ends. Lengths are whole numbers of ridges, of ``SHORTEST`` to ``LONGEST``
+    mean lengths.
 
     Attributes:
         seed: a whole number.
@@ -48,12 +48,8 @@ class Course:
     @cached_property
     def kinds(self) -> Ints:
         """The kind of every stretch, numbers in ``KINDS``, shape (S,)."""
-        drawn = self._drawn(0)
-        found = [0]
-        for part in drawn[1:]:
-            other = int(part * (len(KINDS) - 1))
-            found.append(other + (other >= found[-1]))
-        return np.array(found)
+        drawn = 1 + np.floor((len(KINDS) - 1) * self._drawn(0)).astype(int)
+        return np.where(np.arange(len(drawn)) % 2 == 0, 0, np.minimum(drawn, len(KINDS) - 1))
 
     @cached_property
     def ends(self) -> Floats:

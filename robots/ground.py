@@ -111,8 +111,8 @@ GROUNDS = {
         _patches,
     ),
     "course": Named(
-        "stretches of level, sloped, ridged and slippery ground in random order",
-        (("SEED", None), ("LENGTH", 0.2), ("DEGREES", 12.0), ("RIDGE", 0.006), ("FACTOR", 0.05)),
+        "level stretches, and slopes, ridges and slippery ones in random order between them",
+        (("SEED", None), ("LENGTH", 0.2), ("DEGREES", 8.0), ("RIDGE", 0.004), ("FACTOR", 0.05)),
         _course_height,
         _course_friction,
     ),

@@ -82,8 +82,8 @@ def _noticed(events: Sequence[Record], name: str) -> dict[str, dict[str, Any]]:
 
 def report(
     folder: Path, settings: Any, rows: Sequence[Record], events: Sequence[Record], gaits: Sequence[Record]
-) -> None:
-    """Write ``summary.json`` and ``table.md``, which follow from the tables."""
+) -> dict[str, Any]:
+    """Write ``summary.json`` and ``table.md``, which follow from the tables; what each kind of machine did."""
     seconds = (settings.cycles + 1) / FREQUENCY
     every = with_best(rows, gaits)
     names = [TOLD, "sensing", "sensing, no hysteresis", BEST, "by chance"]
@@ -97,6 +97,7 @@ def report(
     summary = {"settings": settings.describe(), "machines": found, "noticed": seen, **lead}
     write_json(folder / "summary.json", summary)
     write_text(folder / "table.md", page(*_page(settings, found, seen, gaits, lead)))
+    return found
 
 
 def _page(
@@ -115,8 +116,8 @@ def _page(
             [name, f"{one['distance']:.3f}", cell(one["share"], ".0%"), interval, f"{one['right']:.0%}", *rates]
         )
     parts: list[str | list[str]] = [
-        f"{settings.seeds} repertoires on {settings.held_out} held-out courses, {(settings.cycles + 1) / FREQUENCY:g} s each; "
-        "intervals by resampling repertoires and courses.",
+        f"{settings.seeds} repertoires on {settings.held_out} held-out courses, {(settings.cycles + 1) / FREQUENCY:g} s "
+        "each; intervals by resampling repertoires and courses.",
         markdown(HEADER, "lrrrrrr", lines),
     ]
     if lead:
