@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats, Ints
 
@@ -13,7 +14,7 @@ RIDGE = 0.04  # m: from one ridge to the next
 SHORTEST, LONGEST = 0.75, 1.25  # stretches, in their mean length
 
 
-def hashed(cells: Floats, seed: float) -> Floats:
+def hashed(cells: NDArray[np.uint64], seed: float) -> Floats:
     """A number from 0 to 1 for every whole number, always the same: a hash of 32 bits (after Wellons, lowbias32)."""
     mask = np.uint64(0xFFFFFFFF)
     h = (cells ^ np.uint64(int(seed) * 83492791)) & mask
@@ -61,7 +62,8 @@ class Course:
         """A number from 0 to 1 for every stretch, of two sequences."""
         shortest = RIDGE * max(round(SHORTEST * self.length / RIDGE), 1)
         most = math.ceil(self.reach / shortest)
-        return hashed(np.arange(2 * most, dtype=np.uint64) * np.uint64(73856093), self.seed)[which::2]
+        cells = np.arange(2 * most).astype(np.uint64) * np.uint64(73856093)
+        return hashed(cells, self.seed)[which::2]
 
     def stretch(self, x: Floats) -> Ints:
         """The number of the stretch at places along the way [m]."""

@@ -72,5 +72,5 @@ def test_bad_input(changed, message):
     """One line."""
     with pytest.raises(ValueError, match=f"^{message}"):
         rule(**changed)
-    with pytest.raises(ValueError, match="^weights: shape"):
+    with pytest.raises(ValueError, match=r"^weights: shape"):
         Switching(np.zeros(3), (0,))

@@ -41,8 +41,8 @@ def machine(cycles: int) -> LatticeRobot:
     body = body_from_array(filled.astype(int), RUBBER, EDGE, regions=numbers)
     count = int(numbers.max()) + 1
     mean, amplitude, phase = Free(1 - SHAPE, 1 + SHAPE, 1.0), Free(0.0, MOST), Free(0.0, 1.0)
-    each = {"mean": (mean,) * count, "amplitude": (amplitude,) * count, "phase": (phase,) * count}
-    drive = Drive("muscle", tuple(range(count)), **each)
+    means, amplitudes, phases = (mean,) * count, (amplitude,) * count, (phase,) * count
+    drive = Drive("muscle", tuple(range(count)), mean=means, amplitude=amplitudes, phase=phases)
     return LatticeRobot(body, (drive,), frequency=FREQUENCY, cycles=cycles, settling=SETTLING, name="switching walker")
 
 
@@ -92,7 +92,7 @@ class Search:
     cycles: int
 
     def gait(self, world: Terrain, seed: int, first: Floats | None, progress: Progress = None) -> Arrays:
-        """The fastest point found, shape (P,), and its speed [lengths/s]; the first, and NaN, if all evaluations failed.
+        """The fastest point found, shape (P,), and its speed [lengths/s]; the first, and NaN, if all evaluations fail.
 
         Args:
             world: where.

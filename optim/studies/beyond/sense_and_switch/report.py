@@ -84,7 +84,7 @@ def report(
     folder: Path, settings: Any, rows: Sequence[Record], events: Sequence[Record], gaits: Sequence[Record]
 ) -> dict[str, Any]:
     """Write ``summary.json`` and ``table.md``, which follow from the tables; what each kind of machine did."""
-    seconds = (settings.cycles + 1) / FREQUENCY
+    seconds = _seconds(settings)
     every = with_best(rows, gaits)
     names = [TOLD, "sensing", "sensing, no hysteresis", BEST, "by chance"]
     names += [name for name in distinct(rows, "machine") if name not in names]
@@ -116,8 +116,8 @@ def _page(
             [name, f"{one['distance']:.3f}", cell(one["share"], ".0%"), interval, f"{one['right']:.0%}", *rates]
         )
     parts: list[str | list[str]] = [
-        f"{settings.seeds} repertoires on {settings.held_out} held-out courses, {(settings.cycles + 1) / FREQUENCY:g} s "
-        "each; intervals by resampling repertoires and courses.",
+        f"{settings.seeds} repertoires on {settings.held_out} held-out courses, {_seconds(settings):g} s each; "
+        "intervals by resampling repertoires and courses.",
         markdown(HEADER, "lrrrrrr", lines),
     ]
     if lead:
@@ -152,6 +152,11 @@ def _page(
         lines.append([kind, *(cell(speed, ".2f") for speed in speeds)])
     parts.append(markdown(("gait searched on", *(f"on {kind}" for kind in KINDS)), "lrrrr", lines))
     return parts
+
+
+def _seconds(settings: Any) -> float:
+    """How long machines are on a course."""
+    return float((settings.cycles + 1) / FREQUENCY)
 
 
 def _finite(rows: Sequence[Record], name: str) -> Floats:

@@ -182,7 +182,7 @@ class Part:
         )
         names = ["told", *rules, "by chance", *(ALONE.format(kind) for kind in KINDS)]
         played = self._course("judged", found, seed, crew)
-        went, rows, events = distances(played), [], list[Noticed]()
+        went, rows, events = distances(played), list[Record](), list[Noticed]()
         for row, name in enumerate(names):
             changes, count, right = noticed(course, found.answers, played.gaits[row], played.places[row])
             where = {"seed": self.seed, "course": seed, "machine": name}
@@ -211,7 +211,7 @@ def seed_part(
         rows, events = rows + more, events + changes
         if progress:
             progress(0.7 + 0.3 * (number + 1) / settings.held_out)
-    gaits = [
+    gaits: list[Record] = [
         {
             "seed": seed,
             "gait": gait,
