@@ -10,7 +10,7 @@ from optim.studies.beyond.sense_and_switch.machine import Grounds, machine
 from optim.studies.beyond.sense_and_switch.noticing import LAST, noticed
 from optim.studies.beyond.sense_and_switch.pilots import Crew, by_chance, exploring, fixed, samples, told
 from optim.studies.beyond.sense_and_switch.report import ratio
-from optim.studies.beyond.sense_and_switch.study import FIRST_HELD_OUT, FIRST_TRAINED, STUDY, SenseAndSwitch
+from optim.studies.beyond.sense_and_switch.study import FIRST_HELD_OUT, STUDY, SenseAndSwitch
 from robots.lattice_robot.repertoire import Played, Repertoire
 from robots.world import Terrain
 
@@ -20,7 +20,9 @@ COURSE = GROUNDS.course(FIRST_HELD_OUT)
 
 def test_courses_that_judge_are_others_than_those_of_training():
     for settings in STUDY.scales.values():
-        assert FIRST_TRAINED + settings.trained <= FIRST_HELD_OUT
+        assert len(settings.training) == settings.trained and max(settings.training) < FIRST_HELD_OUT
+        firsts = [int(settings.grounds.course(seed).kinds[1]) for seed in settings.training]
+        assert firsts == [1 + number % 3 for number in range(settings.trained)]
     assert Terrain.parse(GROUNDS.world(7).name) == GROUNDS.world(7)
     assert {kind: world.name for kind, world in GROUNDS.pure.items()} == {
         "level": "flat",
@@ -117,7 +119,7 @@ def test_the_study_goes_on_where_it_was(tmp_path):
     assert all((tmp_path / "a" / name).stat().st_size for name in STUDY.writes)
     names = ("runs.csv", "gaits.csv", "changes.csv", "summary.json", "table.md")
     before = {name: (tmp_path / "a" / name).read_bytes() for name in names}
-    for name in ("judged5001", "slope", "tuned1000"):
+    for name in ("judged5001", "slope", f"tuned{settings.training[0]}"):
         (lost,) = (tmp_path / "a/parts/0").glob(f"{name}-*.npz")
         lost.unlink()
     STUDY.run(tmp_path / "a", settings)

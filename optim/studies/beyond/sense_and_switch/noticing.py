@@ -32,7 +32,7 @@ def noticed(
     """
     kinds, stretches, answer = course.kind(places), course.stretch(places), np.array(answers)
     right = gaits == answer[kinds]
-    changes = []
+    changes = list[Noticed]()
     for stretch in range(1, int(stretches.max()) + 1):
         entered = int(np.argmax(stretches >= stretch))
         before, now = course.kinds[stretch - 1], course.kinds[stretch]

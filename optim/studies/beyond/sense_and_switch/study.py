@@ -77,7 +77,7 @@ class SenseAndSwitch(Settings):
     held_out: Several = 32
     cycles: Count = 40
     length: Annotated[float, positive] = 0.12
-    degrees: Annotated[float, positive] = 10.0
+    degrees: Annotated[float, positive] = 8.0
     ridge: Annotated[float, positive] = 0.004
     factor: Annotated[float, positive] = 0.05
 
@@ -85,6 +85,16 @@ class SenseAndSwitch(Settings):
     def grounds(self) -> Grounds:
         """What stretches are like."""
         return Grounds(self.length, self.degrees, self.ridge, self.factor)
+
+    @property
+    def training(self) -> list[int]:
+        """Seeds of training courses: the first ones in which the kinds that are not level take turns to come first."""
+        found, seed = list[int](), FIRST_TRAINED
+        while len(found) < self.trained and seed < FIRST_HELD_OUT:
+            if self.grounds.course(seed).kinds[1] == 1 + len(found) % (len(KINDS) - 1):
+                found.append(seed)
+            seed += 1
+        return found
 
     @property
     def search(self) -> Search:
@@ -144,8 +154,7 @@ class Part:
     def fitted(self, found: Repertory, progress: Progress) -> Switching:
         """Scores of grounds, fitted to what machines felt on training courses; without hysteresis."""
         parts, gaits = [], len(found.points)
-        for number in range(self.settings.trained):
-            seed = FIRST_TRAINED + number
+        for number, seed in enumerate(self.settings.training):
             course = self.grounds.course(seed)
             pilot = exploring(course, found.answers, gaits, EXPLORERS, (self.seed, seed))
             played = self._course("felt", found, seed, Crew([(EXPLORERS, pilot)]))
@@ -159,9 +168,9 @@ class Part:
         """The margin and stay with which a machine goes farthest on training courses, and the one gait that does."""
         choices = [replace(plain, margin=margin, stay=stay) for margin, stay in product(MARGINS, STAYS)]
         totals = np.zeros(len(choices) + len(found.points))
-        for number in range(self.settings.trained):
+        for number, seed in enumerate(self.settings.training):
             crew = Crew([*((1, sensing(each)) for each in choices), *_alone(found)])
-            totals += distances(self._course("tuned", found, FIRST_TRAINED + number, crew))
+            totals += distances(self._course("tuned", found, seed, crew))
             if progress:
                 progress((number + 1) / self.settings.trained)
         return choices[int(totals[: len(choices)].argmax())], int(totals[len(choices) :].argmax())
