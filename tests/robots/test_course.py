@@ -6,6 +6,7 @@ import pytest
 from robots.course import KINDS, LONGEST, RIDGE, SHORTEST, Course
 from robots.ground import Ground
 from robots.world import Terrain
+from taichi_sim.ground.relief import ground_tables
 
 COURSES = [Course(seed, 0.3, 10.0, 0.006, 0.1) for seed in range(20)]
 
@@ -70,3 +71,10 @@ def test_what_is_too_steep_is_refused():
     """As of any ground."""
     with pytest.raises(ValueError, match=r"a slope of 85\.0 degrees is not allowed"):
         Ground("course:1,0.2,85").relief(0, 0.01)
+
+
+def test_the_table_of_a_ground_is_converted_once():
+    """However often a run begins; in double precision it is the table itself."""
+    tables = ground_tables("floor", [Ground("course:1").relief(0, 0.05)])
+    assert tables.numbers(np.float32) is tables.numbers(np.float32) and tables.numbers(np.float64) is tables.relief
+    assert np.array_equal(tables.numbers(np.float32), tables.relief.astype(np.float32))

@@ -14,7 +14,7 @@ from optim.studies.beyond.sense_and_switch.study import FIRST_HELD_OUT, STUDY, S
 from robots.lattice_robot.repertoire import Played, Repertoire
 from robots.world import Terrain
 
-GROUNDS = Grounds(0.12, 10.0, 0.004, 0.05)
+GROUNDS = Grounds(0.12, 8.0, 0.004, 0.05)
 COURSE = GROUNDS.course(FIRST_HELD_OUT)
 
 
@@ -26,7 +26,7 @@ def test_courses_that_judge_are_others_than_those_of_training():
     assert Terrain.parse(GROUNDS.world(7).name) == GROUNDS.world(7)
     assert {kind: world.name for kind, world in GROUNDS.pure.items()} == {
         "level": "flat",
-        "slope": "ramp:10.0,0.09",
+        "slope": "ramp:8.0,0.09",
         "ridges": "wave:0.004,0.04",
         "slippery": "patches:0.05,0.05",
     }

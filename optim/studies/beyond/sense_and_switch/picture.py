@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, caption, figure
+from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.tables import Record, where
 from robots.course import KINDS, Course
 from taichi_sim.base.arrays import Floats, Ints
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 SHADES = dict(zip(KINDS, ("#999999", *COLOURS[:3]), strict=True))  # of gaits and grounds
 DARK = "#000000"
+LINES = (DARK, *COLOURS[3:])  # of machines
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +55,15 @@ def _course(axes: "Axes", example: Example) -> None:
     height, kind = example.course.height(x), example.course.kind(x)
     for number, name in enumerate(KINDS):
         axes.fill_between(x, height - 0.02, height, where=kind == number, color=SHADES[name], linewidth=0, label=name)
-    top, step = float(height.max()) + 0.03, 0.03
+    top, step = float(height.max()) + 0.02, 0.037
     for row, name in enumerate(example.names):
         level = top + step * (len(example.names) - row)
-        colours = [SHADES[KINDS[gait]] for gait in example.gaits[row]]
-        axes.scatter(example.places[row], np.full(len(colours), level), c=colours, marker="|", s=30, linewidth=1.0)
-        axes.annotate(name, (0.0, level), xytext=(0, 4), textcoords="offset points", fontsize=6, va="bottom")
+        places, gaits = example.places[row], example.gaits[row]
+        for number, gait in enumerate(KINDS):
+            which = np.flatnonzero(gaits[:-1] == number)
+            low, high = np.sort([places[which], places[which + 1]], axis=0)
+            axes.broken_barh(list(zip(low, high - low, strict=True)), (level - 0.005, 0.01), color=SHADES[gait])
+        axes.annotate(name, (0.0, level), xytext=(0, 5), textcoords="offset points", fontsize=6, va="bottom")
     axes.set(xlabel="along the way [m]", ylabel="height [m]", xlim=(-0.05, end))
     axes.set_ylim(-0.03, top + step * (len(example.names) + 1))
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=len(KINDS), handlelength=1.0, columnspacing=1.0)
@@ -69,7 +73,7 @@ def _time(axes: "Axes", example: Example) -> None:
     """How far each machine of the example is, over time."""
     times = example.look * np.arange(example.places.shape[1])
     for row, name in enumerate(example.names):
-        axes.plot(times, example.places[row], color=[DARK, *COLOURS[3:]][row], label=name)
+        axes.plot(times, example.places[row], color=LINES[row], label=name)
     axes.set(xlabel="time [s]", ylabel="along the way [m]")
     axes.legend(loc="upper left")
 
@@ -90,8 +94,7 @@ def _delays(axes: "Axes", events: Sequence[Record], look: float) -> None:
     for row, name in enumerate(dict.fromkeys(row["machine"] for row in events)):
         own = where(events, machine=name)
         delays = np.sort([look * event["looks"] for event in own if event["looks"] is not None])
-        axes.step(delays, np.arange(1, len(delays) + 1) / len(own), where="post", color=COLOURS[4 + row], label=name)
-    axes.set(xlabel="time since the change [s]", ylabel="noticed", ylim=(0, 1))
+        axes.step(delays, np.arange(1, len(delays) + 1) / len(own), where="post", color=LINES[1 + row], label=name)
+    axes.set(xlabel="time since the change [s]", ylabel="changes noticed [share]", ylim=(0, 1))
     if events:
         axes.legend(loc="lower right")
-        caption(axes, "changes of ground that want another gait")
