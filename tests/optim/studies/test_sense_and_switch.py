@@ -8,7 +8,7 @@ import pytest
 from optim.experiments.tables import read_records
 from optim.studies.beyond.sense_and_switch.machine import Grounds, machine
 from optim.studies.beyond.sense_and_switch.noticing import LAST, noticed
-from optim.studies.beyond.sense_and_switch.pilots import Crew, by_chance, exploring, fixed, samples, told
+from optim.studies.beyond.sense_and_switch.pilots import Crew, by_chance, exploring, fixed, samples, staying, told
 from optim.studies.beyond.sense_and_switch.report import ratio
 from optim.studies.beyond.sense_and_switch.study import FIRST_HELD_OUT, STUDY, SenseAndSwitch
 from robots.lattice_robot.repertoire import Played, Repertoire
@@ -60,6 +60,8 @@ def test_pilots():
     answers = (0, 1, 2, 3)
     guide = told(COURSE, answers)
     assert guide(felt, places).tolist() == COURSE.kinds[:6].tolist()
+    kept = staying(lambda felt, places: places.astype(int), 3)
+    assert [int(kept(felt[:1], np.array([gait]))[0]) for gait in (1, 2, 2, 2, 0, 0)] == [1, 1, 1, 2, 2, 2]
     crew = Crew([(2, fixed(3)), (4, by_chance(4, 4, (1, 2)))])
     first = crew(felt, places)
     assert crew.count == 6 and first[:2].tolist() == [3, 3]
@@ -125,6 +127,6 @@ def test_the_study_goes_on_where_it_was(tmp_path):
     STUDY.run(tmp_path / "a", settings)
     assert before == {name: (tmp_path / "a" / name).read_bytes() for name in names}
     rows = read_records(tmp_path / "a/runs.csv")
-    assert len(rows) == 16 and all(np.isfinite(row["distance"]) for row in rows)
+    assert len(rows) == 18 and all(np.isfinite(row["distance"]) for row in rows)
     summary = json.loads(before["summary.json"])
     assert summary["machines"]["told"]["share"] == 1.0 and summary["machines"]["told"]["false"] == 0

@@ -48,6 +48,21 @@ def told(course: Course, answers: Sequence[int]) -> Pilot:
     return lambda felt, places: np.array(answers)[course.kind(places)]
 
 
+def staying(pilot: Pilot, looks: int) -> Pilot:
+    """One machine that keeps a gait for so many looks at least, whatever its pilot says."""
+    kept, since = np.zeros(1, int), looks
+
+    def told_again(felt: Floats, places: Floats) -> Ints:
+        nonlocal since
+        wanted = pilot(felt, places)
+        since += 1
+        if wanted[0] != kept[0] and since >= looks:
+            kept[:], since = wanted, 0
+        return kept.copy()
+
+    return told_again
+
+
 def sensing(switching: Switching) -> Pilot:
     """One machine that has its senses alone; it begins with the gait for level ground."""
     switcher = Switcher(switching, [switching.answers[0]])

@@ -17,7 +17,7 @@ from taichi_sim.base.files import write_text
 
 LOOK = 1.0 / (FREQUENCY * SEGMENTS)  # s from one look to the next
 RESAMPLES = 10_000
-TOLD, BEST = "told", "best single gait"
+TOLD, TOLD_STAYING, BEST = "told", "told, staying", "best single gait"
 HEADER = (
     "machine",
     "distance [m]",
@@ -86,17 +86,18 @@ def report(
     """Write ``summary.json`` and ``table.md``, which follow from the tables; what each kind of machine did."""
     seconds = _seconds(settings)
     every = with_best(rows, gaits)
-    names = [TOLD, "sensing", "sensing, no hysteresis", BEST, "by chance"]
+    names = [TOLD, TOLD_STAYING, "sensing", "sensing, no hysteresis", BEST, "by chance"]
     names += [name for name in distinct(rows, "machine") if name not in names]
     found = {name: _summary(every, name, seconds) for name in names}
     seen = {name: told for name in names if (told := _noticed(events, name))}
-    lead: dict[str, Any] = {}
-    if table_of(every, BEST).mean() > 0:
-        more, low, high = ratio(table_of(every, "sensing"), table_of(every, BEST))
-        lead = {"sensing_over_best": {"ratio": more, "low": low, "high": high}}
-    summary = {"settings": settings.describe(), "machines": found, "noticed": seen, **lead}
+    over: dict[str, Any] = {}
+    for name in (TOLD_STAYING, BEST):
+        if table_of(every, name).mean() > 0:
+            ends = ratio(table_of(every, "sensing"), table_of(every, name))
+            over[name] = dict(zip(("ratio", "low", "high"), ends, strict=True))
+    summary = {"settings": settings.describe(), "machines": found, "noticed": seen, "sensing_over": over}
     write_json(folder / "summary.json", summary)
-    write_text(folder / "table.md", page(*_page(settings, found, seen, gaits, lead)))
+    write_text(folder / "table.md", page(*_page(settings, found, seen, gaits, over)))
     return found
 
 
@@ -105,7 +106,7 @@ def _page(
     found: Mapping[str, Mapping[str, Any]],
     seen: Mapping[str, Mapping[str, Mapping[str, Any]]],
     gaits: Sequence[Record],
-    lead: Mapping[str, Any],
+    over: Mapping[str, Mapping[str, float]],
 ) -> list[str | list[str]]:
     """Tables of machines, of what they notice, and of gaits."""
     lines = []
@@ -120,12 +121,9 @@ def _page(
         "intervals by resampling repertoires and courses.",
         markdown(HEADER, "lrrrrrr", lines),
     ]
-    if lead:
-        one = lead["sensing_over_best"]
-        parts.append(
-            f"Sensing over the best single gait: {one['ratio']:.2f} times as far, 95 % interval {one['low']:.2f} to "
-            f"{one['high']:.2f}."
-        )
+    for name, one in over.items():
+        ends = f"{one['low']:.2f} to {one['high']:.2f}"
+        parts.append(f"Sensing over {name}: {one['ratio']:.2f} times as far, 95 % interval {ends}.")
     lines = []
     for name, kinds in seen.items():
         for kind, one in kinds.items():

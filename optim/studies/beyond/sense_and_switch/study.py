@@ -30,9 +30,10 @@ from optim.studies.beyond.sense_and_switch.pilots import (
     play_course,
     samples,
     sensing,
+    staying,
     told,
 )
-from optim.studies.beyond.sense_and_switch.report import LOOK, report
+from optim.studies.beyond.sense_and_switch.report import LOOK, TOLD, TOLD_STAYING, report
 from robots.control.switching import Switching, fitted
 from robots.course import KINDS
 from robots.lattice_robot.repertoire import Played
@@ -184,12 +185,13 @@ class Part:
         crew = Crew(
             [
                 (1, told(course, found.answers)),
+                (1, staying(told(course, found.answers), rules["sensing"].stay)),
                 *((1, sensing(rule)) for rule in rules.values()),
                 (1, by_chance(gaits, 1, (self.seed, seed))),
                 *_alone(found),
             ]
         )
-        names = ["told", *rules, "by chance", *(ALONE.format(kind) for kind in KINDS)]
+        names = [TOLD, TOLD_STAYING, *rules, "by chance", *(ALONE.format(kind) for kind in KINDS)]
         played = self._course("judged", found, seed, crew)
         went, rows, events = distances(played), list[Record](), list[Noticed]()
         for row, name in enumerate(names):
@@ -254,14 +256,14 @@ def study(folder: Path, settings: SenseAndSwitch, progress: Progress = None, job
 def _example(folder: Path, settings: SenseAndSwitch, rows: Sequence[Record]) -> Example:
     """Of the first repertoire the held-out course on which the sensing machine keeps its median share."""
     own = where(rows, seed=0)
-    whole, part = (column(where(own, machine=name), "distance") for name in ("told", "sensing"))
+    whole, part = (column(where(own, machine=name), "distance") for name in (TOLD, "sensing"))
     shares = part / np.where(whole > 0, whole, np.inf)
     number = int(np.argsort(shares, kind="stable")[len(shares) // 2])
     part_of_seed = Part(folder, settings, 0)
     (arrays,) = part_of_seed.kept.load(f"judged{FIRST_HELD_OUT + number}")
     names = distinct(own, "machine")
     best = int(np.argmax([column(where(own, machine=ALONE.format(kind)), "distance").mean() for kind in KINDS]))
-    shown = ["told", "sensing", "sensing, no hysteresis", "by chance", ALONE.format(KINDS[best])]
+    shown = [TOLD, "sensing", "sensing, no hysteresis", "by chance", ALONE.format(KINDS[best])]
     chosen = [names.index(name) for name in shown]
     gaits, places = arrays["gaits"][chosen], arrays["places"][chosen]
     return Example(settings.grounds.course(FIRST_HELD_OUT + number), shown, gaits, places, LOOK)
@@ -279,5 +281,5 @@ STUDY = Study(
     },
     run=study,
     writes=("table.md", TABLE, EVENTS, GAITS, "summary.json", "course.png"),
-    cost="about three hours of a core; medium takes a quarter of an hour",
+    cost="about three hours of a core; medium takes 20 minutes",
 )
