@@ -1,4 +1,4 @@
-"""Uneven ground by name: hills, stairs, blocks, ramps, gaps, waves, patches of friction, files; sand and water on it.
+"""Uneven ground by name: hills, stairs, blocks, ramps, gaps, waves, friction, courses, files; sand and water on it.
 
 A ground is a function of the place, the same everywhere and for every robot; robots stand on what they need of it (a
 ``Relief``). Its x axis is the direction of travel.
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import content_of
 
@@ -35,25 +36,20 @@ class Named:
     Attributes:
         told: what it is, for help.
         numbers: names of its numbers, with the value of those that may be left out, else None.
-        make: height [m] at places (x, y) [m], or factor of friction there, from these numbers.
-        friction: whether it is friction that differs, not height.
+        make: height [m] at places (x, y) [m], from these numbers.
+        friction: factor of friction there, from these numbers; None is 1 everywhere.
     """
 
     told: str
     numbers: tuple[tuple[str, float | None], ...]
     make: Callable[..., Floats]
-    friction: bool = False
+    friction: Callable[..., Floats] | None = None
 
 
 def _drawn(i: Floats, j: Floats, seed: float) -> Floats:
-    """A number from 0 to 1 for every cell (i, j), always the same: a hash of 32 bits (after Wellons, lowbias32)."""
-    mask = np.uint64(0xFFFFFFFF)
+    """A number from 0 to 1 for every cell (i, j), always the same."""
     cells = i.astype(np.int64).astype(np.uint64) * np.uint64(73856093)
-    cells ^= j.astype(np.int64).astype(np.uint64) * np.uint64(19349663)
-    h = (cells ^ np.uint64(int(seed) * 83492791)) & mask
-    for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
-        h = ((h ^ (h >> np.uint64(shift))) * np.uint64(factor)) & mask
-    return np.asarray((h ^ (h >> np.uint64(16))) / 2.0**32, float)
+    return hashed(cells ^ j.astype(np.int64).astype(np.uint64) * np.uint64(19349663), seed)
 
 
 def _rough(x: Floats, y: Floats, height: float, size: float, seed: float) -> Floats:
@@ -89,8 +85,16 @@ def _patches(x: Floats, y: Floats, low: float, high: float, size: float, seed: f
     return low + (high - low) * _drawn(np.floor(x / size), np.floor(y / size), seed)
 
 
-def _level(x: Floats, y: Floats) -> Floats:
+def _level(x: Floats, y: Floats, *_: float) -> Floats:
     return np.zeros(x.shape)
+
+
+def _course_height(x: Floats, y: Floats, *numbers: float) -> Floats:
+    return Course(*numbers).height(x)
+
+
+def _course_friction(x: Floats, y: Floats, *numbers: float) -> Floats:
+    return Course(*numbers).friction(x)
 
 
 LEVEL = Named("level ground", (), _level)
@@ -105,8 +109,14 @@ GROUNDS = {
     "patches": Named(
         "level squares whose friction counts by a random factor",
         (("LOW", None), ("HIGH", None), ("SIZE", 0.05), SEED),
+        _level,
         _patches,
-        friction=True,
+    ),
+    "course": Named(
+        "level stretches, and slopes, ridges and slippery ones in random order between them",
+        (("SEED", None), ("LENGTH", 0.2), ("DEGREES", 8.0), ("RIDGE", 0.004), ("FACTOR", 0.05)),
+        _course_height,
+        _course_friction,
     ),
 }
 # What may be on any ground, level ground without a name, too.
@@ -293,28 +303,28 @@ def _relief(text: str, heading: float, edge: float, changed: int | None) -> "Rel
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     counts = np.ceil((high - low) / spacing).astype(int) + 1
     x, y = np.meshgrid(*(first + spacing * np.arange(n) for first, n in zip(low, counts, strict=True)), indexing="ij")
-    values, friction = _values(text, x * cosine + y * sine, y * cosine - x * sine)
-    heights = np.zeros(values.shape) if friction else values
+    heights, friction = _values(text, x * cosine + y * sine, y * cosine - x * sine)
     try:
         origin, ground = (float(low[0]), float(low[1])), Ground(text)
-        return Relief(heights, spacing, origin, values if friction else None, ground.water, ground.yield_per_depth)
+        return Relief(heights, spacing, origin, friction, ground.water, ground.yield_per_depth)
     except ValueError as refused:
         raise ValueError(f"terrain: {text!r} on a grid of {spacing:g} m: {refused}") from None
 
 
-def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, bool]:
-    """Heights [m], or factors of friction, at places, and whether it is friction."""
+def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, Floats | None]:
+    """Heights [m] and factors of friction at places; None where that is 1 everywhere."""
     from taichi_sim.lattice import Relief
 
     named, numbers = Ground(text)._checked()
     if named is not None:
-        return named.make(along, across, *numbers), named.friction
+        friction = named.friction and named.friction(along, across, *numbers)
+        return named.make(along, across, *numbers), friction
     table = _table(Ground(text).solid.rpartition(":")[0])
     *height, spacing = numbers
     if height:
         table = table * height[0]
     given = Relief(table, spacing, tuple(-spacing * (count - 1) / 2 for count in table.shape))
-    return given.height(along, across), False
+    return given.height(along, across), None
 
 
 def _table(file: str) -> Floats:

@@ -74,6 +74,11 @@ class Episodes:
         self._found: LatticeResult | None = None
         self.positions = self._rollout.start
 
+    @property
+    def next_node(self) -> int:
+        """The node of the cycle to which the next action goes."""
+        return (self._piece + 2) % SEGMENTS
+
     def begin(self) -> Floats:
         """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel."""
         cycle, self._piece = self.robot.cycle, 0

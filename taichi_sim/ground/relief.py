@@ -203,6 +203,14 @@ class GroundTables:
     water: bool = False
     granular: bool = False
 
+    def numbers(self, dtype: type) -> np.ndarray:
+        """The flat numbers in a precision, converted once: control in the loop begins hundreds of runs on a ground."""
+        return self._single if dtype is np.float32 else self.relief.astype(dtype, copy=False)
+
+    @cached_property
+    def _single(self) -> np.ndarray:
+        return self.relief.astype(np.float32)
+
 
 def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
     """The tables of each robot's ground; robots with the same object share one.

@@ -93,7 +93,7 @@ class Tables:
         step, edge, gravity = constants
         tables["start"] = put(self.start.astype(dtype))
         if self.ground is not None:
-            tables["relief"] = put(self.ground.relief.astype(dtype))
+            tables["relief"] = put(self.ground.numbers(dtype))
         return columns.Shared(put(plan), **tables, time_step=step, edge=edge, gravity=gravity)
 
     def layout(self, forces: tuple[int, int]) -> memory.Memory:

@@ -1,0 +1,1 @@
+"""A machine that notices by its senses that the ground has changed, and changes its gait."""

@@ -1,0 +1,162 @@
+"""What the study writes: how far machines go beside one that is told the ground, and how soon they notice changes."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from optim.experiments.results import write_json
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.measures.statistics import wilson
+from robots.control.cyclic import SEGMENTS
+from robots.course import KINDS
+from robots.lattice_robot.offered import FREQUENCY
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import write_text
+
+LOOK = 1.0 / (FREQUENCY * SEGMENTS)  # s from one look to the next
+RESAMPLES = 10_000
+TOLD, TOLD_STAYING, BEST = "told", "told, staying", "best single gait"
+HEADER = (
+    "machine",
+    "distance [m]",
+    "of the told one's",
+    "95 % interval",
+    "right gait",
+    "switches [1/min]",
+    "false [1/min]",
+)
+
+
+def ratio(part: Floats, whole: Floats) -> tuple[float, float, float]:
+    """Mean of what some machines went over that of others, with its 95 % bootstrap interval.
+
+    Both have shape (seeds, courses), in which both seeds and courses are drawn anew for every resample (percentiles).
+    """
+    rng = np.random.default_rng(0)
+    counts = [rng.multinomial(n, np.full(n, 1 / n), RESAMPLES).astype(float) for n in whole.shape]
+    sums = [np.einsum("rs,sc,rc->r", counts[0], each, counts[1]) for each in (part, whole)]
+    low, high = np.percentile(sums[0] / np.where(sums[1] > 0, sums[1], np.nan), [2.5, 97.5])
+    return float(part.mean() / whole.mean()), float(low), float(high)
+
+
+def table_of(rows: Sequence[Record], name: str) -> Floats:
+    """Distances of a machine [m], shape (seeds, courses)."""
+    own = where(rows, machine=name)
+    return column(own, "distance").reshape(len(distinct(own, "seed")), -1)
+
+
+def with_best(rows: Sequence[Record], gaits: Sequence[Record]) -> list[Record]:
+    """The rows, and those of each seed's best single gait on training courses once more, by the name of that."""
+    best = {row["seed"]: f"always {row['gait']}" for row in gaits if row["best_alone"]}
+    again = [{**row, "machine": BEST} for row in rows if row["machine"] == best[row["seed"]]]
+    return [*rows, *again]
+
+
+def _summary(rows: Sequence[Record], name: str, seconds: float) -> dict[str, Any]:
+    """What one kind of machine did on all courses."""
+    own, whole = where(rows, machine=name), table_of(rows, TOLD)
+    minutes = len(own) * seconds / 60
+    share, low, high = ratio(table_of(rows, name), whole) if whole.mean() > 0 else (None, None, None)
+    told: dict[str, Any] = {"distance": float(column(own, "distance").mean()), "share": share, "low": low, "high": high}
+    for count in ("switches", "false"):
+        told[count] = float(column(own, count).sum() / minutes)
+    return {**told, "right": float(column(own, "right").mean()), "n": len(own)}
+
+
+def _noticed(events: Sequence[Record], name: str) -> dict[str, dict[str, Any]]:
+    """How soon a machine notices changes to each kind of ground."""
+    found = {}
+    for kind in ("any", *KINDS):
+        own = [row for row in where(events, machine=name) if kind in ("any", row["to"])]
+        if not own:
+            continue
+        looks = [row["looks"] for row in own if row["looks"] is not None]
+        low, high = wilson(len(looks), len(own))
+        ends = np.percentile(looks, [25, 50, 75]) * LOOK if looks else [None] * 3
+        delays = dict(zip(("quarter", "median", "three_quarters"), (d and float(d) for d in ends), strict=True))
+        found[kind] = {"changes": len(own), "noticed": len(looks) / len(own), "low": low, "high": high, **delays}
+    return found
+
+
+def report(
+    folder: Path, settings: Any, rows: Sequence[Record], events: Sequence[Record], gaits: Sequence[Record]
+) -> dict[str, Any]:
+    """Write ``summary.json`` and ``table.md``, which follow from the tables; what each kind of machine did."""
+    seconds = _seconds(settings)
+    every = with_best(rows, gaits)
+    names = [TOLD, TOLD_STAYING, "sensing", "sensing, no hysteresis", BEST, "by chance"]
+    names += [name for name in distinct(rows, "machine") if name not in names]
+    found = {name: _summary(every, name, seconds) for name in names}
+    seen = {name: told for name in names if (told := _noticed(events, name))}
+    over: dict[str, Any] = {}
+    for name in (TOLD_STAYING, BEST):
+        if table_of(every, name).mean() > 0:
+            ends = ratio(table_of(every, "sensing"), table_of(every, name))
+            over[name] = dict(zip(("ratio", "low", "high"), ends, strict=True))
+    summary = {"settings": settings.describe(), "machines": found, "noticed": seen, "sensing_over": over}
+    write_json(folder / "summary.json", summary)
+    write_text(folder / "table.md", page(*_page(settings, found, seen, gaits, over)))
+    return found
+
+
+def _page(
+    settings: Any,
+    found: Mapping[str, Mapping[str, Any]],
+    seen: Mapping[str, Mapping[str, Mapping[str, Any]]],
+    gaits: Sequence[Record],
+    over: Mapping[str, Mapping[str, float]],
+) -> list[str | list[str]]:
+    """Tables of machines, of what they notice, and of gaits."""
+    lines = []
+    for name, one in found.items():
+        interval = f"{cell(one['low'], '.0%')} to {cell(one['high'], '.0%')}"
+        rates = [f"{one[count]:.1f}" for count in ("switches", "false")]
+        lines.append(
+            [name, f"{one['distance']:.3f}", cell(one["share"], ".0%"), interval, f"{one['right']:.0%}", *rates]
+        )
+    parts: list[str | list[str]] = [
+        f"{settings.seeds} repertoires on {settings.held_out} held-out courses, {_seconds(settings):g} s each; "
+        "intervals by resampling repertoires and courses.",
+        markdown(HEADER, "lrrrrrr", lines),
+    ]
+    for name, one in over.items():
+        ends = f"{one['low']:.2f} to {one['high']:.2f}"
+        parts.append(f"Sensing over {name}: {one['ratio']:.2f} times as far, 95 % interval {ends}.")
+    lines = []
+    for name, kinds in seen.items():
+        for kind, one in kinds.items():
+            interval = f"{one['low']:.0%} to {one['high']:.0%}"
+            delays = [cell(one[key], ".2f") for key in ("median", "quarter", "three_quarters")]
+            lines.append([name, kind, one["changes"], f"{one['noticed']:.0%}", interval, *delays])
+    if lines:
+        header = (
+            "machine",
+            "new ground",
+            "changes",
+            "noticed",
+            "95 % interval",
+            "median [s]",
+            "first quarter",
+            "third",
+        )
+        parts.append(markdown(header, "llrrrrrr", lines))
+    columns = [f"on_{kind}" for kind in KINDS]
+    lines = []
+    for kind in KINDS:
+        own = where(gaits, gait=kind)
+        speeds = [float(np.mean(finite)) if len(finite := _finite(own, name)) else None for name in columns]
+        lines.append([kind, *(cell(speed, ".2f") for speed in speeds)])
+    parts.append(markdown(("gait searched on", *(f"on {kind}" for kind in KINDS)), "lrrrr", lines))
+    return parts
+
+
+def _seconds(settings: Any) -> float:
+    """How long machines are on a course."""
+    return float((settings.cycles + 1) / FREQUENCY)
+
+
+def _finite(rows: Sequence[Record], name: str) -> Floats:
+    values = column(rows, name)
+    return values[np.isfinite(values)]
