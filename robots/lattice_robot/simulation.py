@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
 BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
+MEMORY = 1e9  # of a differentiation's record [B]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,7 @@ def differentiate(
     points: ArrayLike | None = None,
     terrain: Terrain | None = None,
     *,
-    memory: float = 1e9,
+    memory: float = MEMORY,
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> LatticeRobotResult:
@@ -133,7 +134,7 @@ def try_points(
     robot: "LatticeRobot",
     points: ArrayLike,
     trial: Trial,
-    memory: float = 1e9,
+    memory: float = MEMORY,
     terrains: Sequence[Terrain] | None = None,
 ) -> LatticeRobotResult:
     """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`.
@@ -168,7 +169,8 @@ def try_worlds(robot: "LatticeRobot", points: Floats, worlds: Sequence[World], t
         tick = part_of(trial.progress, done, len(worlds), len(group))
         there = replace(trial, world=terrains[group[0]], progress=tick)
         rows = [terrains[number] for number in group for _ in range(count)]
-        batch = try_points(robot, np.tile(points, (len(group), 1)), there, terrains=rows)
+        memory = MEMORY * (1 if trial.compute.device == "cpu" else len(group))  # a CPU takes a few robots at a time
+        batch = try_points(robot, np.tile(points, (len(group), 1)), there, memory, rows)
         for place, number in enumerate(group):
             found[number] = outcome_of(batch.rows(slice(place * count, (place + 1) * count)))
         done += len(group)
@@ -195,7 +197,7 @@ def _moved(
     points: Floats,
     trial: Trial,
     scenes: Scenes,
-    memory: float = 1e9,
+    memory: float = MEMORY,
     later: ArrayLike = 0.0,
 ) -> LatticeRobotResult:
     """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
