@@ -127,7 +127,7 @@ class Relief:
     def cells_under(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """First corner (2) and table (10) of the cells under places (x, y) [m], shape (12, ...)."""
         found = []
-        for place, start, nodes in zip((x, y), self.origin, self.heights.shape, strict=True):
+        for place, start, nodes in zip(np.broadcast_arrays(x, y), self.origin, self.heights.shape, strict=True):
             found.append((np.clip(np.floor((place - start) / self.spacing), 0, nodes - 2).astype(int), start))
         (i, _), (j, _) = found
         corners = (start + cell * self.spacing for cell, start in found)
