@@ -51,9 +51,9 @@ def counted(count: int, one: str) -> str:
     return f"{count} {one}" if count == 1 else f"{count} {one}s"
 
 
-def part_of(progress: Progress | None, done: int, count: int) -> Progress | None:
-    """Progress of the part after ``done`` of ``count`` equal parts, told as that of all; None if nobody is told."""
-    return (lambda fraction: progress((done + fraction) / count)) if progress else None
+def part_of(progress: Progress | None, done: int, count: int, size: int = 1) -> Progress | None:
+    """Progress of the next ``size`` parts after ``done`` of ``count`` equal ones, told as that of all, or None."""
+    return (lambda fraction: progress((done + size * fraction) / count)) if progress else None
 
 
 @dataclasses.dataclass(frozen=True)

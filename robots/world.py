@@ -378,9 +378,9 @@ def medium_of(terrains: Sequence[Terrain], headings: Sequence[float], edge: floa
     if not any(terrain.ground for terrain in terrains):
         return {"floor": not first.is_fluid, "fluid": first.is_fluid}
     level = level_ground(edge)
-    pairs = zip(terrains, headings, strict=True)
-    floor = [Ground(one.ground).relief(heading, edge) if one.ground else level for one, heading in pairs]
-    return {"floor": floor, "fluid": False}
+    pairs = [(terrain.ground, heading) for terrain, heading in zip(terrains, headings, strict=True)]
+    found = {pair: Ground(pair[0]).relief(pair[1], edge) if pair[0] else level for pair in {*pairs}}
+    return {"floor": [found[pair] for pair in pairs], "fluid": False}
 
 
 def standing(centres: Any, medium: Medium, edge: float) -> Any:

@@ -4,7 +4,7 @@ A sine through 16 pieces is off by at most 1 - cos(pi / 16) = 1.9 % of its ampli
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,12 +66,16 @@ class Cycle:
         return self.cycles / self.frequency
 
 
-def surroundings(terrain: Terrain, heading: float) -> dict[int, float]:
-    """What a terrain does to all regions of a robot that heads somewhere [degrees]: weight, a fluid's resistance."""
-    pull = weights(terrain, np.array(heading))[1]
-    found = {Quantity.ACCELERATION + axis: float(part) for axis, part in enumerate(pull)}
-    if terrain.is_wet:
-        found |= {Quantity.RESISTANCE + part: value for part, value in enumerate(terrain.resistance)}
+def surroundings(terrains: Sequence[Terrain], heading: float) -> dict[int, Floats]:
+    """What terrains, one each, do to all regions of B robots that head somewhere [degrees], shape (B,) each.
+
+    That is their weight and, if all are wet, a fluid's resistance.
+    """
+    pulls = np.array([weights(terrain, np.array(heading))[1] for terrain in terrains])
+    found = {Quantity.ACCELERATION + axis: part for axis, part in enumerate(pulls.T)}
+    if terrains[0].is_wet:
+        resistances = np.array([terrain.resistance for terrain in terrains])
+        found |= {Quantity.RESISTANCE + part: values for part, values in enumerate(resistances.T)}
     return found
 
 
@@ -81,7 +85,7 @@ def build_cyclic_program(
     rest: ArrayLike,
     swing: Floats,
     cycle: Cycle,
-    around: Mapping[int, float],
+    around: Mapping[int, Floats],
     region_count: int,
     record_every: int | None = None,
 ) -> LatticeProgram:
@@ -96,7 +100,7 @@ def build_cyclic_program(
         rest: their values before anything moves, broadcast to shape (B, C).
         swing: what the cycle adds to them at its nodes, shape (B, C, 16).
         cycle: when what happens.
-        around: values of quantities that all regions feel all the time, see :func:`surroundings`.
+        around: values of quantities that all regions feel all the time, shape (B,), see :func:`surroundings`.
         region_count: of the body.
         record_every: steps between frames, from the start of the first cycle on; None for no frames.
     """
@@ -105,7 +109,7 @@ def build_cyclic_program(
     pull = np.empty((robots, region_count, len(around)), EVENT)
     pull["robot"], pull["region"] = np.arange(robots)[:, None, None], np.arange(region_count)[:, None]
     pull["quantity"], pull["step"] = list(around), 0
-    pull["value"], pull["rate"] = list(around.values()), 0.0
+    pull["value"], pull["rate"] = np.stack(list(around.values()), axis=-1)[:, None], 0.0
     values, rates = cycle_events(cycle, rest, swing)
     driven = np.empty(values.shape, EVENT)
     driven["robot"], driven["region"], driven["quantity"] = np.arange(robots)[:, None], regions, quantities

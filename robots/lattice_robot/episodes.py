@@ -68,8 +68,7 @@ class Episodes:
         self._channels, self._rest = channels, np.broadcast_to(np.asarray(channels.rest, float), self._swing.shape[:2])
         body = robot.placed.robot if robot.placed is not None else robot.body
         self.own = body.voxel_count
-        floor = self._rollout.ground
-        self._anatomy = Anatomy.of(body, robot.felt_regions, robot.length, floor)
+        self._anatomy = Anatomy.of(body, robot.felt_regions, robot.length, self._rollout.reliefs)
         self._fresh = self._rollout.engine.save()
         self._found: LatticeResult | None = None
         self.positions = self._rollout.start

@@ -65,8 +65,9 @@ class Record:
 
     @classmethod
     def of(cls, run: LatticeResult) -> "Record":
-        """The part of a run that counts."""
-        return cls(*(each[:, :FRAMES_FROM] for each in (run.positions, run.strains, run.sizes)))
+        """The part of a run that counts, in memory as in a batch of one, for sums of the same bits."""
+        parts = (run.positions, run.strains, run.sizes)
+        return cls(*(np.ascontiguousarray(each[:, :FRAMES_FROM]) for each in parts))
 
     def own(self, placed: Placed) -> "Record":
         """That of the robot without props."""

@@ -22,6 +22,7 @@ from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.ground.relief import planes_below
 from taichi_sim.lattice import Decision, Felt, LatticeBody, LatticeProgram, Relief
 
 SENSES = {
@@ -130,7 +131,7 @@ class Anatomy:
         links: which links are within each, likewise, shape (R, L).
         edge: of a voxel [m].
         length: in which speeds are told [m].
-        ground: uneven ground below, or None.
+        reliefs: uneven ground below each of B robots, or None.
         origin: mean of the voxel centres before noise, shape (3,).
         lights: see ``Feeling``.
         placed: the robot among props, which it does not feel but by touching them; None without.
@@ -140,7 +141,7 @@ class Anatomy:
     links: Floats
     edge: float
     length: float
-    ground: Relief | None
+    reliefs: Sequence[Relief] | None
     origin: Floats
     lights: Floats | None = None
     placed: Placed | None = None
@@ -151,7 +152,7 @@ class Anatomy:
         body: LatticeBody,
         regions: Sequence[int],
         length: float,
-        ground: Relief | None,
+        reliefs: Sequence[Relief] | None,
         lights: Floats | None = None,
     ) -> "Anatomy":
         """The anatomy of a body that is driven in some regions."""
@@ -163,7 +164,7 @@ class Anatomy:
             within / np.maximum(within.sum(axis=1, keepdims=True), 1.0),
             body.voxel_size,
             length,
-            ground,
+            reliefs,
             body.start_positions.mean(axis=0),
             lights,
         )
@@ -171,9 +172,9 @@ class Anatomy:
     def clearance(self, positions: Any) -> Any:
         """Height of voxel centres above where they would touch the ground [edges], shape (B, V)."""
         x, y, z = positions[:, :, 0], positions[:, :, 1], positions[:, :, 2]
-        if self.ground is None:
+        if self.reliefs is None:
             return z / self.edge
-        height, nz = self.ground.plane_below(x, y)
+        height, nz = planes_below(self.reliefs, x, y)
         return (z - height) * nz / self.edge - 0.5 * (1.0 - nz)
 
     def nearness(self, positions: Any) -> Any:

@@ -22,7 +22,7 @@ from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, turned
-from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points
+from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_worlds
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
@@ -413,16 +413,10 @@ class LatticeRobot(OutOfTheLab):
         return outcome_of(try_points(self, points, trial))
 
     def run_in(self, points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
-        """Let the robot move at N points in several worlds, in one batch where only the light differs."""
-        terrains = [terrain_of(world) for world in worlds]
-        alike = {dataclasses.replace(terrain, light=None) for terrain in terrains}
-        places = [self.light_in(terrain) for terrain in terrains]
-        if len(terrains) < 2 or len(alike) > 1 or None in places or self.target is not None or trial.record_every:
+        """Let the robot move at N points in several worlds, in one batch where ground, slope and light alone differ."""
+        if trial.record_every:
             return super().run_in(points, worlds, trial)
-        count, lights = len(points), np.repeat(np.array(places, float), len(points), axis=0)
-        tried = dataclasses.replace(trial, world=worlds[0])
-        found = try_points(self, np.tile(points, (len(worlds), 1)), tried, lights=lights)
-        return [outcome_of(found.rows(slice(n * count, (n + 1) * count))) for n in range(len(worlds))]
+        return try_worlds(self, points, worlds, trial)
 
     @property
     def feels(self) -> bool:  # type: ignore[override]

@@ -13,11 +13,11 @@ from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.props import Placed
 from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
 from robots.robot import Progress
-from robots.world import Terrain, medium_of, standing
+from robots.world import Terrain, medium_of, one_each, standing
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult, Relief
 from taichi_sim.lattice.faces import half_extents
 from taichi_sim.lattice.gradient import Tape
 from taichi_sim.lattice.material_gradient import add_to_columns
@@ -102,7 +102,7 @@ class Slopes:
 
 
 class Rollout:
-    """Bodies with the same voxels on a terrain, ready to move.
+    """Bodies with the same voxels, each on its terrain, ready to move.
 
     Attributes:
         bodies: one for each robot.
@@ -110,7 +110,7 @@ class Rollout:
         engine: that moves them, where they start.
         program: that it is given.
         start: voxel centres at the start [m], shape (B, V, 3).
-        ground: uneven ground below them, or None.
+        reliefs: uneven ground below each, or None.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Rollout:
         channels: Channels,
         swing: Floats,
         cycle: Cycle,
-        terrain: Terrain,
+        terrain: Terrain | Sequence[Terrain],
         aim: Aim,
         compute: Compute,
         record_every: int | None = None,
@@ -133,7 +133,7 @@ class Rollout:
             channels: that the cycle drives.
             swing: what the cycle adds to them at its nodes, shape (B, C, 16).
             cycle: when what happens.
-            terrain: where.
+            terrain: where all are, or each; with the same around all of them.
             aim: what the motion is measured by.
             compute: device, precision and threads.
             record_every: steps between frames; None for none.
@@ -143,7 +143,8 @@ class Rollout:
         self.bodies, self.cycle, self._aim, self._channels = tuple(bodies), cycle, aim, channels
         self._swing, self._record_every = swing, record_every
         first = self.bodies[0]
-        around = surroundings(terrain, aim.heading)
+        terrains = one_each(terrain, len(self.bodies))
+        around = surroundings(terrains, aim.heading)
         self.program = build_cyclic_program(
             channels.regions,
             channels.quantities,
@@ -156,7 +157,7 @@ class Rollout:
         )
         same = all(body is first for body in self.bodies)
         self._snapshots = self.program.snapshots.shape[1]
-        medium = medium_of([terrain] * len(self.bodies), [aim.heading] * len(self.bodies), first.voxel_size)
+        medium = medium_of(terrains, [aim.heading] * len(self.bodies), first.voxel_size)
         self.engine = LatticeEngine(
             first if same else self.bodies,
             len(self.bodies),
@@ -165,14 +166,15 @@ class Rollout:
             compute=compute,
         )
         at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
-        reliefs = None if isinstance(medium["floor"], bool) else medium["floor"]
-        self.ground = reliefs[0] if reliefs else None
-        if aim.placed is not None and reliefs is not None:
-            at = np.array([aim.placed.standing(each, relief) for each, relief in zip(at, reliefs, strict=True)])
+        floor = medium["floor"]
+        self.reliefs: Sequence[Relief] | None = None if isinstance(floor, bool) else floor
+        if aim.placed is not None and self.reliefs is not None:
+            pairs = zip(at, self.reliefs, strict=True)
+            at = np.array([aim.placed.standing(each, relief) for each, relief in pairs])
         else:
             at = standing(at, medium, first.voxel_size)
         self.start = at
-        if starts is not None or terrain.ground:
+        if starts is not None or self.reliefs is not None:
             self.engine.set_positions(at)
         if aim.placed is not None:
             events = np.concatenate([aim.placed.holding(at), self.program.events])
@@ -180,7 +182,7 @@ class Rollout:
         self._loop: ReflexLoop | None = None
         if (feeling := channels.feeling) is not None:
             robot = first if aim.placed is None else aim.placed.robot
-            anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.ground, feeling.lights)
+            anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.reliefs, feeling.lights)
             anatomy = replace(anatomy, placed=aim.placed)
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
             self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at[:, : robot.voxel_count])

@@ -11,8 +11,9 @@ from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
 from robots.lattice_robot.reflexes import Feeling
 from robots.lattice_robot.rollout import Channels, Moved, Rollout
+from robots.lattice_robot.scenes import Scenes, sharing
 from robots.outcome import recorded
-from robots.robot import Outcome, Progress, Trial, part_of
+from robots.robot import Outcome, Progress, Trial, World, part_of
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats, Ints
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
 BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
+MEMORY = 1e9  # of a differentiation's record [B]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +108,7 @@ def differentiate(
     points: ArrayLike | None = None,
     terrain: Terrain | None = None,
     *,
-    memory: float = 1e9,
+    memory: float = MEMORY,
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> LatticeRobotResult:
@@ -129,16 +131,21 @@ def differentiate(
 
 
 def try_points(
-    robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: float = 1e9, lights: Floats | None = None
+    robot: "LatticeRobot",
+    points: ArrayLike,
+    trial: Trial,
+    memory: float = MEMORY,
+    terrains: Sequence[Terrain] | None = None,
 ) -> LatticeRobotResult:
     """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`.
 
-    Each of the points may have a light of its own, from where its centre starts [m], shape (N, 2).
+    Each of the points may have a terrain of its own, of those that can share a batch with the trial's (``sharing``).
     """
     compute = trial.compute
     if trial.record_every is not None:
         trial = replace(trial, record_every=whole_number("record_every", trial.record_every, 1))
-    robot, points = robot.on(terrain_of(trial.world)), robot.points(points)
+    where, points = terrain_of(trial.world), robot.points(points)
+    scenes, robot = Scenes.of(robot, terrains or [where] * len(points)), robot.on(where)
     reason = np.array([robot.fault(point) for point in points])
     size = len(points)
     if trial.gradients and compute.device == "cpu":
@@ -148,23 +155,39 @@ def try_points(
     for done, group in enumerate(groups):
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
         if len(rows):
-            own = None if lights is None else lights[rows]
-            parts.append((rows, _try_group(robot, points[rows], replace(trial, progress=tick), memory, own)))
+            told = replace(trial, progress=tick)
+            parts.append((rows, _try_group(robot, points[rows], told, memory, scenes.rows(rows))))
     measures, slopes = robot.measures_in((trial.world,)), {name: points.shape[1] for name in trial.gradients}
     return assembled(parts, reason, robot.cycle.time_step, [m.name for m in measures], slopes)
 
 
+def try_worlds(robot: "LatticeRobot", points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
+    """What a robot does at N points, shape (N, P), in each of several worlds; those that can share a batch do."""
+    terrains, count = [terrain_of(world) for world in worlds], len(points)
+    found, done = dict[int, Outcome](), 0
+    for group in sharing(robot, terrains):
+        tick = part_of(trial.progress, done, len(worlds), len(group))
+        there = replace(trial, world=terrains[group[0]], progress=tick)
+        rows = [terrains[number] for number in group for _ in range(count)]
+        memory = MEMORY * (1 if trial.compute.device == "cpu" else len(group))  # a CPU takes a few robots at a time
+        batch = try_points(robot, np.tile(points, (len(group), 1)), there, memory, rows)
+        for place, number in enumerate(group):
+            found[number] = outcome_of(batch.rows(slice(place * count, (place + 1) * count)))
+        done += len(group)
+    return [found[number] for number in range(len(worlds))]
+
+
 def _try_group(
-    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float, lights: Floats | None
+    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float, scenes: Scenes
 ) -> LatticeRobotResult:
     """What a robot does at points that all are robots; gradients at points that settle to a tie come from beside it."""
     tied = robot.settles_at_rest(points)
     if not trial.gradients or not tied.any():
-        return _moved(robot, points, trial, memory, lights=lights)
+        return _moved(robot, points, trial, scenes, memory)
     told = trial.progress or (lambda _: None)
     beside = replace(trial, progress=lambda fraction: told(0.9 * fraction))
-    found = _moved(robot, points, beside, memory, BESIDE * tied, lights)
-    plain = _moved(robot, points, replace(trial, gradients=(), progress=None), lights=lights)
+    found = _moved(robot, points, beside, scenes, memory, BESIDE * tied)
+    plain = _moved(robot, points, replace(trial, gradients=(), progress=None), scenes)
     failed = (plain.status != "ok")[:, None]
     return replace(plain, gradients={name: np.where(failed, np.nan, g) for name, g in found.gradients.items()})
 
@@ -173,9 +196,9 @@ def _moved(
     robot: "LatticeRobot",
     points: Floats,
     trial: Trial,
-    memory: float = 1e9,
+    scenes: Scenes,
+    memory: float = MEMORY,
     later: ArrayLike = 0.0,
-    lights: Floats | None = None,
 ) -> LatticeRobotResult:
     """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
 
@@ -183,7 +206,7 @@ def _moved(
         return swing_of(robot, points, later)
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    rollout = _rollout(robot, points, swung, trial, lights)
+    rollout = _rollout(robot, points, swung, trial, scenes)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, memory, trial.progress)
@@ -198,21 +221,20 @@ def _moved(
     return result_of(rollout, moved, gradients)
 
 
-def _rollout(
-    robot: "LatticeRobot", points: Floats, swung: Floats, trial: Trial, lights: Floats | None = None
-) -> Rollout:
+def _rollout(robot: "LatticeRobot", points: Floats, swung: Floats, trial: Trial, scenes: Scenes) -> Rollout:
     """A robot at N points, with what waves add to its channels, shape (N, C, 16), ready to move."""
     channels = channels_of(robot)
-    channels = replace(channels, feeling=_feeling(robot, points, channels, lights))
-    aim = robot.aim if lights is None else replace(robot.aim, target=lights)
-    where, every, starts = terrain_of(trial.world), trial.record_every, robot.starts(len(points))
+    channels = replace(channels, feeling=_feeling(robot, points, channels, scenes.lights))
+    aim = replace(robot.aim, target=scenes.lights) if scenes.aimed else robot.aim
+    where, every, starts = scenes.terrains, trial.record_every, robot.starts(len(points))
     return Rollout(robot.bodies(points), channels, swung, robot.cycle, where, aim, trial.compute, every, starts)
 
 
 def felt_over_time(robot: "LatticeRobot", points: ArrayLike, terrain: Terrain, compute: Compute) -> Floats:
     """What a robot with reflexes feels at N points, sixteen times a cycle, shape (N, S, T)."""
-    robot, points = robot.on(terrain), robot.points(points)
-    rollout = _rollout(robot, points, swing_of(robot, points), Trial(terrain, compute))
+    points = robot.points(points)
+    scenes, robot = Scenes.of(robot, [terrain] * len(points)), robot.on(terrain)
+    rollout = _rollout(robot, points, swing_of(robot, points), Trial(terrain, compute), scenes)
     rollout.run()
     return rollout.felt
 

@@ -14,6 +14,7 @@ from taichi_sim.autodiff.tracing import law, select, sqrt
 
 DRAGGED = 0.37
 FIRM = 1e30  # N/m^3: stress per depth of ground that does not yield
+LEAST = 1e-36  # (N s)^2: squares of momenta below have no direction
 
 
 @law
@@ -77,14 +78,24 @@ def granular_hold(friction, size, depth, yield_per_depth):
 
 
 @law
-def is_held(rests, px, py, fx, fy, most, time_step, yield_per_depth):
-    """Whether a voxel comes to rest: if ground that yields takes all momentum that it has and gets in a time step.
+def slid(px, py, stuck, qx, qy, impulse, yield_per_depth):
+    """Momentum sideways after a step on ground that yields, and whether the voxel sticks; as given on firm ground.
 
-    ``most`` is the ground's force sideways [N], often enough to turn a motion round; ``rests`` holds on firm ground.
+    Friction and ploughing, that take an ``impulse`` [N s] at most, work against the momentum q that the voxel would
+    have without them, and never turn it round. So sticking and slipping are one continuous law, of one coefficient.
     """
-    qx, qy, impulse = px + fx * time_step, py + fy * time_step, most * time_step
-    yields, rested = yield_per_depth + 0.0 * px < FIRM, select(rests, 1.0, 0.0 * px)
-    return select(yields, impulse * impulse - qx * qx - qy * qy, rested - 0.5) >= 0.0
+    size = sqrt(larger(qx * qx + qy * qy, LEAST + 0.0 * qx))
+    kept = larger(1.0 - impulse / size, 0.0 * size)
+    yields = yield_per_depth + 0.0 * px < FIRM
+    sticks = select(kept > 0.0, 0.0 * px, 1.0 + 0.0 * px)
+    return select(yields, kept * qx, px), select(yields, kept * qy, py), select(yields, sticks, stuck)
+
+
+@law
+def without_friction(px, py, impulse):
+    """Inverse of :func:`slid` on ground that yields: momentum q of which friction has left p; 0 where it left none."""
+    grown = 1.0 + impulse / sqrt(larger(px * px + py * py, LEAST + 0.0 * px))
+    return grown * px, grown * py
 
 
 @law

@@ -1,7 +1,7 @@
 """Uneven ground: heights and friction on a grid of nodes, between which it is made of flat triangles."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,8 @@ from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, 
 from taichi_sim.ground.cells import (
     CARRIED,
     CELL,
+    CELLS_X,
+    CELLS_Y,
     HEAD,
     LEVEL,
     ORIGIN_X,
@@ -107,11 +109,6 @@ class Relief:
         """Height over the floor at places [m], as the simulation has it."""
         return self._below(np.asarray(x, float), np.asarray(y, float))[0]
 
-    def plane_below(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """:meth:`below` at places that may be traced."""
-        height, nz, _ = self._below(x, y)
-        return height, nz
-
     def factor(self, x: Any, y: Any) -> np.ndarray:
         """Factor of friction at places [m], as the simulation has it."""
         factor: np.ndarray = self._below(np.asarray(x, float), np.asarray(y, float))[2]
@@ -122,15 +119,19 @@ class Relief:
         height, nz, _ = self._below(x, y)
         return height, nz
 
-    def _below(self, x: Any, y: Any) -> tuple[Any, Any, Any]:
+    def _below(self, x: np.ndarray, y: np.ndarray) -> tuple[Any, Any, Any]:
         """Height, third component of the normal and factor of friction at places."""
+        height, _, _, nz, friction = ground(x, y, *self.cells_under(x, y), 1 / self.spacing)
+        return height, nz, friction
+
+    def cells_under(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """First corner (2) and table (10) of the cells under places (x, y) [m], shape (12, ...)."""
         found = []
-        for place, start, nodes in zip((value_of(x), value_of(y)), self.origin, self.heights.shape, strict=True):
+        for place, start, nodes in zip(np.broadcast_arrays(x, y), self.origin, self.heights.shape, strict=True):
             found.append((np.clip(np.floor((place - start) / self.spacing), 0, nodes - 2).astype(int), start))
         (i, _), (j, _) = found
         corners = (start + cell * self.spacing for cell, start in found)
-        height, _, _, nz, friction = ground(x, y, *corners, *np.moveaxis(self.cells[i, j], -1, 0), 1 / self.spacing)
-        return height, nz, friction
+        return np.stack([*corners, *np.moveaxis(self.cells[i, j], -1, 0)])
 
     def rise(self, centres: Any, edge: float) -> float:
         """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m]."""
@@ -144,20 +145,13 @@ class Relief:
         height, nz = self.below(x, y)
         return float((height + np.asarray(radii, float) / nz - z).max())
 
-    def widened(self, x: int, y: int) -> "Relief":
-        """The same ground with so many nodes, those beyond the present ones as at the edge."""
-        if self.heights.shape == (x, y):
-            return self
-        more = [(0, count - had) for count, had in zip((x, y), self.heights.shape, strict=True)]
-        friction = None if self.friction is None else np.pad(self.friction, more, mode="edge")
-        return replace(self, heights=np.pad(self.heights, more, mode="edge"), friction=friction)
-
     @property
     def head(self) -> np.ndarray:
         """What kernels read before the cells, see ``cells``."""
         found = np.zeros(HEAD)
         found[ORIGIN_X], found[ORIGIN_Y] = self.origin
         found[LEVEL], found[YIELD] = NOWHERE, FIRM if self.yield_per_depth is None else self.yield_per_depth
+        found[CELLS_X], found[CELLS_Y] = self.cells.shape[:2]
         if self.water is not None:
             found[LEVEL], density = self.water.level, self.water.density
             found[WEIGHT], found[CARRIED] = density * self.water.gravity, density * self.water.added_mass
@@ -168,6 +162,22 @@ class Relief:
         """What kernels read of every cell, shape (X - 1, Y - 1, 10): see ``laws.ground``."""
         friction = np.ones(self.heights.shape) if self.friction is None else self.friction
         return np.stack([*_sides(self.heights), *_sides(friction)], axis=-1)
+
+
+def planes_below(reliefs: Sequence[Relief], x: Any, y: Any) -> tuple[Any, Any]:
+    """Height [m] and third component of the unit normal of each robot's ground below places, shape (B, ...) each.
+
+    Args:
+        reliefs: of the B robots, with the same spacing.
+        x, y: places [m], shape (B, ...), that may be traced.
+    """
+    at, every = (value_of(x), value_of(y)), {id(one): one for one in reliefs}
+    cells = np.empty((2 + CELL, *at[0].shape))
+    for one in every.values():
+        rows = np.array([each is one for each in reliefs])
+        cells[:, rows] = one.cells_under(at[0][rows], at[1][rows])
+    height, _, _, nz, _ = ground(x, y, *cells, 1 / reliefs[0].spacing)
+    return height, nz
 
 
 def _nodes(name: str, values: Any) -> np.ndarray:
@@ -190,16 +200,14 @@ class GroundTables:
     """The grids of a batch as kernels read them.
 
     Attributes:
-        relief: numbers that all grids share, then each that is different, flat.
+        relief: numbers that all grids share, then each grid that is different, of its own size, flat.
         grid: where each robot's begins, shape (B,).
-        counts: cells of every grid along x and y.
         water: whether there is any.
         granular: whether any ground yields.
     """
 
     relief: np.ndarray
     grid: np.ndarray
-    counts: tuple[int, int]
     water: bool = False
     granular: bool = False
 
@@ -215,8 +223,6 @@ class GroundTables:
 def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
     """The tables of each robot's ground; robots with the same object share one.
 
-    Smaller grids go on as at their edge, so that all have as many cells.
-
     Raises:
         ValueError: if the grids differ in their spacing, or some have water and others none.
     """
@@ -225,19 +231,18 @@ def ground_tables(field: str, reliefs: Sequence[Relief]) -> GroundTables:
         raise ValueError(f"{field}: the spacing of nodes must be the same for all robots of a batch")
     if len(wet := {one.water is None for one in different.values()}) > 1:
         raise ValueError(f"{field}: water for some robots of a batch and none for others is not allowed; split it")
-    x, y = (max(one.heights.shape[axis] for one in different.values()) - 1 for axis in (0, 1))
     shared = np.zeros(SHARED)
     shared[WIDTH], shared[PER_CELL] = first.spacing, 1 / first.spacing
     shared[TOP] = max(one.heights.max() for one in different.values())
     shared[STEEPNESS] = max(one.steepness for one in different.values())
-    parts, slots = [shared], {}
-    for place, (key, one) in enumerate(different.items()):
-        slots[key] = SHARED + place * (HEAD + x * y * CELL)
-        parts += [one.head, one.widened(x + 1, y + 1).cells.ravel()]
+    parts, slots, slot = [shared], {}, SHARED
+    for key, one in different.items():
+        slots[key] = slot
+        parts += [one.head, one.cells.ravel()]
+        slot += HEAD + one.cells.size
     return GroundTables(
         np.concatenate(parts),
         np.array([slots[id(one)] for one in reliefs], np.int32),
-        (x, y),
         water=False in wet,
         granular=any(one.yield_per_depth for one in different.values()),
     )

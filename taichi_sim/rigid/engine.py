@@ -215,8 +215,6 @@ class RigidEngine:
         plan = plan_of(self.tree, self.senses, given["commands"].shape[1])
         plan[[slots.HOLD, slots.STEPS, slots.EVERY, slots.FRAMES]] = hold, steps, every, steps // every + 1
         plan[slots.UNTIL] = steps
-        if self._ground is not None:
-            plan[[slots.CELLS_X, slots.CELLS_Y]] = self._ground.counts
         plan[slots.PHASES] = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES
         on_cpu, precision = self.compute.device == "cpu", self.compute.precision
         width = NATIVE_WIDTH[precision] if self.width is None else self.width

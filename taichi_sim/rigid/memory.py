@@ -207,9 +207,8 @@ def cell_under(robots: Block, x: Any, y: Any) -> tuple[Any, ...]:
     """First corner (2) and table (10) of the cells of uneven ground at places."""
     assert robots.ground is not None
     relief, grid, width = robots.ground
-    counts = count_of(robots, slots.CELLS_X), count_of(robots, slots.CELLS_Y)
     firsts = [emit(element(grid, emit(robots.number * width + i))) for i in range(width)]
-    return cell_of(x, y, firsts[0], relief, counts) if width == 1 else cells_of(x, y, firsts, relief, counts)
+    return cell_of(x, y, firsts[0], relief) if width == 1 else cells_of(x, y, firsts, relief)
 
 
 @primitive

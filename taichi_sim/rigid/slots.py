@@ -9,11 +9,11 @@ makes the plan.
 # starts from (KEPT of them), and those that are recorded (FRAME_WIDTH). Before these lists, after the places, lie the
 # integers of bodies. A launch goes from step FIRST to step UNTIL of the STEPS of a run.
 BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS = range(8)
-HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH, CELLS_X, CELLS_Y, FIRST, UNTIL = range(8, 19)
+HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH, FIRST, UNTIL = range(8, 17)
 BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
-    range(19, 31)
+    range(17, 29)
 )
-POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(31, 37)
+POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(29, 35)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
 # reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world;

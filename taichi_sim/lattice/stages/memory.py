@@ -48,8 +48,7 @@ SIZE, MEAN_SIZE, PUSH, DRAG, ANGULAR_DRAG = 0, 3, 4, 7, 8  # places in CURRENT: 
 # The plan of a memory, an integer array that kernels read: section starts, then counts and switches.
 VOXELS, LINKS, GROUPS, RESTS, SURFACE, PAIRS, STATE_SLOTS = range(SECTION_COUNT, SECTION_COUNT + 7)
 FLOOR_ON, CONTACT_ON, POISSON_ON, FLUID_ON, SQUARES = range(SECTION_COUNT + 7, SECTION_COUNT + 12)
-CELLS_X, CELLS_Y = range(SECTION_COUNT + 12, SECTION_COUNT + 14)  # of every grid of uneven ground
-PLAN_LENGTH = SECTION_COUNT + 14
+PLAN_LENGTH = SECTION_COUNT + 12
 
 
 @dataclass(frozen=True)

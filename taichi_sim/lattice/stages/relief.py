@@ -5,7 +5,7 @@ from typing import Any
 from taichi_sim.autodiff.lanes import any_lane
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.ground.cells import CARRIED, LEVEL, PER_CELL, STEEPNESS, TOP, WEIGHT, YIELD, cell_of, cells_of
-from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages import columns
 from taichi_sim.runtime import element, emit, ti
 
 
@@ -30,11 +30,10 @@ def first_of_grid(k: Any, t: columns.Shared) -> Any:
 @primitive
 def cell_under(x: Any, y: Any, k: Any, t: columns.Shared) -> tuple[Any, ...]:
     """First corner (2) and table (10) of the cells under voxels at (x, y); at the edge for those beyond."""
-    counts = element(t.plan, memory.CELLS_X), element(t.plan, memory.CELLS_Y)
     first = first_of_grid(k, t)
     if not t.packed:
-        return cell_of(x, y, first, t.relief, counts)
-    return cells_of(x, y, [first] * t.lanes.width, t.relief, counts)
+        return cell_of(x, y, first, t.relief)
+    return cells_of(x, y, [first] * t.lanes.width, t.relief)
 
 
 @primitive

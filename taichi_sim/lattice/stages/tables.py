@@ -127,8 +127,8 @@ class Tables:
         counts = [len(a) for a in (self.group, self.link_ends, self.group_region, self.rest, self.surface_voxels)]
         switches = floor, self_contact, self.poisson, self.fluid
         # In the order of their places in ``memory``.
-        ground = (*self.ground.counts, *self.ground.grid) if self.ground else (0, 0)
-        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, *switches, self.squares, *ground]
+        grid = self.ground.grid if self.ground else ()
+        plan = [*layout.starts, *counts, no_pairs, layout.state_slots, *switches, self.squares, *grid]
         return np.array(plan, np.int32)
 
 

@@ -225,7 +225,7 @@ def touch(
         normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit)
         fz = fz + select(depth >= 0.0, uneven.granular_push(normal, most, vz, damping, limit), 0.0)
         store(m, k, print_slot(v, t), select(depth >= 0.0, pressed, 0.0))
-        holds = uneven.granular_hold(holds * normal, size, depth, limit)
+        holds = holds * normal
         friction = uneven.granular_hold(friction * normal, size, depth, limit)
         normal = 1.0 + 0.0 * normal
     else:
@@ -236,9 +236,11 @@ def touch(
     px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
     step = dt * inverse_mass
     rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
-    if ti.static(t.medium.granular):  # strong enough to turn a motion round in a step
-        rests = uneven.is_held(rests, qx, qy, fx, fy, friction, dt, relief.yield_of(k, t))
-    stuck = select(depth >= 0.0, select(rests, 1.0, select(loose, 0.0, sticks)), 0.0)
+    stuck = select(rests, 1.0, select(loose, 0.0, sticks))
+    if ti.static(t.medium.granular):
+        qx, qy = qx + fx * dt, qy + fy * dt
+        px, py, stuck = uneven.slid(px, py, stuck, qx, qy, friction * dt, relief.yield_of(k, t))
+    stuck = select(depth >= 0.0, stuck, 0.0)
     px, py = floor.stopped(px, py, stuck)
     return px, py, pz, stuck
 

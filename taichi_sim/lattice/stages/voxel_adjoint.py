@@ -1,7 +1,8 @@
 """Reverse of the stage of a voxel and of its gauges.
 
 What a voxel did in a step is known from the states before and after it: its forces are not needed, as they enter
-linearly. Whether it stuck or slid is as recorded. See ``groups`` for what the arguments hold.
+linearly, but on ground that yields, where they are found from its momenta. Whether it stuck or slid is as recorded.
+See ``groups`` for what the arguments hold.
 """
 
 from typing import Any
@@ -161,6 +162,7 @@ def touched(
     px, py, pz = momentum
     fx, fy, fz = force
     stiffness, damping, friction = contact
+    qx, qy = px + fx * dt, py + fy * dt
     if yields:
         bears, most, size, limit = yields
         fz = fz + uneven.granular_push(bears, most, pz * inverse_mass, damping, limit)
@@ -170,6 +172,8 @@ def touched(
         fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
     rx, ry = floor.slip_friction(px * inverse_mass, py * inverse_mass, friction, normal, depth, stuck[0])
     px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
+    if yields:
+        px, py, _ = uneven.slid(px, py, stuck[1], qx, qy, friction * dt, limit)
     return *floor.stopped(px, py, stuck[1]), pz
 
 
@@ -189,12 +193,15 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
     if ti.static(t.medium.relief):
         cell = ti.static(relief.cell_under(x, y, u.k, t))
         inverse = relief.per_cell(t)
-        height, nx, ny, nz, _ = uneven.ground(x, y, *cell, inverse)
-        touches = uneven.penetration(values[2], t.edge, z, height, nz) >= 0.0
-        if ti.static(t.medium.water):
-            slowed_adjoint(u, v, g, t, seeds, (nx, ny, nz), stuck, dt)
+        height, nx, ny, nz, factor = uneven.ground(x, y, *cell, inverse)
+        depth = uneven.penetration(values[2], t.edge, z, height, nz)
+        touches = depth >= 0.0
         if any_lane(touches):
-            inputs, fixed = moving + (x, y, z) + values[2:], cell + (inverse, dt, t.edge, sticks, stuck)
+            fx, fy, fz = zero, zero, zero
+            if ti.static(t.medium.granular):
+                fx, fy, fz = force_sideways(u, v, momentum, values, depth, (nx, ny, nz, factor), dt, t)
+            pushing = momentum + (fx, fy, fz) + values[:2]
+            inputs, fixed = pushing + (x, y, z) + values[2:], cell + (inverse, dt, t.edge, sticks, stuck)
             landed = ti.static(land_adjoint(u, v, inputs, fixed, seeds, t))
             p = select_all(touches, landed[:8], above)
             nothing = (zero, zero, zero, zero, zero, zero, zero)
@@ -202,10 +209,14 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
             give(u, consecutive(voxel, 3) + slots, q[:3] + p[6:8] + q[3:])
             if ti.static(t.medium.granular):
                 give(u, (stage.print_slot(v, t),), (select(touches, landed[15], 0.0),))
+            if ti.static(t.medium.water):
+                slowed_adjoint(u, v, g, t, p[3:6], dt)
             give_force(u, v, g, t, p[:6])
         else:
             if ti.static(t.medium.granular):
                 store_all(u.a, u.k, (stage.print_slot(v, t),), (zero,))
+            if ti.static(t.medium.water):
+                slowed_adjoint(u, v, g, t, above[3:6], dt)
             give(u, slots[:2], above[6:8])
             give_force(u, v, g, t, above[:6])
     else:
@@ -236,24 +247,46 @@ def land_adjoint(u: Undo, v: Any, inputs: Any, fixed: Any, seeds: Any, t: Any) -
 
 
 @ti.func
-def slowed_adjoint(
+def force_sideways(
     u: ti.template(),
     v,
-    g: ti.template(),
-    t: ti.template(),
-    seeds: ti.template(),
-    normal: ti.template(),
-    stuck,
+    momentum: ti.template(),
+    values: ti.template(),
+    depth,
+    plane: ti.template(),
     dt,
+    t: ti.template(),
 ):
-    """Reverse how water slows a voxel: its momentum changes in proportion to the slowed time step."""
+    """Force along ground that yields [N] of all but it and drag, from the momenta before and after the step.
+
+    ``values`` are inverse mass, drag, size, stiffness, damping and friction; ``plane`` is the normal of the ground and
+    its factor of friction. Of what came to rest it is that which would have stopped it without the ground.
+    """
+    nx, ny, nz, factor = plane
+    inverse_mass, drag, size, stiffness, _, friction = values
+    (pressed,) = before(u, (stage.print_slot(v, t),))
+    limit = relief.yield_of(u.k, t)
+    bears, _, _ = uneven.giving_way(size, depth, pressed, stiffness, limit)
+    holds = uneven.granular_hold(factor * friction * bears, size, depth, limit)
+    left = after(u, consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3))
+    ax, ay, _ = uneven.into_plane(*left, nx, ny, nz)
+    qx, qy = uneven.without_friction(ax, ay, holds * dt)
+    px, py, _ = uneven.into_plane(*momentum, nx, ny, nz)
+    slowing = drag * inverse_mass
+    fx, fy = (qx - px) / dt + slowing * px, (qy - py) / dt + slowing * py
+    return uneven.out_of_plane(fx, fy, 0.0 * depth, nx, ny, nz)
+
+
+@ti.func
+def slowed_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template(), dt):
+    """Reverse how water slows a voxel: what changed its momentum did so for the slowed time step.
+
+    ``seeds`` are the cotangents of the force; of a voxel that moves freely, those of its momentum times the time step.
+    """
     slots = consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3)
     x, y, z = before(u, slots)
     px, py, pz = after(u, slots)
-    x, y, z = px - x, py - y, pz - z
-    along = seeds[0] * normal[0] + seeds[1] * normal[1] + seeds[2] * normal[2]
-    upwards = along * (x * normal[0] + y * normal[1] + z * normal[2])
-    seed = select(stuck > 0.5, upwards, seeds[0] * x + seeds[1] * y + seeds[2] * z) / dt
+    seed = (seeds[0] * (px - x) + seeds[1] * (py - y) + seeds[2] * (pz - z)) / (dt * dt)
     around = stage.volume_in_water(v, u.k, t) + (t.time_step,)
     reverse(u, fluid.slowed_step, (voxel_slot(v, t) + 2,), stage.volume_slots(g), around, (seed,))
 

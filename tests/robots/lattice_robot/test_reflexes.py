@@ -96,7 +96,7 @@ def felt(name: str, positions=None, turned=None, strains=None, ground=None, befo
     quaternions = np.tile([1.0, 0, 0, 0], (1, at.shape[1], 1)) if turned is None else turned
     links = len(robot.body.topology.links)
     now = at, quaternions, np.zeros((1, links)) if strains is None else strains
-    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, ground)
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, None if ground is None else [ground])
     before = at if before is None else before
     return felt_by(Reflexes((name,), light=light), anatomy, 0.25, 0.5, before, now)[0]
 

@@ -1,4 +1,4 @@
-"""Gradients of a soft walker that wades, over thousands of steps of contact, buoyancy and drag."""
+"""Gradients of a soft walker that wades or walks on sand, over thousands of steps of contact, buoyancy and drag."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ STEP = 1e-8  # in the ranges of what is free: larger moves have a foot touch dow
 
 @pytest.mark.kernels
 @pytest.mark.slow
-@pytest.mark.parametrize("ground", ["water:0.012", "ramp:-10,0+water:0.005"])
+@pytest.mark.parametrize("ground", ["water:0.012", "ramp:-10,0+water:0.005", "sand:2e5", "rough:0.004+sand:2e5"])
 def test_gradients_are_central_differences(ground):
     """In random directions of all waves and weights, to 1e-4 over 4,915 steps."""
     robot, where = feeling_quadruped(1), Trial(Terrain(ground=ground), Compute(precision="f64", threads=1))

@@ -9,6 +9,7 @@ from taichi_sim import runtime
 from taichi_sim.autodiff import rotations
 from taichi_sim.autodiff.lanes import Real, absolute, larger, smaller
 from taichi_sim.autodiff.tracing import law, primitive, pull_back, select, sqrt
+from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import contact, enclosure, floor, fluid, group, motion
 from taichi_sim.lattice.laws import link as beams
@@ -99,6 +100,8 @@ LAWS = {
     "pushing on sand": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
     "pushing on sand that bears": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
     "sticking to sand": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
+    "slipping on sand": (uneven.slid, (1e-5, 2e-5, 0.0, 3e-5, -2e-5, 1e-5), (3e5,), 3),
+    "coming to rest on sand": (uneven.slid, (1e-5, 2e-5, 0.0, 3e-5, -2e-5, 1e-4), (3e5,), 3),
     "water": (fluid.water_force, WET, (1.0, 2.0, 0.0, 1.5, EDGE, 0.006, 9800.0), 3),
     "water above": (fluid.water_force, WET, (1.0, 2.0, 0.0, 1.5, EDGE, 0.1, 9800.0), 3),
     "added mass": (slowed, (WET[7], *WET[8:12], WET[14]), (1.5, EDGE, 0.006, 500.0, DT), 1),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from gradient_scene import TIME_STEP, Cost, body, program, repeated, start
 
+from taichi_sim.ground.laws import FIRM, slid, without_friction
 from taichi_sim.ground.relief import Water
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity, Relief
 from taichi_sim.lattice.laws.fluid import displaced_volumes
@@ -131,8 +132,8 @@ def test_firm_ground_is_that_which_never_yields():
 
 @pytest.mark.parametrize(("share", "moves"), [(0.8, False), (1.3, True)])
 def test_it_takes_friction_and_ploughing_to_move_a_block(share, moves):
-    """Sideways it holds by the coefficient of friction times its weight, and 0.37 of the stress on what is buried."""
-    shape = block(1000.0, (4, 4, 2), static_friction=0.3, kinetic_friction=0.3)
+    """Sideways it holds by kinetic friction times its weight, and 0.37 of the stress on what is buried."""
+    shape = block(1000.0, (4, 4, 2), static_friction=0.9, kinetic_friction=0.3)
     engine = dropped(shape, ground(yield_per_depth=YIELD))
     drive(engine, 4000)
     depth, before = -lowest(engine), engine.state().positions.mean(axis=1)[0, 0]
@@ -141,6 +142,18 @@ def test_it_takes_friction_and_ploughing_to_move_a_block(share, moves):
     drive(engine, 1500, FORCE=share * holds / shape.voxel_count)
     moved = engine.state().positions.mean(axis=1)[0, 0] - before
     assert (moved > 1e-3) == moves
+
+
+def test_friction_on_sand_is_undone_by_its_inverse():
+    """Of slipping voxels the momentum before friction is found again; of those that it stops none is left."""
+    q, impulse = np.array([[3e-5, -2e-5], [1e-5, 1e-6], [-4e-6, 7e-5]]).T, np.array([1e-5, 2e-5, 6.9e-5])
+    px, py, stuck = slid(q[0], q[1], 0.0 * impulse, q[0], q[1], impulse, YIELD)
+    assert stuck.tolist() == [0, 1, 0] and px[1] == py[1] == 0
+    assert np.hypot(px, py) == pytest.approx(np.maximum(np.hypot(*q) - impulse, 0), rel=1e-12)
+    found = np.array(without_friction(px, py, impulse))
+    assert np.allclose(found[:, [0, 2]], q[:, [0, 2]], rtol=1e-11, atol=0) and not found[:, 1].any()
+    firm = slid(q[0], q[1], 0.0 * impulse, 9 * q[0], q[1], impulse, FIRM)
+    assert np.array_equal(firm[0], q[0]) and np.array_equal(firm[1], q[1])
 
 
 def test_granular_ground_gives_no_energy():

@@ -1,0 +1,75 @@
+"""Worlds of different ground, slope and light in one batch."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from robots.lattice_robot import Drive, Free, LatticeRobot
+from robots.lattice_robot import simulation as trying
+from robots.lattice_robot.reflexes import Reflexes
+from robots.lattice_robot.scenes import sharing
+from robots.robot import Compute, Trial
+from robots.world import Terrain
+from taichi_sim.lattice import Material, body_from_array
+
+SOFT = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, collision_damping=0.5)
+LIGHTS = "light:0.05,0.02", "light:0.04,-0.03", "light:-0.05,0.01", "light:0.1,0.0"
+
+
+def crawler(**settings) -> LatticeRobot:
+    """Five voxels in two muscles that feel the ground and the light."""
+    array = np.ones((3, 2, 1), int)
+    array[2, 1, 0] = 0
+    body = body_from_array(array, SOFT, 0.01, regions=np.array([0, 1, 0, 1, 1, 0]).reshape(3, 2, 1))
+    drive = Drive("legs", (0, 1), amplitude=Free(0, 0.2, 0.15), phase=(0.1, Free(0, 1, 0.4)))
+    given = {"cycles": 1, "settling": 0.02, "frequency": 20.0, "reflexes": Reflexes(("touch", "slip", "light"))}
+    return LatticeRobot(body, (drive,), **{**given, **settings})
+
+
+def lit(*grounds: str) -> list[Terrain]:
+    """Worlds of grounds, each with a light of its own."""
+    return [Terrain.parse(f"{ground}+{light}") for ground, light in zip(grounds, LIGHTS, strict=False)]
+
+
+def test_worlds_share_a_batch_unless_water_sand_friction_or_a_light_part_them():
+    """Flat, sloping and uneven ground do; so do two kinds of sand."""
+    names = "flat", "hill:5", "sand:2e5", "rough:0.01", "water:0.01", "rough:0.01+sand:1e5", "water:0.02", "water"
+    worlds = [*map(Terrain.parse, names), Terrain(static_friction=0.5, kinetic_friction=0.4), Terrain(light=(1, 0))]
+    assert sharing(crawler(reflexes=None), worlds) == [[0, 1, 3], [2, 5], [4, 6], [7], [8], [9]]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    "grounds",
+    [("flat", "hill:3", "rough:0.002,0.03", "patches:0.5,1,0.01"), ("sand:1e5", "rough:0.002,0.03+sand:3e4")],
+)
+@pytest.mark.parametrize("gradients", [(), ("distance", "remaining")])
+def test_a_batch_of_worlds_has_the_bits_of_one_after_the_other(grounds, gradients, monkeypatch):
+    """Measures, steps and gradients, in one go."""
+    robot, worlds = crawler(), lit(*grounds)
+    generator = np.random.default_rng(3)
+    points = np.stack([robot.start + generator.normal(0.0, 0.02, len(robot.start)) for _ in range(2)])
+    trial = Trial(worlds[0], Compute(threads=1), gradients=gradients)
+    batches, told = [], []
+    moved = trying._moved
+    monkeypatch.setattr(trying, "_moved", lambda *given: batches.append(len(given[1])) or moved(*given))
+    together = robot.run_in(points, worlds, dataclasses.replace(trial, progress=told.append))
+    assert batches == [2 * len(worlds)] and told == sorted(told) and told[-1] == pytest.approx(1.0)
+    for world, found in zip(worlds, together, strict=True):
+        alone = robot.run(points, dataclasses.replace(trial, world=world))
+        assert found.status.tolist() == ["ok", "ok"] and np.array_equal(found.steps, alone.steps)
+        for mine, other in ((found.measures, alone.measures), (found.gradients, alone.gradients)):
+            assert mine.keys() == other.keys()
+            for name in mine:
+                assert np.array_equal(mine[name], other[name]), (world.name, name)
+    assert len({found.measures["distance"][0] for found in together}) == len(worlds)
+
+
+@pytest.mark.kernels
+def test_measures_are_in_the_order_of_the_worlds_whatever_shares_a_batch():
+    """Of a robot without reflexes, on sand between firm grounds."""
+    robot, worlds = crawler(reflexes=None), [Terrain.parse(name) for name in ("flat", "sand:1e5", "hill:3")]
+    found = robot.run_in(robot.start[None], worlds, Trial(worlds[0], Compute(threads=1)))
+    for world, outcome in zip(worlds, found, strict=True):
+        assert outcome.measures["distance"][0] == robot.simulate(robot.start[None], world).measures["distance"][0]
