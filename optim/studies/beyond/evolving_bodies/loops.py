@@ -17,8 +17,8 @@ from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS, walk
 from optim.studies.beyond.evolving_bodies.bodies import EvolvableWalker, body_of, drawn_body
 
 NAME, TABLE, SUBJECT = "loops", "loops.csv", "walker"
-WORLD, WARM_UP, LIFE = WORLDS[0], 3, 8
-MEMBERS = {"population": 8, "learning": LIFE}
+WORLD, WARM_UP = WORLDS[0], 3
+MEMBERS = {"population": 6, "learning": 5}
 ARMS = {
     "lamarckian": Arm("two loops, what is learnt is inherited", "lamarckian", MEMBERS, True),
     "baldwinian": Arm("two loops, it is not", "lamarckian", {**MEMBERS, "inherit": False}, True),

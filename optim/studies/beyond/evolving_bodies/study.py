@@ -47,7 +47,7 @@ class EvolvingBodies(Settings):
     repetitions: Count = 2
     budget: Several = 64
     nearer: Annotated[float, positive] = 0.01
-    seconds: Annotated[float, positive] = 30.0
+    seconds: Annotated[float, positive] = 240.0  # some eight lives of all members
     cycles: Count = 3
 
     @property
