@@ -83,7 +83,7 @@ def test_evaluations_with_gradients_have_their_price():
     assert len(seen) == 4
 
 
-@pytest.mark.kernels
+@pytest.mark.slow
 def test_the_study_goes_on_where_it_was(tmp_path):
     """What a seed found before is not sought again, and what is lost is found again."""
     settings = replace(STUDY.scales["small"], seeds=1, weights=3)

@@ -39,12 +39,21 @@ def test_worlds_share_a_batch_unless_water_sand_friction_or_a_light_part_them():
     assert sharing(crawler(reflexes=None), worlds) == [[0, 1, 3], [2, 5], [4, 6], [7], [8], [9]]
 
 
+FIRM = "flat", "hill:3", "rough:0.002,0.03", "patches:0.5,1,0.01"
+SANDY = "sand:1e5", "rough:0.002,0.03+sand:3e4"
+SLOPES = "distance", "remaining"
+
+
 @pytest.mark.kernels
 @pytest.mark.parametrize(
-    "grounds",
-    [("flat", "hill:3", "rough:0.002,0.03", "patches:0.5,1,0.01"), ("sand:1e5", "rough:0.002,0.03+sand:3e4")],
+    ("grounds", "gradients"),
+    [
+        (FIRM, SLOPES),
+        (SANDY, ()),
+        pytest.param(FIRM, (), marks=pytest.mark.slow),
+        pytest.param(SANDY, SLOPES, marks=pytest.mark.slow),
+    ],
 )
-@pytest.mark.parametrize("gradients", [(), ("distance", "remaining")])
 def test_a_batch_of_worlds_has_the_bits_of_one_after_the_other(grounds, gradients, monkeypatch):
     """Measures, steps and gradients, in one go."""
     robot, worlds = crawler(), lit(*grounds)
