@@ -32,14 +32,14 @@ class CovarianceMapElites(MapElites):
     State is the story that emitters were told: restoring tells it again, which is exact.
 
     Attributes:
-        emitters: distributions that share the population in equal parts.
+        emitters: distributions that share the population as evenly as it goes, no more than there are members.
         step: their first standard deviation, in ranges.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("first_elites", "first_scores", "first_places", "told_scores", "told_places")
     variation: Literal["gaussian", "line"] = hidden("gaussian")
 
-    emitters: int = whole(4, 1, "population")
+    emitters: int = whole(4, 1)
     step: float = positive(0.2, 1.0)
 
     def __post_init__(self) -> None:
@@ -48,10 +48,6 @@ class CovarianceMapElites(MapElites):
             import ribs  # noqa: F401
         except ImportError:
             raise ValueError(f"method: pyribs is missing; {checks.install_extra('qd')}") from None
-        if self.population % self.emitters:
-            raise ValueError(
-                f"population: {self.population} is not allowed for {self.emitters} emitters; give a multiple"
-            )
         axes = len(self.axes)
         self.first_elites, self.first_scores = np.empty((0, self.space.size)), np.empty(0)
         self.first_places = np.empty((0, axes))
@@ -92,7 +88,7 @@ class CovarianceMapElites(MapElites):
         """Emitters at the best of the first successes."""
         unit = into_cube(self.space, self.first_elites, self._middle)
         order = np.argsort(-self.first_scores, kind="stable")
-        origins = unit[np.resize(order, self.emitters)]
+        origins = unit[np.resize(order, min(self.emitters, self.population))]
         guides = _Guides(self, origins, len(self.axes))
         guides.add(unit, self.first_scores, self.first_places)
         return guides
@@ -151,6 +147,7 @@ class _Guides:
 
         settings: dict[str, Any] = dict(search.archive_settings())
         seeds = generator(search.seed, 3).integers(2**31, size=len(origins) + 1).tolist()
+        self.shares = np.array_split(np.arange(search.population), len(origins))
         self.archive: Any = GridArchive(
             solution_dim=search.space.size,
             dims=[search.bins] * axes,
@@ -164,10 +161,10 @@ class _Guides:
                 x0=origin,
                 sigma0=search.step,
                 ranker=search.ranker,
-                batch_size=search.population // len(origins),
+                batch_size=len(rows),
                 seed=seed,
             )
-            for origin, seed in zip(origins, seeds[1:], strict=True)
+            for origin, rows, seed in zip(origins, self.shares, seeds[1:], strict=True)
         ]
         self.drawn: Floats = np.empty((0, search.space.size))
 
@@ -191,6 +188,8 @@ class _Guides:
                 told[name] = told[name].astype(values.dtype)
                 told[name][fine] = values
             given = np.where(fine, scores, scores[fine].min())
-            for emitter, rows in zip(self.emitters, np.split(np.arange(len(scores)), len(self.emitters)), strict=True):
+            for emitter, rows in zip(self.emitters, self.shares, strict=True):
+                if self.archive.empty:
+                    break  # as long as nothing is good enough for the map there is nothing to learn from
                 emitter.tell(self.drawn[rows], given[rows], places[rows], {name: told[name][rows] for name in told})
         self._draw()
