@@ -228,7 +228,7 @@ def test_declared_sizes_take_no_memory(tmp_path):
 def test_files_too_large_or_of_another_kind_are_not_opened(tmp_path):
     with (tmp_path / "big.vxa").open("wb") as file:
         file.truncate(50_000_001)
-    with pytest.raises(ValueError, match="50000001 bytes are not allowed; give at most 50000000"):
+    with pytest.raises(ValueError, match="50000001 bytes are not allowed, give at most 50000000"):
         load_voxel_file(tmp_path / "big.vxa")
     with pytest.raises(ValueError, match=r"robot\.obj: its kind is unknown; give a file of \.vxl\.json"):
         load_voxel_file("robot.obj")
