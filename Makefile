@@ -3,6 +3,7 @@
 # make test-vulkan  run the drivers for GPUs on a Vulkan device (Debian's mesa-vulkan-drivers has one in software)
 # make validate   run the slow validations, of minutes to hours
 # make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
+# make fuzz       give random bytes to the readers of files; FUZZ="--seconds 600 vxa" or other options
 # make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make site       build the documentation as a site that works without a network, in build/site
@@ -23,7 +24,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo test test-fast test-vulkan coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
+.PHONY: demo fuzz test test-fast test-vulkan coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -37,6 +38,9 @@ test-fast: $(venv)/dev
 
 test-vulkan: $(venv)/dev
 	OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -m vulkan tests/taichi_sim/test_vulkan.py
+
+fuzz: $(venv)/fuzz
+	nice -n 19 $(python) tests/fuzz/fuzz.py $(FUZZ)
 
 coverage: $(venv)/dev
 	$(test) --cov --cov-report=term-missing
@@ -83,6 +87,10 @@ $(venv)/dev: pyproject.toml constraints.txt | $(venv)/bin/pip
 
 $(venv)/docs: pyproject.toml constraints.txt | $(venv)/runtime
 	$(install) -e ".[docs]"
+	@touch $@
+
+$(venv)/fuzz: $(venv)/dev
+	$(install) -e ".[fuzz]"
 	@touch $@
 
 $(venv)/quadrants: $(venv)/dev

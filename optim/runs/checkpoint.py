@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.records import checked
 
 State = Arrays
 
@@ -65,10 +66,10 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
     for name in (CHECKPOINT, PREVIOUS):
         try:
             state = files.unpack((folder / name).read_bytes())
-            record = Record(**json.loads(state.pop(_RECORD).tobytes()))
+            record = checked(Record, json.loads(state.pop(_RECORD).tobytes()))
         except FileNotFoundError:
             reasons[name] = "missing"
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             reasons[name] = str(error) if isinstance(error, OSError | ValueError) else "not a checkpoint of a run"
         else:
             if (reason := _misfit(record, lines, settings)) is None:

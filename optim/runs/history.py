@@ -17,6 +17,16 @@ from optim.runs.generation import Generation
 from optim.search import build_method
 from optim.search.method import SearchResult
 from taichi_sim.base import files
+from taichi_sim.base.records import checked
+
+
+@dataclass(frozen=True)
+class _Time:
+    """A line of ``timing.jsonl``."""
+
+    generation: int
+    seconds: float
+    finished: str
 
 
 @dataclass(frozen=True)
@@ -72,8 +82,8 @@ def read_history(folder: Path) -> History:
     found = checkpoint.load(folder, identity(config))
     lines = files.complete_lines(folder / checkpoint.LOG)[: found[1].lines if found else 0]
     try:
-        generations = tuple(Generation(**json.loads(line)) for line in lines)
-    except (ValueError, TypeError) as error:
+        generations = tuple(checked(Generation, json.loads(line)) for line in lines)
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     seconds, finished = _read_timing(folder, found[1] if found else None)
     return History(folder, config, generations, seconds, finished, running, found)
@@ -98,10 +108,13 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
     lines = files.complete_lines(folder / TIMING)
     sizes = range(min(count, len(lines)), 0, -1)  # a file begun anew is shorter than the log
     whole = next((n for n in sizes if record and files.sha256(b"".join(lines[:n])) == record.timing), 0)
-    entries = [json.loads(line) for line in lines[:whole]]
-    seconds = dict.fromkeys(range(count), np.nan) | {entry["generation"]: entry["seconds"] for entry in entries}
-    finished = entries[-1]["finished"] if entries else None
-    return tuple(seconds.values()), finished and datetime.datetime.strptime(finished, "%Y-%m-%dT%H:%M:%S%z").isoformat()
+    try:
+        entries = [checked(_Time, json.loads(line)) for line in lines[:whole]]
+        ended = datetime.datetime.strptime(entries[-1].finished, "%Y-%m-%dT%H:%M:%S%z") if entries else None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{folder}: {TIMING} cannot be read ({error})") from None
+    seconds = dict.fromkeys(range(count), np.nan) | {each.generation: each.seconds for each in entries}
+    return tuple(seconds.values()), ended and ended.isoformat()
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:

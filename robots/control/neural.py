@@ -2,7 +2,6 @@
 
 import io
 import json
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.base.files import content_of, read_text, why_unread
+from taichi_sim.base.files import UNREADABLE, content_of, read_text, why_unread
 
 if TYPE_CHECKING:
     from taichi_sim.rigid import RigidEngine, RigidResult
@@ -161,7 +160,7 @@ def load_weights(path: Path, sensors: int, motors: int) -> Floats:
         weights = np.asarray(found, float)
     except OSError as error:
         raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None
-    except (ValueError, TypeError, OverflowError, EOFError, RecursionError, zipfile.BadZipFile):
+    except (*UNREADABLE, OverflowError):
         raise ValueError(f"controller: {path} holds no table of numbers") from None
     if not np.isfinite(weights).all():
         raise ValueError(f"controller: {path} holds numbers that are not finite")

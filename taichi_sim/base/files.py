@@ -10,7 +10,9 @@ import json
 import os
 import stat
 import threading
+import tokenize
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -23,6 +25,10 @@ Design = TypeVar("Design")
 ASIDE = ".aside-"  # names of unfinished files begin so; a kill may leave them, and any later run may remove them
 LARGEST = 200_000_000  # bytes of a file that is read at once
 LARGEST_UNPACKED = 2_000_000_000  # bytes of arrays, however small they were packed
+UNREADABLE = (  # what NumPy raises for a damaged file of arrays; its headers are read as Python's literals
+    *(OSError, ValueError, KeyError, EOFError, SyntaxError, MemoryError, NotImplementedError, RecursionError),
+    *(zipfile.BadZipFile, zlib.error, tokenize.TokenError, RuntimeError, TypeError),
+)
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
 _DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)  # the machine's, not the user's
 
@@ -165,11 +171,14 @@ def unpack(content: bytes) -> Arrays:
     """Unpack the arrays that :func:`pack` packed.
 
     Raises:
-        ValueError: if a single bit differs.
+        ValueError: if a single bit differs, or there are no arrays under the checksum.
     """
     if sha256(content[:-_DIGEST_LENGTH]).encode() != content[-_DIGEST_LENGTH:]:
         raise ValueError("the checksum does not match")
-    return arrays_of(content)
+    try:
+        return arrays_of(content)
+    except UNREADABLE as error:
+        raise ValueError(f"it holds no arrays ({why_unread(error)})") from None
 
 
 def unzipped(content: bytes, largest: int = LARGEST) -> bytes:
@@ -189,8 +198,7 @@ def arrays_of(content: bytes) -> Arrays:
     """Unpack arrays from the content of a file that NumPy wrote (``.npz``), but no pickles.
 
     Raises:
-        ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile, zlib.error: if it is damaged, or would take more
-            than ``LARGEST_UNPACKED`` bytes.
+        UNREADABLE: one of these if it is damaged, or would take more than ``LARGEST_UNPACKED`` bytes.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         size = sum(each.file_size for each in archive.infolist())

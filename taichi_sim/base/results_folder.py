@@ -4,8 +4,6 @@ import hashlib
 import io
 import json
 import warnings
-import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,16 @@ from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import LONGEST_SHOWN
-from taichi_sim.base.files import ASIDE, arrays_of, content_of, make_folder, read_text, write_bytes, write_text
+from taichi_sim.base.files import (
+    ASIDE,
+    UNREADABLE,
+    arrays_of,
+    content_of,
+    make_folder,
+    read_text,
+    write_bytes,
+    write_text,
+)
 
 
 class ResultsFolder:
@@ -62,7 +69,7 @@ class ResultsFolder:
         for path in sorted(self.path.glob(f"{name}-*.npz")):
             try:
                 yield arrays_of(content_of(path))  # archives have checksums of their own
-            except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+            except UNREADABLE:
                 warnings.warn(f"{path}: is damaged, and as good as missing", stacklevel=2)
 
 
