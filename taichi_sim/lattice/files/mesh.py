@@ -197,12 +197,15 @@ def _loaded(mesh: Any) -> "trimesh.Trimesh":
         try:
             check_plain_file(mesh)
             mesh = trimesh.load_mesh(mesh)
+            mesh = mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
         except Exception as error:  # readers of a dozen formats fail in as many ways
             raise ValueError(f"mesh: {mesh} cannot be read: {' '.join(str(error).split())}") from None
     if isinstance(mesh, trimesh.Scene):
         mesh = mesh.to_mesh()
     if not isinstance(mesh, trimesh.Trimesh):
         raise ValueError(f"mesh: {type(mesh).__name__} is not allowed; give a surface of triangles or its file")
+    if len(mesh.faces) and not 0 <= mesh.faces.min() <= mesh.faces.max() < len(mesh.vertices):
+        raise ValueError(f"mesh: a triangle names a vertex that is not among its {len(mesh.vertices)}")
     return mesh
 
 

@@ -40,7 +40,7 @@ def test_the_field_that_does_not_fit_is_named(change, message):
 
 
 def test_a_missing_field_and_what_is_no_record_are_named():
-    with pytest.raises(ValueError, match="^number is missing$"):
+    with pytest.raises(ValueError, match=r"^number is missing$"):
         checked(Line, {name: value for name, value in GOOD.items() if name != "number"})
     with pytest.raises(ValueError, match=r"^\[\] is not allowed; it must be a record$"):
         checked(Line, [])
