@@ -48,7 +48,7 @@ def _fits(value: object, hint: Any) -> bool:
         return isinstance(value, dict) and all(isinstance(n, str) and _fits(v, inner[1]) for n, v in value.items())
     if hint is float:  # JSON writes 1.0 as 1
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        return number and abs(value) < 2**1023 and math.isfinite(value)  # type: ignore[arg-type, operator]
+        return number and abs(value) < 2**1023 and math.isfinite(value)  # type: ignore[arg-type]
     return isinstance(value, hint) and not (hint is int and isinstance(value, bool))
 
 
