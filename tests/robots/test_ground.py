@@ -175,6 +175,7 @@ def test_inflatable_robots_on_sand_and_in_water():
     assert len({round(float(each.distance[0]), 6) for each in found}) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_a_batch_of_inflatable_robots_has_ground_of_its_own():
     """Each as it is alone: on hills, on the plane, and on hills that it crosses."""

@@ -56,7 +56,7 @@ def test_a_robot_is_designed_compared_seen_and_told(morpholab, tmp_path, kind):
     assert code == 2 and "has no gait table; no rig plays it" in error
 
 
-@pytest.mark.parametrize("kind", ["rover", "model of MuJoCo"])
+@pytest.mark.parametrize("kind", [pytest.param("rover", marks=pytest.mark.slow), "model of MuJoCo"])
 def test_gradients_of_a_robot_are_checked(morpholab, tmp_path, kind):
     robot, options, world, *_ = KINDS[kind]
     (tmp_path / "crawler.xml").write_text(CRAWLER)

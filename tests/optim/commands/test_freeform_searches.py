@@ -20,6 +20,7 @@ def method_of(folder):
     return tomllib.loads((Path(folder) / "config.toml").read_text())["method"]
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_mass_and_energy_are_axes_of_a_map(morpholab, tmp_path):
     line = f"{SMALL} --palette palette.json --method map-elites --population 8 --out a --set bins=6"
@@ -44,7 +45,7 @@ def test_a_map_has_axes_that_the_robot_suggests(morpholab):
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("method", ["lamarckian --set learning=2", "genetic"])
+@pytest.mark.parametrize("method", [pytest.param("lamarckian --set learning=2", marks=pytest.mark.slow), "genetic"])
 def test_patches_of_cells_evolve(morpholab, tmp_path, method):
     line = f"{SMALL} --population 4 --set patches=0.5 --method {method}"
     assert morpholab(f"{line} --generations 6 --out whole")[::2] == (0, "")

@@ -12,6 +12,7 @@ FREEFORM = "codesign --robot freeform --shape 4,2,2 --full --cycles 1 --settling
 SUM = "--objective speed --objective minimise:0.1*energy"
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_a_weighted_sum_is_climbed_by_gradients_and_goes_on_to_the_same_bits(morpholab, tmp_path):
     search = f"{FREEFORM} --method race --climbers 2 --set moves=4 {SUM}"

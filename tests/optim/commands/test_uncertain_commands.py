@@ -132,7 +132,9 @@ FREEFORM_UNKNOWN = "--uncertain friction=20%,slope=1 --uncertain levels=5%,timin
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("method", ["genetic --set population=4", "gradient --climbers 2"])
+@pytest.mark.parametrize(
+    "method", ["genetic --set population=4", pytest.param("gradient --climbers 2", marks=pytest.mark.slow)]
+)
 def test_freeform_robots_are_designed_under_uncertainty_and_resume_to_the_bit(morpholab, tmp_path, method):
     line = f"codesign {FREEFORM} {FREEFORM_UNKNOWN} --method {method}"
     code, out, error = morpholab(f"{line} --generations 2 --out runs/a")

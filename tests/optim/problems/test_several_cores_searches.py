@@ -43,6 +43,7 @@ def tiny(monkeypatch):
     monkeypatch.setattr("robots.calibration.properties.InflatableActuation", drive)
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_the_slopes_of_a_problem_are_by_each_core(tiny):
     """Those of an empty core are cut where its gene is."""

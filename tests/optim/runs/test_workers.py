@@ -267,6 +267,7 @@ def test_importing_workers_imports_no_ray():
     assert out.stdout == "[]\n"
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_gradients_of_gaits_are_the_same_bits_however_they_are_cut(workers):
     problem = short_gaits("f64")

@@ -61,6 +61,7 @@ def finished(name, seed):
     return run(Borg(space, population=POPULATION, seed=seed, epsilons=EPSILONS[name]), judge, GENERATIONS)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["zdt1", "dtlz2"])
 def test_fronts_are_as_good_as_those_of_pymoo(name):

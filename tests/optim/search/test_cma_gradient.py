@@ -94,6 +94,7 @@ def test_an_ellipsoid_needs_less(seed):
     assert cost_to(alone, problem.judge, None, -1e-6, int(1.4 * cost))[1] < -1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_numbers_bits_and_an_integer_together_come_closer_at_first():
     """Gaps after 5000 evaluations: 1 to 21, without gradients 16 to 112; after 10 000 there is no difference."""

@@ -38,6 +38,7 @@ def test_what_metrics_foretell():
     assert abs(found["voxels", "evolution"].r) < 0.3 and found["felt", "evolution"].r is None
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_the_study_goes_on_where_it_was(tmp_path):
     """To the same rows."""

@@ -54,7 +54,7 @@ def test_without_weights_the_rhythm_plays(given, friction):
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("terrain", [None, "rough:0.02,0.2"])
+@pytest.mark.parametrize("terrain", [None, pytest.param("rough:0.02,0.2", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("given", [*KINDS, {"hidden": (3,), "noise": 0.05, "delay": 2}])
 def test_derivatives_are_central_differences(given, terrain):
     """By weights and rhythm at once, through every sense but touch, with contact."""

@@ -113,6 +113,7 @@ def test_a_lag_of_nothing_changes_no_bit_and_lags_change_the_way():
     assert played.distance[1] == played.distance[2] != played.distance[0]
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_tables_of_a_batch_are_played_as_alone():
     """Other lengths, grounds, rigs and starts beside each other change no bit."""

@@ -73,7 +73,7 @@ NAMES = [
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("ground", [None, "rough:0.004,0.03"])
+@pytest.mark.parametrize("ground", [pytest.param(None, marks=pytest.mark.slow), "rough:0.004,0.03"])
 def test_the_gradient_is_that_of_central_differences_in_everything_free(ground):
     robot, terrain = lopsided(), Terrain(3.0, ground=ground)
     found = differentiate(robot, None, terrain, threads=1)

@@ -101,7 +101,9 @@ def test_a_payload_rests_on_the_back():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize(("ground", "sense"), [(None, False), ("rough:0.004,0.03", True)])
+@pytest.mark.parametrize(
+    ("ground", "sense"), [pytest.param(None, False, marks=pytest.mark.slow), ("rough:0.004,0.03", True)]
+)
 def test_the_gradient_is_that_of_central_differences(ground, sense):
     """Of what the robot does and of what becomes of the prop, through their contact."""
     reflexes = Reflexes(("strain", "touch", "velocity", "clock"), gain=0.05) if sense else None

@@ -44,8 +44,14 @@ def test_without_weights_a_robot_plays_its_waves():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("ground", [None, "rough:0.004,0.03"])
-@pytest.mark.parametrize(("hidden", "late"), [((), {}), ((4,), {"noise": 0.05, "delay": 2})])
+@pytest.mark.parametrize(
+    ("ground", "hidden", "late"),
+    [
+        ("rough:0.004,0.03", (4,), {"noise": 0.05, "delay": 2}),
+        *(pytest.param(ground, (), {}, marks=pytest.mark.slow) for ground in (None, "rough:0.004,0.03")),
+        pytest.param(None, (4,), {"noise": 0.05, "delay": 2}, marks=pytest.mark.slow),
+    ],
+)
 def test_the_gradient_is_that_of_central_differences(ground, hidden, late):
     """By weights, waves and a modulus, through every sense, on a slope, with contact, over thousands of steps."""
     robot = legs(Reflexes(EVERY, hidden, light=(0.1, 0.03), **late), moduli={0: Free(8e4, 1.2e5)})

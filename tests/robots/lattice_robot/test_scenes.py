@@ -49,8 +49,7 @@ SLOPES = "distance", "remaining"
     ("grounds", "gradients"),
     [
         (FIRM, SLOPES),
-        (SANDY, ()),
-        pytest.param(FIRM, (), marks=pytest.mark.slow),
+        *(pytest.param(grounds, (), marks=pytest.mark.slow) for grounds in (FIRM, SANDY)),
         pytest.param(SANDY, SLOPES, marks=pytest.mark.slow),
     ],
 )

@@ -397,6 +397,7 @@ def test_bad_input():
         lost.pull_back(positions=np.ones((1, 1, lab.body.voxel_count, 3)))
 
 
+@pytest.mark.slow
 def test_the_published_robot_over_two_thousand_steps():
     """The first stroke on a slope, all kinds of its events at once, moved so little that no foot slips earlier."""
     actuation = InflatableActuation(pressure_ramp=10.0)

@@ -47,7 +47,13 @@ class Linear:
         return Felt(*(self.gain * commands @ m.T for m in self.maps))
 
 
-@pytest.mark.parametrize("given", [{}, {"width": 1}, {"precision": "f32"}, {"friction": 0.5}])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        *(pytest.param(one, marks=pytest.mark.slow) for one in ({"width": 1}, {"precision": "f32"}, {"friction": 0.5})),
+    ],
+)
 def test_decided_commands_do_what_given_ones_do(given):
     """To the bit: ends, frames, and where a gradient comes out."""
     engine, commands = robots(**given), some_commands()

@@ -76,7 +76,7 @@ def test_derivatives_by_sizes_and_masses_agree_with_differences(name):
     assert np.abs(found / expected - 1).max() < 1e-6
 
 
-@pytest.mark.parametrize("integration", ["momentum", "velocity"])
+@pytest.mark.parametrize("integration", ["momentum", pytest.param("velocity", marks=pytest.mark.slow)])
 def test_derivatives_of_pose_and_angles_and_by_commands(integration):
     """Open-loop commands, a second robot that falls over; both ways to carry motion on."""
     rng, steps = np.random.default_rng(4), 20

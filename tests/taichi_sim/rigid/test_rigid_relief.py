@@ -120,7 +120,7 @@ def test_a_ramp_is_a_tilted_plane(degrees, world):
     ("part", "integration"),
     [
         *((part, "momentum") for part in ("commands", "position", "orientation", "angles")),
-        *((part, "velocity") for part in ("commands", "position")),
+        *(pytest.param(part, "velocity", marks=pytest.mark.slow) for part in ("commands", "position")),
     ],
 )
 def test_gradients_agree_with_differences(part, integration):
