@@ -114,7 +114,7 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{folder}: {TIMING} cannot be read ({error})") from None
     seconds = dict.fromkeys(range(count), np.nan) | {each.generation: each.seconds for each in entries}
-    return tuple(seconds.values()), ended and ended.isoformat()
+    return tuple(seconds.values()), ended.isoformat() if ended else None
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:
