@@ -30,6 +30,7 @@ from robots.outcome import Quantity as Quantity
 from robots.outcome import Replay as Replay
 from robots.outcome import World as World
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, read_text, write_record
 from taichi_sim.base.options import Option as Option
@@ -100,7 +101,7 @@ class Robot:
     descriptors: Mapping[
         str, tuple[float, float]
     ] = {}  # what trials tell of kinds of designs, with its lowest and highest
-    feels = False  # whether :meth:`readings` tells what its senses read
+    feels = False  # whether it has senses, whose readings :meth:`felt_over_time` gives
     horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
 
     @property
@@ -160,12 +161,19 @@ class Robot:
         return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
 
     def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
-        """What the senses of N designs, shape (N, P), read in a world: about ``samples`` over time, shape (N, S, T).
+        """What the senses of N designs, shape (N, P), read in a world: ``samples`` over time at most, (N, S, T).
 
         Raises:
-            ValueError: if robots of this kind feel nothing.
+            ValueError: if this robot feels nothing.
         """
-        raise ValueError(f"robot: {KINDS[self.kind].title} feels nothing")
+        if not self.feels:
+            raise ValueError(f"robot: {self.name} feels nothing")
+        found = self.felt_over_time(self.points(points), world, compute)
+        return found[:, :, :: -(-found.shape[2] // whole_number("samples", samples, 1))]
+
+    def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
+        """All that the senses of N designs, shape (N, P), checked, read in a world, shape (N, S, T), if it feels."""
+        raise NotImplementedError
 
     def simulate_in(
         self,

@@ -88,7 +88,10 @@ class Terrain:
             object.__setattr__(self, "light", checked_place("light", self.light))
         object.__setattr__(self, "props", tuple(_prop(each) for each in self.props or ()) or None)
         if self.ground is not None and Ground(self.ground).water and self.slope:
-            raise ValueError(f"slope: {self.slope} is not allowed with water, which is level; give a ramp")
+            raise ValueError(
+                f"slope: {self.slope} is not allowed with water, whose surface is level; give 0, or a ramp in place of "
+                f"the hill, such as ramp:{self.slope:g}+water:0"
+            )
         low, high = self.low_friction, self.high_friction
         if low is not None and high is not None and low > high:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
@@ -256,7 +259,7 @@ class TerrainKind(RobotKind):
     """A kind of robot whose worlds are terrains."""
 
     world_option = "terrain"
-    world_type = staticmethod(checked(Terrain.parse))
+    world_type = staticmethod(checked(Terrain.parse, "terrain"))
     world_hint = (
         "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own); with a light for "
         "robots that feel it, flat+light:X,Y, or a box, ball or wall, flat+box:LX,LY,LZ,X,Y[,Z]"

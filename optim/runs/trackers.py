@@ -15,7 +15,7 @@ import numpy as np
 
 from optim.runs.config import identity, score_in
 from optim.runs.history import History
-from taichi_sim.base.checks import install_extra
+from taichi_sim.base.checks import needing
 from taichi_sim.base.files import make_folder, write_bytes
 
 EVENTS = "events.out.tfevents.0.morpholab"
@@ -65,12 +65,10 @@ def to_tensorboard(runs: Mapping[str, History], folder: Path) -> None:
     Raises:
         ValueError: if tensorboard is missing, or the folder cannot be written.
     """
-    try:
+    with needing("tensorboard", "it", "trackers"):
         from tensorboard.compat.proto.event_pb2 import Event
         from tensorboard.compat.proto.summary_pb2 import Summary
         from tensorboard.summary.writer.record_writer import RecordWriter
-    except ImportError:
-        raise ValueError(f"tensorboard: it is missing; {install_extra('trackers')}") from None
     for label, history in runs.items():
         content = io.BytesIO()
         writer = RecordWriter(content)
@@ -89,11 +87,9 @@ def to_parquet(runs: Mapping[str, History], path: Path) -> None:
     Raises:
         ValueError: if pandas or pyarrow is missing, or the file cannot be written.
     """
-    try:
+    with needing("parquet", "pandas or pyarrow", "trackers"):
         import pandas
         import pyarrow  # noqa: F401 - what pandas writes it with
-    except ImportError:
-        raise ValueError(f"parquet: pandas or pyarrow is missing; {install_extra('trackers')}") from None
     rows = [
         {
             "run": label,
@@ -116,10 +112,8 @@ def to_wandb(runs: Mapping[str, History], project: str) -> None:
     Raises:
         ValueError: if wandb is missing.
     """
-    try:
+    with needing("wandb", "it", "trackers"):
         import wandb
-    except ImportError:
-        raise ValueError(f"wandb: it is missing; {install_extra('trackers')}") from None
     for label, history in runs.items():
         run: Any = wandb.init(project=project, id=key_of(history), name=label, resume="allow", config=settings(history))
         known = int(run.step or 0)  # the step that would come next
@@ -135,11 +129,9 @@ def to_mlflow(runs: Mapping[str, History], address: str) -> None:
     Raises:
         ValueError: if mlflow is missing.
     """
-    try:
+    with needing("mlflow", "it", "trackers"):
         from mlflow import MlflowClient
         from mlflow.entities import Metric, Param
-    except ImportError:
-        raise ValueError(f"mlflow: it is missing; {install_extra('trackers')}") from None
     client: Any = MlflowClient(tracking_uri=address)
     known = client.get_experiment_by_name("morpholab")
     experiment = known.experiment_id if known else client.create_experiment("morpholab")

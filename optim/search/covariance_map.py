@@ -44,10 +44,8 @@ class CovarianceMapElites(MapElites):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        try:
+        with checks.needing("method", "pyribs", "qd"):
             import ribs  # noqa: F401
-        except ImportError:
-            raise ValueError(f"method: pyribs is missing; {checks.install_extra('qd')}") from None
         axes = len(self.axes)
         self.first_elites, self.first_scores = np.empty((0, self.space.size)), np.empty(0)
         self.first_places = np.empty((0, axes))

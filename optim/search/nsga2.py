@@ -51,11 +51,8 @@ class NSGA2(PopulationSearch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        try:
+        with checks.needing("method", "pymoo, which nsga2 needs,", "moo"):
             from pymoo.util import default_random_state  # noqa: F401  older ones take no generators
-        except ImportError:
-            install = checks.install_extra("moo")
-            raise ValueError(f"method: pymoo, which nsga2 needs, is missing; {install}") from None
         self.ranks, self.crowding = np.zeros(self.population, int), np.zeros(self.population)
 
     def ask(self) -> Floats:

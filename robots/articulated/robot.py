@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from robots.articulated.reflexes import PARTS, DriveReflexes
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
-from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -216,12 +215,9 @@ class ArticulatedRobot(Robot):
         """Whether it has reflexes."""
         return self.reflexes is not None
 
-    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
-        """What it feels at N points, at every decision or every so many of these, shape (N, S, T)."""
-        if self.reflexes is None:
-            return super().readings(points, world, samples, compute)
-        found = felt_over_time(self, points, world, compute)
-        return found[:, :, :: -(-found.shape[2] // samples)]
+    def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
+        """What it feels at N points, shape (N, P), at every decision, shape (N, S, T)."""
+        return felt_over_time(self, points, world, compute)
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its sensors and commands."""

@@ -95,17 +95,14 @@ def differentiate(
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
-    relief = relief_under(robot, trial.world)
-    physics = tilted(robot, trial.world)
-    engine = RigidEngine(tree, physics, robot.senses, robot.network, ground=relief, **trial.compute.options)
-    start = None if relief is None else engine.standing()
+    engine, start = _engine(robot, trial.world, trial.compute)
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     runs, slopes = [], []
     for first in range(0, len(points), at_once):
         some = points[first : first + at_once]
-        driven, loop = _driven(robot, some), _loop(robot, some, engine.rest() if start is None else start)
-        driven |= {"start": start, "feedback": loop}
+        loop = _loop(robot, some, engine.rest() if start is None else start)
+        driven = {**_driven(robot, some), "start": start, "feedback": loop}
         if trial.gradients:
             tape = engine.record(robot.steps, **driven)
             of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
@@ -120,13 +117,9 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     return _result(robot, runs, np.concatenate(slopes) if slopes else None)
 
 
-def felt_over_time(robot: "ArticulatedRobot", points: ArrayLike, world: World, compute: Compute) -> Floats:
-    """What robots with reflexes feel at N points whenever they decide, (N, S, T); NaN of robots that diverge."""
-    points, relief = robot.points(points), relief_under(robot, world)
-    engine = RigidEngine(
-        robot.model.tree, tilted(robot, world), robot.senses, robot.network, ground=relief, **compute.options
-    )
-    start = None if relief is None else engine.standing()
+def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute) -> Floats:
+    """What robots with reflexes feel at N points, (N, P), at every decision, (N, S, T); NaN of those that diverge."""
+    engine, start = _engine(robot, world, compute)
     found = []
     for first in range(0, len(points), ROBOTS_AT_ONCE):
         some = points[first : first + ROBOTS_AT_ONCE]
@@ -137,6 +130,13 @@ def felt_over_time(robot: "ArticulatedRobot", points: ArrayLike, world: World, c
         felt[result.status != "ok"] = np.nan
         found.append(felt)
     return np.concatenate(found)
+
+
+def _engine(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:
+    """What moves a robot in a world, and how it stands there at the start; None where it is on the level floor."""
+    relief, physics = relief_under(robot, world), tilted(robot, world)
+    engine = RigidEngine(robot.model.tree, physics, robot.senses, robot.network, ground=relief, **compute.options)
+    return engine, None if relief is None else engine.standing()
 
 
 def on_ground(world: World) -> World:

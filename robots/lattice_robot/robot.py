@@ -23,7 +23,7 @@ from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, turned
 from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_worlds
-from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats
@@ -423,12 +423,9 @@ class LatticeRobot(OutOfTheLab):
         """Whether it has reflexes."""
         return self.reflexes is not None
 
-    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
-        """What it feels at N points, sixteen times a cycle or every so many of these, shape (N, S, T)."""
-        if self.reflexes is None:
-            return super().readings(points, world, samples, compute)
-        found = felt_over_time(self, points, terrain_of(world), compute)
-        return found[:, :, :: -(-found.shape[2] // samples)]
+    def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
+        """What it feels at N points, shape (N, P), sixteen times a cycle, shape (N, S, T)."""
+        return felt_over_time(self, points, terrain_of(world), compute)
 
     def spoken(self, outcome: Outcome) -> str:
         """Its measures, and those of the first prop, if there is one."""

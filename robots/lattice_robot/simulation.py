@@ -230,9 +230,8 @@ def _rollout(robot: "LatticeRobot", points: Floats, swung: Floats, trial: Trial,
     return Rollout(robot.bodies(points), channels, swung, robot.cycle, where, aim, trial.compute, every, starts)
 
 
-def felt_over_time(robot: "LatticeRobot", points: ArrayLike, terrain: Terrain, compute: Compute) -> Floats:
-    """What a robot with reflexes feels at N points, sixteen times a cycle, shape (N, S, T)."""
-    points = robot.points(points)
+def felt_over_time(robot: "LatticeRobot", points: Floats, terrain: Terrain, compute: Compute) -> Floats:
+    """What a robot with reflexes feels at N points, shape (N, P), sixteen times a cycle, shape (N, S, T)."""
     scenes, robot = Scenes.of(robot, [terrain] * len(points)), robot.on(terrain)
     rollout = _rollout(robot, points, swing_of(robot, points), Trial(terrain, compute), scenes)
     rollout.run()

@@ -3,7 +3,7 @@
 import contextlib
 import difflib
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from functools import partial
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -177,6 +177,19 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """End of a message about an unknown name: ``; did you mean ...?`` if a known name is close, else nothing."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {close[0]}?" if close else ""
+
+
+@contextlib.contextmanager
+def needing(field: str, packages: str, extra: str) -> Iterator[None]:
+    """Import optional packages inside; if one is missing, ``field`` says how to install the extra that has them.
+
+    Raises:
+        ValueError: if one is missing.
+    """
+    try:
+        yield
+    except ImportError:
+        raise ValueError(f"{field}: {packages} is missing; {install_extra(extra)}") from None
 
 
 def install_extra(name: str) -> str:

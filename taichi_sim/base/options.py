@@ -111,14 +111,21 @@ def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:
     return tuple(found)
 
 
-def checked(check: Callable[[str], T]) -> Callable[[str], T]:
-    """Make an argparse type from a check that raises ``field: why``; argparse itself names the option."""
+def checked(check: Callable[[str], T], name: str | None = None) -> Callable[[str], T]:
+    """Make an argparse type from a check that raises ``field: why``.
+
+    Args:
+        check: of the text.
+        name: of the option's own field, which is left out of messages, as argparse itself names the option; None for
+            all fields.
+    """
 
     def convert(text: str) -> T:
         try:
             return check(text)
         except ValueError as error:
-            raise argparse.ArgumentTypeError(str(error).partition(": ")[2]) from None
+            field, _, why = str(error).partition(": ")
+            raise argparse.ArgumentTypeError(why if name in (None, field) else str(error)) from None
 
     return convert
 

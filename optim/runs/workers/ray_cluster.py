@@ -18,7 +18,7 @@ from optim.problem import Problem, Request
 from optim.runs.environment import cpu_model, other_version, versions
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
-from taichi_sim.base.checks import install_extra
+from taichi_sim.base.checks import needing
 from taichi_sim.base.compiler import VARIABLE, compiler
 
 NOTE_AFTER = 30.0  # seconds in which actors should have found a place
@@ -207,11 +207,9 @@ def open_cluster(
 
 
 def _import_ray() -> Any:
-    try:
+    with needing("ray", "it", "ray"):
         import ray
         import ray.exceptions
-    except ImportError:
-        raise ValueError(f"ray: it is missing; {install_extra('ray')}") from None
     if ray.is_initialized():
         raise ValueError("ray: this process is connected to a cluster already; call ray.shutdown() first")
     # The only way to silence what it prints on stdout about every worker that dies.

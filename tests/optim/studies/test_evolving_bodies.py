@@ -9,7 +9,7 @@ import pytest
 from optim.problems.robot import RobotProblem
 from optim.search import build_method
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, columns_of, walker
-from optim.studies.beyond.evolving_bodies import STUDY
+from optim.studies.beyond.evolving_bodies import STUDY, metrics
 from optim.studies.beyond.evolving_bodies.bodies import GENES, EvolvableWalker, body_of, code, drawn_body, stands
 from optim.studies.beyond.evolving_bodies.loops import ARMS as LOOPS
 from optim.studies.beyond.evolving_bodies.metrics import ARMS, _chosen
@@ -30,6 +30,14 @@ def test_genes_are_columns_of_the_walker():
     drawn = [drawn_body(np.random.default_rng(seed)) for seed in range(20)]
     assert all(stands(genes) for genes in drawn) and len({code(genes) for genes in drawn}) > 15
     assert not stands([0] * 6 + [1] * 6) and not stands([2, 1, 1, 1, 1, 1] + [1] * 6)
+
+
+def test_where_no_body_stands_evolution_is_as_good_as_drawing(monkeypatch):
+    """Nothing that fell may be chosen."""
+    drawn = metrics.evolve(None, STUDY.scales["small"].evolving, "drawn", 3)
+    monkeypatch.setattr(metrics, "stands", lambda genes: False)
+    found = metrics.evolve(None, STUDY.scales["small"].evolving, "both", 3)
+    assert stands(found["genes"]) and np.array_equal(found["genes"], drawn["genes"]) and found["tried"] == 1
 
 
 @pytest.mark.kernels

@@ -11,7 +11,17 @@ from optim.experiments.tables import read_records
 from optim.problem import Evaluation, Problem, Request, judge
 from optim.search import build_method
 from optim.space import Space, Variable
-from optim.studies.beyond.evolving_vehicles.bodies import BODY, BOUND, HERE, body_of, exact, problem_of, tried
+from optim.studies.beyond.evolving_vehicles import searches
+from optim.studies.beyond.evolving_vehicles.bodies import (
+    BODY,
+    BOUND,
+    HERE,
+    body_of,
+    drawn_body,
+    exact,
+    problem_of,
+    tried,
+)
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS, MARKS, OBJECTIVES, PairProblem, evolve
 from optim.studies.beyond.evolving_vehicles.study import NAME, STUDY, Part
 from robots.braitenberg import VehicleBody
@@ -69,6 +79,15 @@ class Known(Problem):
 def test_evolution_ends_with_the_knee_of_its_front():
     found = evolve(Known(), 16, 20)
     assert found["body"].tolist() == [5, 0] and found["objectives"].tolist() == [75, 75]
+
+
+def test_where_every_body_fails_evolution_is_as_good_as_drawing(monkeypatch):
+    """A body of which nothing is known is not chosen by its number."""
+    monkeypatch.setattr(
+        searches.BodyProblem, "evaluate", lambda self, points: Evaluation(np.full((len(points), 2), np.nan))
+    )
+    found = evolve(searches.BodyProblem(OBJECTIVES["resistance"], 4, 3), 4, 1)
+    assert np.array_equal(found["body"], drawn_body(3)) and np.isnan(found["objectives"]).all()
 
 
 def test_evaluations_with_gradients_have_their_price():

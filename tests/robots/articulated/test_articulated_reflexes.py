@@ -130,6 +130,8 @@ def test_what_is_felt_is_told_over_time():
     assert np.array_equal(alone[0], found[1])
     assert robot.readings(points, robot.worlds[0], 5, Compute(**HERE)).shape[2] <= 5
     assert not crawler().feels
+    with pytest.raises(ValueError, match="feels nothing"):
+        crawler().readings(some_points(crawler(), 1), robot.worlds[0], 5)
 
 
 def test_a_design_is_one_file(tmp_path):

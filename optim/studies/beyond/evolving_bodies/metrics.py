@@ -62,9 +62,10 @@ def tried(robot: LatticeRobot, settings: BodyAndLearning, count: int, seed: int)
 
 
 def evolve(folder: ResultsFolder, evolving: Evolving, arm: str, seed: int, progress: Progress = None) -> Arrays:
-    """Genes of the body that an arm chooses, shape (12,), and of how many bodies it was chosen."""
+    """Genes of the body that an arm chooses, shape (12,), and of how many bodies it was chosen; a drawn one of none."""
+    drawn = {"genes": drawn_body(np.random.default_rng((seed, 5))), "tried": np.array(1)}
     if arm == "drawn":
-        return {"genes": drawn_body(np.random.default_rng((seed, 5))), "tried": np.array(1)}
+        return drawn
     method = build_method("nsga2", SPACE, {"population": evolving.population, "seed": seed})
     known: dict[str, Floats] = {}
     for generation in range(evolving.generations):
@@ -76,6 +77,8 @@ def evolve(folder: ResultsFolder, evolving: Evolving, arm: str, seed: int, progr
             if progress:
                 progress((generation + (number + 1) / len(points)) / evolving.generations)
         method.tell(points, Evaluation(worth if arm == "both" else worth[:, :1]))
+    if not known:  # no body that evolution met stands
+        return drawn
     bodies = np.array([[int(gene) for gene in name] for name in known], float)
     values = np.array(list(known.values()))
     return {"genes": bodies[_chosen(values if arm == "both" else values[:, :1])], "tried": np.array(len(bodies))}

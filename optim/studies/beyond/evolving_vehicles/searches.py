@@ -106,7 +106,8 @@ class PairProblem(Problem):
 def evolve(problem: BodyProblem, population: int, generations: int, progress: Progress = None) -> Arrays:
     """The body that NSGA-II ends with, ``body``, and what the search thought of it, ``objectives``.
 
-    Of a front it is the point nearest to the best values of all objectives, in ranges of the front.
+    Of a front it is the point nearest to the best values of all objectives, in ranges of the front. If every evaluation
+    fails it is the drawn body of the seed, as nothing was learnt about any.
     """
     total = population * (generations + 1)
     method = build_method("nsga2", problem.space, {"population": population, "seed": problem.seed})
@@ -121,7 +122,7 @@ def evolve(problem: BodyProblem, population: int, generations: int, progress: Pr
     run_side_by_side([search], lambda _, requests: [judge(problem, request) for request in requests])
     front = method.result()
     if not len(front.points):  # every evaluation has failed
-        return {"body": BODY.low, "objectives": np.full(len(problem.objective_names), np.nan)}
+        return {"body": drawn_body(problem.seed), "objectives": np.full(len(problem.objective_names), np.nan)}
     highest, span = front.objectives.max(axis=0), np.ptp(front.objectives, axis=0)
     away = (highest - front.objectives) / np.where(span > 0, span, 1.0)
     knee = int(np.argmin(np.linalg.norm(away, axis=1)))

@@ -72,7 +72,7 @@ class Climb:
         self.best[better], self._value[better] = self.points[better], now[better]
 
     def go(self, number: int, slopes: Floats, free: Bools | None = None) -> None:
-        """Make step so and so; ``free`` tells which coordinates may move, shape (R, D), all by default."""
+        """Make the step of this number along slopes, shape (R, D); those not ``free``, if given, stay."""
         held = (self.points <= 0) & (slopes < 0) | (self.points >= 1) & (slopes > 0)
         moving = ~held if free is None else ~held & free
         steps = self._rule.steps(np.ones(len(slopes), bool), slopes, moving)

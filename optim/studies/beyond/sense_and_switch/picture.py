@@ -75,7 +75,7 @@ def _time(axes: "Axes", example: Example) -> None:
     for row, name in enumerate(example.names):
         axes.plot(times, example.places[row], color=LINES[row], label=name)
     axes.set(xlabel="time [s]", ylabel="along the way [m]")
-    axes.legend(loc="upper left")
+    axes.legend(loc="lower right")
 
 
 def _shares(axes: "Axes", machines: Mapping[str, Mapping[str, Any]]) -> None:

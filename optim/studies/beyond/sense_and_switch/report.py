@@ -138,8 +138,8 @@ def _page(
             "noticed",
             "95 % interval",
             "median [s]",
-            "first quarter",
-            "third",
+            "first quartile [s]",
+            "third quartile [s]",
         )
         parts.append(markdown(header, "llrrrrrr", lines))
     columns = [f"on_{kind}" for kind in KINDS]
