@@ -15,7 +15,7 @@
 # package index for torch (this one has small builds without CUDA), OUT=folder where the demo writes.
 
 PYTHON ?= python3.11 python3.12 python3.13 python3
-DEMO ?= --geometry small --terrain flat --free orientation,shape,control --repeats 1 --climbers 32 --generations 4
+DEMO ?= --geometry small --terrain flat --free orientation,shape,control --repeats 1 --climbers 16 --generations 4
 
 venv := .venv
 python := $(venv)/bin/python

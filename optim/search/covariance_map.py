@@ -32,7 +32,7 @@ class CovarianceMapElites(MapElites):
     State is the story that emitters were told: restoring tells it again, which is exact.
 
     Attributes:
-        emitters: distributions that share the population as evenly as it goes, no more than there are members.
+        emitters: distributions that share the population as evenly as it goes, two points each or more.
         step: their first standard deviation, in ranges.
     """
 
@@ -86,7 +86,7 @@ class CovarianceMapElites(MapElites):
         """Emitters at the best of the first successes."""
         unit = into_cube(self.space, self.first_elites, self._middle)
         order = np.argsort(-self.first_scores, kind="stable")
-        origins = unit[np.resize(order, min(self.emitters, self.population))]
+        origins = unit[np.resize(order, min(self.emitters, max(1, self.population // 2)))]
         guides = _Guides(self, origins, len(self.axes))
         guides.add(unit, self.first_scores, self.first_places)
         return guides

@@ -15,7 +15,7 @@ import numpy as np
 from optim.experiments.body_metrics import Measuring, Tries, controllers_of
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
-from optim.experiments.study import Count, Settings, Study, Whole
+from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, write_records
 from optim.measures.sampled import sampled_metrics
 from optim.space import Space
@@ -44,7 +44,7 @@ class Effort(Settings):
     """
 
     bodies: Whole
-    measured: Count = 5
+    measured: Several = 5
     controllers: Count = 128
     starts: Count = 4
     steps: Count = 60
