@@ -54,7 +54,7 @@ validate-quadrants: $(venv)/dev
 	$(python) benchmarks/compilers.py --rounds 1
 
 notebooks: $(venv)/dev
-	MORPHOLAB_SHORT=1 $(python) -m pytest -q --nbmake notebooks
+	MORPHOLAB_SHORT=1 $(python) -m pytest -q --nbmake --nbmake-timeout=900 notebooks
 
 same-bits: $(venv)/dev
 	$(python) benchmarks/same_bits $(SAME_BITS)
