@@ -6,6 +6,7 @@ A ground is a function of the place, the same everywhere and for every robot; ro
 
 import io
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +17,7 @@ import numpy as np
 
 from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import content_of
+from taichi_sim.base.files import UNREADABLE, content_of
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 START = 0.3  # m: where stairs, ramps and gaps begin, before which the ground is level
 BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot; it goes on as at this edge
 MOST_NODES_ALONG = 1500
+MOST_PIXELS = 25_000_000  # of an image, however small it was packed
 WATER_DENSITY = 1000.0  # kg/m^3
 
 Heights = Callable[[Floats, Floats], Floats]
@@ -340,13 +342,14 @@ def _table(file: str) -> Floats:
         else:
             from matplotlib.image import imread
 
+            _check_pixels(content)
             raw = np.asarray(imread(io.BytesIO(content), format=Path(file).suffix[1:].lower() or None))
             most = np.iinfo(raw.dtype).max if np.issubdtype(raw.dtype, np.integer) else 1
             table = raw / most
             if table.ndim == 3:  # grey, or colours and maybe how opaque they are
                 table = table[..., :3].mean(axis=2) if table.shape[2] >= 3 else table[..., 0]
             table = table[::-1].T  # upwards is along y, to the right along x
-    except (OSError, EOFError, ValueError, SyntaxError) as failed:
+    except UNREADABLE as failed:
         raise ValueError(f"terrain: {file!r} cannot be read as heights: {failed}") from None
     if not np.issubdtype(table.dtype, np.number) or table.ndim != 2 or not np.isfinite(table).all():
         raise ValueError(f"terrain: {file!r} is no table of finite numbers, shape (X, Y)")
@@ -363,3 +366,18 @@ def level(edge: float) -> "Relief":
 def _spacing(edge: float) -> float:
     """Of nodes, for voxels of an edge [m]."""
     return max(edge / 2, (BEHIND + AHEAD) / MOST_NODES_ALONG)
+
+
+def _check_pixels(content: bytes) -> None:
+    """Raise a ValueError for an image that would take gigabytes when it is unpacked."""
+    from PIL import Image
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", Image.DecompressionBombWarning)
+        try:
+            with Image.open(io.BytesIO(content)) as image:
+                pixels = image.width * image.height
+        except (Image.DecompressionBombWarning, Image.DecompressionBombError) as failed:
+            raise ValueError(f"its pixels are not allowed, give at most {MOST_PIXELS}: {failed}") from None
+    if pixels > MOST_PIXELS:
+        raise ValueError(f"{pixels} pixels are not allowed, give at most {MOST_PIXELS}")

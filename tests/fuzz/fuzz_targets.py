@@ -19,6 +19,7 @@ from optim.runs.history import read_history
 from optim.runs.robust import ROBUST_FILE, told_of
 from robots.calibration.measurements import read_measurements
 from robots.control.neural import load_weights
+from robots.ground import Ground
 from robots.hardware import PneumaticRig
 from robots.hardware.stream import read_any_table
 from robots.inflatable.design import load_design as load_gait
@@ -60,6 +61,10 @@ class Target:
 def _mesh(path: Path) -> object:
     """Coarse voxels: the mesh of a file may be as large as it likes, but not its body."""
     return body_from_mesh(path, 0.5, Material(1e6, 1e3), most_voxels=20_000, most_memory=1e8)
+
+
+def _heights(path: Path) -> object:
+    return Ground(f"{path}:0.1" if path.suffix == ".npy" else f"{path}:0.1,0.1").relief(0, 0.05)
 
 
 def _weights(path: Path) -> object:
@@ -122,6 +127,8 @@ TARGETS = {
     "rigid": Target("robot.xml", load_model),
     "stl": Target("mesh.stl", _mesh),
     "glb": Target("mesh.glb", _mesh),
+    "heights-npy": Target("heights.npy", _heights),
+    "heights-png": Target("heights.png", _heights),
     "gait-table": Target("gait.csv", read_any_table, ("tests/data/v1_files/*.csv",)),
     "gait-json": Target("gait.json", load_gait, ("tests/data/v1_files/*.json", "docs/gaits/*.json")),
     "robot-json": Target("robot.json", load_saved_robot, ("tests/data/v1_files/block.json",)),

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from robots.ground import GROUNDS, Ground
 from robots.inflatable import ROLLING, simulate
@@ -146,6 +147,16 @@ def test_what_is_too_steep_or_no_table_is_refused(tmp_path):
     (tmp_path / "bad.png").write_text("no image")
     with pytest.raises(ValueError, match="cannot be read as heights"):
         Ground(f"{tmp_path / 'bad.png'}:0.1,0.1").relief(0, EDGE)
+    (tmp_path / "bad.npy").write_bytes(b"\x93NUMPY\x01\x00\x08\x00{'descr(")
+    with pytest.raises(ValueError, match="cannot be read as heights"):
+        Ground(f"{tmp_path / 'bad.npy'}:0.1").relief(0, EDGE)
+
+
+@pytest.mark.parametrize("side", [5100, 10_000, 14_000])
+def test_images_of_too_many_pixels_are_not_unpacked(side, tmp_path):
+    Image.new("1", (side, side)).save(tmp_path / "large.png")
+    with pytest.raises(ValueError, match="pixels are not allowed, give at most 25000000"):
+        Ground(f"{tmp_path / 'large.png'}:0.1,0.1").relief(0, EDGE)
 
 
 def test_robots_are_raised_until_they_stand():

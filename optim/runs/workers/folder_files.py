@@ -16,7 +16,6 @@ import contextlib
 import json
 import os
 import time
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,6 @@ _ENDING, _OF_WORKER = ".npz", "@"
 _LONGEST_NAP, _SHORTEST_NAP, _SHARE = 1.0, 0.01, 0.02  # s, s, of the time waited so far
 _DETAIL = "detail-"  # and its number: archives do not take every name
 _ERRORS = {kind.__name__: kind for kind in (ValueError, OSError, MemoryError)}
-_UNREADABLE = (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile)
 
 
 @dataclass(frozen=True)
@@ -203,7 +201,7 @@ def unpacked_request(content: bytes) -> tuple[str, Request]:
         found = files.unpack(content)
         wants: Any = str(found["wants"])
         return str(found["search"]), Request(found["points"], wants, float(found["sharpness"]))
-    except _UNREADABLE as error:
+    except files.UNREADABLE as error:
         raise ValueError(files.why_unread(error)) from None
 
 
@@ -247,7 +245,7 @@ def unpacked_answer(content: bytes, part: str, count: int) -> tuple[str, Told]:
         if about["part"].partition("-")[0] != part.partition("-")[0]:
             raise ValueError("it is the answer to another part")
         return str(about["worker"]), _told(about, found, count)
-    except _UNREADABLE as error:
+    except files.UNREADABLE as error:
         raise ValueError(files.why_unread(error)) from None
 
 
