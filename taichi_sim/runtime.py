@@ -72,6 +72,10 @@ GRAIN = 512
 # A cache lock this old was left behind by a process that died; it would disable the cache for good.
 STALE_LOCK_SECONDS = 600.0
 
+# Bytes of compiled kernels that the cache keeps. Taichi's own limit of 100 MB holds some hundred of the larger kernels:
+# who uses several robots and precisions would compile the same ones again and again.
+CACHE_SIZE = 2_000_000_000
+
 
 # Devices that Taichi compiles for by way of SPIR-V, and what one must be able to loop without a note.
 THROUGH_SPIRV = ("vulkan", "metal")
@@ -196,6 +200,7 @@ def _initialise(wanted: Compute, architecture: object) -> None:
             offline_cache=cache,
             # Taichi makes this folder when it ends, also without a cache, and crashes if it cannot.
             offline_cache_file_path=str(folder) if cache else os.sep,
+            offline_cache_max_size_of_files=CACHE_SIZE,
         )
         # Else the first launch would do it, which may come from another thread: Taichi refuses that.
         ti.lang.impl.get_runtime().materialize()
