@@ -49,7 +49,8 @@ def run(args: argparse.Namespace) -> Report:
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
-    others = [path for path in runs_below(args.runs) if path not in labels]
+    known = {path.resolve() for path in labels}
+    others = [path for path in runs_below(args.runs) if path.resolve() not in known]
     histories = [read_history(path) for path in (*labels, *others)]
     comparison.check_comparable(histories)
     curves = _named(comparison.curves(histories, args.by, labels), args.names)
@@ -93,9 +94,11 @@ def _labelled(given: Sequence[str]) -> dict[Path, str]:
         found = [Path(path) for path in sorted(glob.glob(pattern))]
         if not found:
             raise ValueError(f"label: nothing matches {pattern}, of {name}")
+        same = {run.resolve(): run for run in labels}
         for run in runs_below(found):
-            if labels.setdefault(run, name) != name:
-                raise ValueError(f"label: {run} would be {labels[run]} and {name}; give it one label")
+            before = labels.setdefault(same.get(run.resolve(), run), name)
+            if before != name:
+                raise ValueError(f"label: {run} would be {before} and {name}; give it one label")
     return labels
 
 

@@ -118,7 +118,7 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:
-    """List the given run folders, and the run folders inside given folders.
+    """List the given run folders, and the run folders inside given folders, each once however it is spelled.
 
     Raises:
         ValueError: if a path has no run.
@@ -128,5 +128,6 @@ def runs_below(paths: Iterable[Path]) -> list[Path]:
         inside = [path] if has_run(path) else sorted(p for p in path.glob("*/") if has_run(p))
         if not inside:
             raise ValueError(f"run: {path} holds no run" if path.exists() else f"run: {path} does not exist")
-        found += [run for run in inside if run not in found]
+        there = {run.resolve() for run in found}
+        found += [run for run in inside if run.resolve() not in there]
     return found

@@ -16,7 +16,7 @@ import numpy as np
 from optim.runs.config import identity, score_in
 from optim.runs.history import History
 from taichi_sim.base.checks import needing
-from taichi_sim.base.files import make_folder, write_bytes
+from taichi_sim.base.files import make_folder, read_bytes, write_bytes
 
 EVENTS = "events.out.tfevents.0.morpholab"
 MLFLOW_AT_ONCE = 1000  # metrics of a request
@@ -85,11 +85,13 @@ def to_parquet(runs: Mapping[str, History], path: Path) -> None:
     """Write one table, a row for each generation of each run; it replaces an older one.
 
     Raises:
-        ValueError: if pandas or pyarrow is missing, or the file cannot be written.
+        ValueError: if pandas or pyarrow is missing, another kind of file is there, or it cannot be written.
     """
     with needing("parquet", "pandas or pyarrow", "trackers"):
         import pandas
         import pyarrow  # noqa: F401 - what pandas writes it with
+    if path.exists() and not read_bytes(path).startswith(b"PAR1"):
+        raise ValueError(f"parquet: {path} is there and is no table of Parquet; give another name")
     rows = [
         {
             "run": label,

@@ -216,13 +216,16 @@ def test_compare_names_groups(rocket, morpholab):
         ("drawn", 2),
         ("climbed", 2),
     ]
-    code, out, _ = morpholab("compare --label one=runs/hill-climb5 runs/hill-climb5 runs/random5/seed-1 --json")
+    code, out, _ = morpholab(
+        f"compare --label one=runs/hill-climb5 {Path.cwd()}/runs/hill-climb5 runs/random5/seed-1 --json"
+    )
     assert [group["label"] for group in json.loads(out)["groups"]] == ["one", "random"]
+    twice = f"{Path.cwd()}/runs/random5/seed-1"
     for line, message in {
         "": "runs: none are given; name folders of runs, or groups by --label NAME=PATTERN",
         "--label runs": "label: 'runs' is not allowed; give NAME=PATTERN, as in new=runs/new*",
         "--label a=none*": "label: nothing matches none*, of a",
-        "--label a=runs/r* --label b=runs/random5/seed-1": "label: runs/random5/seed-1 would be a and b; give it one",
+        f"--label a=runs/r* --label b={twice}": f"label: {twice} would be a and b; give it one",
         "--label 'a=runs/hill*'": "label: runs of 'a' differ in method.climbers; only seeds may differ",
     }.items():
         code, _, error = morpholab(f"compare {line}")

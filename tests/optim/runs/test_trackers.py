@@ -60,6 +60,9 @@ def test_a_table_has_a_row_for_each_generation_of_each_run(morpholab, searched, 
     assert len(table) == 5 and set(table["run"]) == {f"{tmp_path.name}-a", "b-a"}
     assert table[table["run"] == "b-a"]["best"].tolist() == [each["best"] for each in logs["b-a"]]
     assert (table["method"] == "random").all()
+    assert morpholab("track a --parquet runs.parquet")[0] == 0
+    code, _, err = morpholab("track a --parquet a/log.jsonl")
+    assert code == 2 and "parquet: a/log.jsonl is there and is no table of Parquet; give another name" in err
 
 
 def test_weights_and_biases_gets_what_it_does_not_have(morpholab, searched, monkeypatch):
