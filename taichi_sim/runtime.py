@@ -76,7 +76,6 @@ STALE_LOCK_SECONDS = 600.0
 # who uses several robots and precisions would compile the same ones again and again.
 CACHE_SIZE = 2_000_000_000
 
-
 # Devices that Taichi compiles for by way of SPIR-V, and what one must be able to loop without a note.
 THROUGH_SPIRV = ("vulkan", "metal")
 MANY_ITERATIONS = 1 << 17

@@ -49,9 +49,7 @@ def run(args: argparse.Namespace) -> Report:
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
-    known = {path.resolve() for path in labels}
-    others = [path for path in runs_below(args.runs) if path.resolve() not in known]
-    histories = [read_history(path) for path in (*labels, *others)]
+    histories = [read_history(path) for path in runs_below((*labels, *args.runs))]
     comparison.check_comparable(histories)
     curves = _named(comparison.curves(histories, args.by, labels), args.names)
     score = score_in(histories[0].config)

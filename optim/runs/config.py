@@ -24,7 +24,7 @@ SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
     WALKER: Objective("speed", "lattices/s"),
     VEHICLE: Objective("score", "m"),
 }
-_SEAL = "# sha256 of all lines above: "
+SEAL = "# sha256 of all lines above: "
 
 
 def has_run(folder: Path) -> bool:
@@ -36,7 +36,7 @@ def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Write the settings of a run."""
     text = tomli_w.dumps({"format": FORMAT, **config})
     with files.replacing(folder / CONFIG) as aside:
-        aside.write_text(f"{text}{_SEAL}{files.sha256(text.encode())}\n")
+        aside.write_text(f"{text}{SEAL}{files.sha256(text.encode())}\n")
 
 
 def read_config(folder: Path) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     version = config.pop("format", None)
     if isinstance(version, int) and version > FORMAT:
         raise ValueError(f"{path}: was written by a newer morpholab (format {version}; this one reads {FORMAT})")
-    above, seal, checksum = text.rpartition(_SEAL)
+    above, seal, checksum = text.rpartition(SEAL)
     if not seal or checksum != files.sha256(above.encode()) + "\n":
         raise ValueError(f"{path}: is not as it was written; its checksum {'does not match' if seal else 'is missing'}")
     for name, kind in SECTIONS.items():

@@ -123,11 +123,11 @@ def runs_below(paths: Iterable[Path]) -> list[Path]:
     Raises:
         ValueError: if a path has no run.
     """
-    found: list[Path] = []
+    found: dict[Path, Path] = {}
     for path in paths:
         inside = [path] if has_run(path) else sorted(p for p in path.glob("*/") if has_run(p))
         if not inside:
             raise ValueError(f"run: {path} holds no run" if path.exists() else f"run: {path} does not exist")
-        there = {run.resolve() for run in found}
-        found += [run for run in inside if run.resolve() not in there]
-    return found
+        for run in inside:
+            found.setdefault(run.resolve(), run)
+    return list(found.values())

@@ -31,7 +31,7 @@ def number(field: str, value: object, low: float = -math.inf, high: float = math
         allowed = f"a finite number, at most {high:g}"
     else:
         allowed = "a finite number of" if unit else "a finite number"
-    raise ValueError(f"{field}: {_shown(value)} is not allowed; give {allowed} {unit}".rstrip())
+    raise ValueError(f"{field}: {shown(value)} is not allowed; give {allowed} {unit}".rstrip())
 
 
 def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> int:
@@ -46,9 +46,9 @@ def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> 
         finite = _finite(value)
         found = int(finite) if finite is not None and finite.is_integer() else None
     if found is None or found < low:
-        raise ValueError(f"{field}: {_shown(value)} is not allowed; give a whole number, at least {low}")
+        raise ValueError(f"{field}: {shown(value)} is not allowed; give a whole number, at least {low}")
     if found > high:
-        raise ValueError(f"{field}: {_shown(value)} is not allowed; give a whole number, at most {high}")
+        raise ValueError(f"{field}: {shown(value)} is not allowed; give a whole number, at most {high}")
     return found
 
 
@@ -59,7 +59,7 @@ def integer(field: str, value: object, low: int, high: int = 2**31 - 1) -> int:
         ValueError: if it is anything else.
     """
     if isinstance(value, float | np.floating):
-        raise ValueError(f"{field}: {_shown(value)} is not allowed; give a whole number, at least {low}")
+        raise ValueError(f"{field}: {shown(value)} is not allowed; give a whole number, at least {low}")
     return whole_number(field, value, low, high)
 
 
@@ -72,7 +72,7 @@ def positive(field: str, value: object, high: float = math.inf) -> float:
     if (finite := _finite(value)) is not None and 0 < finite <= high:
         return finite
     allowed = "a positive finite number" if high == math.inf else f"a positive number, at most {high:g}"
-    raise ValueError(f"{field}: {_shown(value)} is not allowed; give {allowed}")
+    raise ValueError(f"{field}: {shown(value)} is not allowed; give {allowed}")
 
 
 def flag(field: str, value: object) -> bool:
@@ -83,7 +83,7 @@ def flag(field: str, value: object) -> bool:
     """
     if isinstance(value, bool):
         return value
-    raise ValueError(f"{field}: {_shown(value)} is not allowed; give true or false")
+    raise ValueError(f"{field}: {shown(value)} is not allowed; give true or false")
 
 
 def table(field: str, value: object) -> Mapping[Any, Any]:
@@ -94,7 +94,7 @@ def table(field: str, value: object) -> Mapping[Any, Any]:
     """
     if isinstance(value, Mapping):
         return value
-    raise ValueError(f"{field}: {_shown(value)} is not allowed; give values by name")
+    raise ValueError(f"{field}: {shown(value)} is not allowed; give values by name")
 
 
 def choice(field: str, value: object, names: Collection[str]) -> str:
@@ -105,7 +105,7 @@ def choice(field: str, value: object, names: Collection[str]) -> str:
     """
     if isinstance(value, str) and value in names:
         return value
-    raise ValueError(f"{field}: {_shown(value)} is unknown; choose one of {', '.join(names)}")
+    raise ValueError(f"{field}: {shown(value)} is unknown; choose one of {', '.join(names)}")
 
 
 def numbers(field: str, value: object, *shape: int | str) -> Floats:
@@ -125,7 +125,7 @@ def numbers(field: str, value: object, *shape: int | str) -> Floats:
         if np.asarray(value).dtype.kind in "SU":
             raise TypeError("a text is no number, whatever it says")
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{field}: {_shown(value)} is not allowed; give numbers of shape {wanted}") from None
+        raise ValueError(f"{field}: {shown(value)} is not allowed; give numbers of shape {wanted}") from None
     fits = found.ndim == len(shape) and all(
         length == size or (isinstance(length, str) and size > 0)
         for length, size in zip(shape, found.shape, strict=True)
@@ -197,17 +197,17 @@ def install_extra(name: str) -> str:
     return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"
 
 
-def _finite(value: object) -> float | None:
-    if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
-        with contextlib.suppress(OverflowError):  # an int beyond the range of floats
-            return float(value) if math.isfinite(value) else None
-    return None
-
-
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     """Text of a value in one line, cut off if it is long."""
     try:
         text = " ".join(repr(value).split())
     except ValueError:  # more digits than Python writes out
         return "a number of thousands of digits"
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
+
+
+def _finite(value: object) -> float | None:
+    if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
+        with contextlib.suppress(OverflowError):  # an int beyond the range of floats
+            return float(value) if math.isfinite(value) else None
+    return None

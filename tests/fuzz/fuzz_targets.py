@@ -12,7 +12,7 @@ import numpy as np
 
 from optim.pipeline.task import read_task
 from optim.runs import checkpoint
-from optim.runs.config import CONFIG, identity, read_config
+from optim.runs.config import CONFIG, SEAL, identity, read_config
 from optim.runs.folder import TIMING
 from optim.runs.generation import Generation
 from optim.runs.history import read_history
@@ -33,7 +33,6 @@ from taichi_sim.lattice.files.mesh import body_from_mesh
 from taichi_sim.rigid.model.files import load_model
 
 LARGEST = 20_000  # bytes of an input; what is larger only takes longer
-SEAL = "# sha256 of all lines above: "
 SETTINGS = 'format = 1\ngenerations = 2\n\n[problem]\nkind = "x"\n\n[method]\nname = "cma"\n'
 LINE = Generation(0, 4, 0, 1.0, 0.5, 0.5, [1.0, None], {"a": 1.0}, {"speed": 1.0}, {"spread": 0.1}).to_json()
 TIME = '{"generation": 0, "seconds": 0.5, "finished": "2026-01-02T03:04:05+0000"}'
