@@ -82,6 +82,11 @@ def lives(pid):
     return False
 
 
+def heed_interrupts():
+    """Have a child process end at Ctrl-C, also where tests run as a shell's background job, which ignores it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def stopped(folder, backend, how):
     """The exit code and stderr of a program with two busy workers that a signal ends; no worker may survive it."""
     command = [sys.executable, worker_problems.__file__, folder, backend]
@@ -91,7 +96,7 @@ def stopped(folder, backend, how):
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background job ignores it
+        preexec_fn=heed_interrupts,
     )
     pids = wait_for(lambda: len(found := numbers(folder)) == 2 and found)
     if how == signal.SIGINT:

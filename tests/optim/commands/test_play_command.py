@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from worker_checks import heed_interrupts
 
 from robots.hardware import PneumaticRig, export_csv, read_csv
 from robots.hardware.controller import check_baud
@@ -131,6 +132,7 @@ def test_an_interruption_vents(folder):
         env=environment,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=heed_interrupts,
     )
     controller.wait_for('"main"')
     process.send_signal(signal.SIGINT)
