@@ -34,6 +34,7 @@ sys.meta_path.insert(0, _BesideThis)
 from taichi_sim.base.lazy import exported_names  # noqa: E402 - found beside this package
 
 if TYPE_CHECKING:
+    from optim.explorer import explore as explore
     from optim.lab import Trials as Trials
     from optim.lab import differentiate as differentiate
     from optim.lab import robot as robot

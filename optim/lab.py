@@ -197,7 +197,7 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        values[name] = _read(name, known[name].type, value)
+        values[name] = read_option(name, known[name].type, value)
     return make_robot(kind, found, values)
 
 
@@ -216,7 +216,7 @@ def world(of: Robot, name: "str | World | None" = None) -> World:
     kind = KINDS[of.kind]
     if name is None:
         return of.worlds[0]
-    return kind.world(_read(kind.world_option, kind.world_type, name)) if isinstance(name, str) else name
+    return kind.world(read_option(kind.world_option, kind.world_type, name)) if isinstance(name, str) else name
 
 
 def simulate(
@@ -297,10 +297,10 @@ def _given(
 ) -> tuple[Robot, Floats, World, Compute]:
     """The robot, points, world and computation that a call asks for."""
     tried = robot(source)
-    return tried, tried.points(_points(tried, designs)), world(tried, where), Compute(**how)
+    return tried, tried.points(points_of(tried, designs)), world(tried, where), Compute(**how)
 
 
-def _points(tried: Robot, designs: Designs) -> ArrayLike:
+def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     """Points, shape (N, P), of what a caller may give."""
     if designs is None:
         return tried.start[None]
@@ -330,7 +330,7 @@ def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, upda
         return None
 
 
-def _read(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
+def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
     """A value of an option; a text is read as the command line reads it."""
     try:
         return reads(value) if isinstance(value, str) and reads is not None else value

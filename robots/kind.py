@@ -9,6 +9,7 @@ A kind is built in, and stands in the table ``KINDS``, or a package adds it by a
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from robots.outcome import World
@@ -17,6 +18,14 @@ from taichi_sim.base.registry import Registry
 
 if TYPE_CHECKING:
     from robots.robot import Robot
+
+
+Choices = Mapping[str, tuple[float, float] | list[Any]]
+
+
+def choices(**given: tuple[float, float] | list[Any]) -> Choices:
+    """What is worth moving of a robot: pairs, lowest and highest, and lists by name."""
+    return MappingProxyType(given)
 
 
 class RobotKind(ABC):
@@ -33,6 +42,8 @@ class RobotKind(ABC):
         ground_options: names of further ``world_options``, which hold for all worlds of a command.
         search_precision: of numbers in searches, unless asked otherwise.
         view_precision: of numbers in views, unless asked otherwise.
+        explored: what is worth moving when a robot is explored, by names of ``options`` and ``world_options``: a pair,
+            lowest and highest, or a list.
     """
 
     name: str
@@ -45,6 +56,7 @@ class RobotKind(ABC):
     ground_options: tuple[str, ...] = ()
     search_precision: str = "f64"
     view_precision: str = "f64"
+    explored: Choices = MappingProxyType({})
 
     @abstractmethod
     def build(self, source: str | None, options: Mapping[str, Any]) -> "Robot":

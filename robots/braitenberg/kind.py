@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from robots.braitenberg.body import CONTROLLERS, FORMAT
+from robots.kind import choices
 from robots.robot import Option, Robot, RobotKind, World
 from robots.world import Environment
 from taichi_sim.base.options import whole
@@ -24,6 +25,7 @@ class VehicleKind(RobotKind):
     title = "Braitenberg vehicle"
     world_option = "environment"
     world_hint = "place of the light, or of the robot, from 1 to 4 (default: 1, of searches all)"
+    explored = choices(environment=[1, 2, 3, 4])
     options = (
         DESIGN,
         Option(

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robots.kind import choices
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot
@@ -22,6 +23,7 @@ class FreeformKind(LatticeGroundKind):
 
     name = "freeform"
     title = "freeform robot"
+    explored = choices(frequency=(1, 8), amplitude=(0.02, 0.25), slope=(-15, 15))
     options = (
         Option("shape", "cells of the grid along each axis (default: 12,4,3)", checked(shape_of), "X,Y,Z"),
         Option("voxel_size", "edge of a cell in metres (default: 0.01)", number(1e-6, 1e3), "M"),

@@ -17,6 +17,7 @@ from robots.inflatable.design import (
     load_design,
 )
 from robots.inflatable.robot import InflatableRobot
+from robots.kind import choices
 from robots.robot import (
     Option,
     Robot,
@@ -55,6 +56,7 @@ class InflatableKind(TerrainKind):
     name = "inflatable"
     title = "inflatable robot"
     designs = GAITS
+    explored = choices(geometry=["small", "published"], slope=(-15, 15), orientation=(0, 90))
     search_precision = "f32"
     ground_options = ("friction", "floor", *FRICTION_OF_PARTS)
     options = (

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robots.kind import choices
 from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
@@ -53,6 +54,7 @@ class LatticeRobotKind(LatticeGroundKind):
     )
 
     designs = ("soft-quadruped", "feeling-quadruped", "light-seeker", "soft-swimmer")
+    explored = choices(slope=(-15, 15))
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file, where one of Python may set a robot of any kind; or one that comes with the lab."""

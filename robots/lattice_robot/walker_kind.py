@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robots.kind import choices
 from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
@@ -26,6 +27,7 @@ class WalkerKind(LatticeGroundKind):
 
     name = "walker"
     title = "soft walker"
+    explored = choices(frequency=(1, 8), amplitude=(0.02, 0.25), slope=(-15, 15))
     options = (
         Option("shape", "places of the lattice along each axis (default: 4,4,3)", checked(shape_of), "X,Y,Z"),
         Option("encoding", "of the body: each voxel, or a pattern in space (default: direct)", choices=ENCODINGS),

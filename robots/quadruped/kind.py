@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from robots.control.lights import LightKind
+from robots.kind import choices
 from robots.robot import Option, Robot
 from taichi_sim.base.options import number, whole
 
@@ -26,6 +27,7 @@ class QuadrupedKind(LightKind):
     name = "quadruped"
     title = "quadruped"
     designs = DESIGNS
+    explored = choices(environment=[1, 2], limb_length=(0.15, 0.6), body_width=(0.15, 0.6), torque=(2, 30))
     options = (
         Option("variant", "the published experiment, or its text (default: as-run)", choices=("as-run", "text")),
         Option("looks", "at the sensors in a trial, one every 0.05 s (default: 1000)", whole(2), "N"),

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robots.control.lights import LightKind
+from robots.kind import choices
 from robots.robot import Option, Robot
 from taichi_sim.base.options import number, numbers, whole
 
@@ -14,6 +15,7 @@ class RoverKind(LightKind):
     name = "rover"
     title = "two-wheel vehicle"
     designs = ("rover-best",)
+    explored = choices(environment=[1, 2, 3, 4], wheel_radius=(0.15, 0.5), torque=(1, 20))
     options = (
         Option("sensors", "places of the two light sensors on the body, in metres", numbers(4), "X1,Y1,X2,Y2"),
         Option("looks", "at the light in a trial, one every 0.05 s (default: 2500)", whole(2), "N"),

@@ -1,0 +1,269 @@
+"""Controls of a robot, and trials of what they are set to. Needs no notebook."""
+
+import inspect
+import numbers
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any
+
+from optim import lab
+from robots.robot import KINDS, OK, Parameter, Progress, Replay, Robot, World
+from taichi_sim.base.checks import choice, nearest
+from taichi_sim.base.checks import number as checked_number
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.options import Option
+
+Source = str | PathLike[str] | Robot | Callable[..., Robot]
+MOST_SUGGESTED = 8  # parameters that have a slider unless some are named
+FINENESS = 100  # steps of a slider
+FRAMES = 240  # of a motion: enough for the eye, and quick to send
+
+
+@dataclass(frozen=True)
+class Control:
+    """A slider from ``low`` to ``high``, or a menu of ``choices``.
+
+    Attributes:
+        name: of what it sets.
+        first: the value before it is moved.
+        low: lowest value of a slider.
+        high: highest value of a slider.
+        step: between neighbouring values of a slider.
+        unit: of the values; empty if there is none or it is unknown.
+        choices: of a menu; empty for a slider.
+    """
+
+    name: str
+    first: Any
+    low: float = 0.0
+    high: float = 0.0
+    step: float = 0.0
+    unit: str = ""
+    choices: tuple[Any, ...] = ()
+
+    def checked(self, value: Any) -> Any:
+        """A value that the control can have.
+
+        Raises:
+            ValueError: for any other.
+        """
+        if not self.choices:
+            return checked_number(self.name, value, self.low, self.high, self.unit)
+        if value not in self.choices:
+            raise ValueError(
+                f"{self.name}: {value!r} is not allowed; choose one of {', '.join(map(str, self.choices))}"
+            )
+        return value
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """What a robot did with the controls at some values.
+
+    Attributes:
+        robot: with nothing more to choose.
+        world: where.
+        replay: outcome and motion.
+        rows: name, unit and value of each measure; nothing of a trial that failed.
+        told: why it failed; empty if it did not.
+    """
+
+    robot: Robot
+    world: World
+    replay: Replay
+    rows: tuple[tuple[str, str, float], ...]
+    told: str
+
+
+class Exploration:
+    """A robot, what can be chosen of it, and how it is tried.
+
+    Args:
+        source: as of ``explore``.
+        choices: pairs, lists and fixed values by name, as of ``explore``.
+        measures: names of those to show; all if empty.
+        precision: of numbers; that of views if None.
+        threads: of the processor; all if None.
+
+    Attributes:
+        controls: sliders and menus, in the order of the choices.
+
+    Raises:
+        ValueError: for a name that is unknown or a value that is not allowed.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        choices: Mapping[str, Any],
+        measures: Sequence[str] = (),
+        precision: str | None = None,
+        threads: int | None = None,
+    ) -> None:
+        self.source = source
+        makes = callable(source) and not isinstance(source, Robot)
+        self._taken = inspect.signature(source).parameters if makes else {}  # type: ignore[arg-type]
+        self._fixed = {name: value for name, value in choices.items() if not _varies(value)}
+        varying = {name: value for name, value in choices.items() if name not in self._fixed}
+        self._check_given(varying)
+        robot = self._made({**self._fixed, **{name: _first(value) for name, value in varying.items()}})
+        kind = KINDS[robot.kind]
+        if not varying:
+            varying = self._suggested(robot)
+            robot = self._made({**self._fixed, **{name: _first(value) for name, value in varying.items()}})
+        self._options = {option.name: option for option in kind.options}
+        self._places = {option.name: option for option in kind.world_options}
+        self._parameters = {parameter.name: parameter for parameter in robot.parameters}
+        self._check_names([*self._fixed, *varying], kind.title)
+        described = {} if self._taken else self._made(self._fixed).describe()
+        self.controls = tuple(self._control(name, value, described) for name, value in varying.items())
+        self.measures = tuple(choice("measures", name, [m.name for m in robot.measures]) for name in measures)
+        self.compute = Compute(precision=precision or kind.view_precision, threads=threads)
+        self.set_up(self.first)
+
+    @property
+    def first(self) -> dict[str, Any]:
+        """The controls' values before any is moved."""
+        return {control.name: control.first for control in self.controls}
+
+    def checked(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """A value for every control.
+
+        Raises:
+            ValueError: for a name or value that is not allowed.
+        """
+        known = {control.name: control for control in self.controls}
+        for name in values:
+            choice("control", name, list(known))
+        return {name: known[name].checked(values.get(name, known[name].first)) for name in known}
+
+    def set_up(self, values: Mapping[str, Any]) -> tuple[Robot, World]:
+        """The robot and the world of the controls' values.
+
+        Raises:
+            ValueError: for values of which there is none.
+        """
+        given = {**self._fixed, **self.checked(values)}
+        robot = self._made(given)
+        kind = KINDS[robot.kind]
+        place = {
+            name: lab.read_option(name, option.type, _text(given[name]))
+            for name, option in self._places.items()
+            if self._is_place(name, given)
+        }
+        free = {name: given[name] for name in given if name in self._parameters and name not in self._taken}
+        fixed = robot.design(robot.points(lab.points_of(robot, free))[0]) if robot.parameters else robot
+        world = kind.chosen_world(place) if place else None
+        return fixed, world or robot.worlds[0]
+
+    def tried(self, values: Mapping[str, Any], progress: Progress | None = None) -> Tried:
+        """Try the robot with the controls at some values.
+
+        Raises:
+            ValueError: for values of which there is no robot.
+        """
+        robot, world = self.set_up(values)
+        replay = robot.replay((), world, frames=FRAMES, compute=self.compute, progress=progress)
+        outcome = replay.outcome
+        if outcome.status[0] != OK:
+            return Tried(robot, world, replay, (), outcome.told[0])
+        shown = [m for m in robot.measures if m.name in (self.measures or outcome.measures)]
+        rows = tuple((m.spoken, m.unit, float(outcome.measures[m.name][0])) for m in shown)
+        return Tried(robot, world, replay, rows, "")
+
+    def _is_place(self, name: str, given: Mapping[str, Any]) -> bool:
+        return name in given and name not in self._taken and name not in self._parameters and name not in self._options
+
+    def _made(self, given: Mapping[str, Any]) -> Robot:
+        """The robot of values, before its parameters are set."""
+        if self._taken:
+            taken = {name: given[name] for name in self._taken if name in given}
+            robot = self.source(**taken)  # type: ignore[operator]
+            if not isinstance(robot, Robot):
+                raise ValueError(f"source: it made {robot!r}, which is no robot")
+        else:
+            robot = lab.robot(self.source)  # type: ignore[arg-type]
+        rest = {name: _text(value) for name, value in given.items() if name not in self._taken}
+        names = {parameter.name for parameter in robot.parameters}
+        known = [option.name for option in KINDS[robot.kind].options]
+        chosen = {name: value for name, value in rest.items() if name in known and name not in names}
+        return lab.robot(robot if self._taken else self.source, **chosen) if chosen else robot  # type: ignore[arg-type]
+
+    def _check_given(self, varying: Mapping[str, Any]) -> None:
+        """Refuse sliders and menus of nothing."""
+        for name, value in varying.items():
+            if isinstance(value, tuple):
+                low, high = (checked_number(name, end) for end in value)
+                if not low < high:
+                    raise ValueError(f"{name}: {low:g} to {high:g} is not allowed; give the lowest value first")
+            elif not value:
+                raise ValueError(f"{name}: a menu of nothing is not allowed; give some values")
+
+    def _check_names(self, names: Sequence[str], title: str) -> None:
+        known = [*self._taken, *self._parameters, *self._options, *self._places]
+        for name in names:
+            if name not in known:
+                some = ", ".join(known[: lab.MOST_ROWS]) + (", ..." if len(known) > lab.MOST_ROWS else "")
+                raise ValueError(f"{name}: no parameter or option of {title}; there are {some}{nearest(name, known)}")
+
+    def _suggested(self, robot: Robot) -> dict[str, Any]:
+        """Pairs and lists for a robot of which nothing was chosen."""
+        if self._taken:
+            raise ValueError("choices: there are none; give a pair or a list for an argument of the function")
+        free = [parameter for parameter in robot.parameters if parameter.place is None][:MOST_SUGGESTED]
+        pairs = {parameter.name: (parameter.low, parameter.high) for parameter in free}
+        found = {**KINDS[robot.kind].explored, **pairs}
+        suggested = {name: value for name, value in found.items() if name not in self._fixed}
+        if not suggested:
+            title = KINDS[robot.kind].title
+            raise ValueError(f"choices: {title} suggests none; give a pair or a list, such as slope=(-10, 10)")
+        return suggested
+
+    def _control(self, name: str, value: Any, described: Mapping[str, Any]) -> Control:
+        """The slider or menu of a choice."""
+        if not isinstance(value, tuple):
+            return Control(name, value[0], choices=tuple(value))
+        low, high = map(float, value)
+        parameter = self._parameters.get(name) if name not in self._taken else None
+        whole = all(isinstance(end, numbers.Integral) for end in value) and high - low >= FINENESS / 2
+        whole = whole or (parameter is not None and parameter.is_integer)
+        step = 1.0 if whole else (high - low) / FINENESS
+        usual = self._usual(name, parameter, described)
+        first = float(usual) if _is_number(usual) and low <= usual <= high else _first(value)
+        option = self._options.get(name) or self._places.get(name)
+        return Control(name, first, low, high, step, parameter.unit if parameter else _unit(option))
+
+    def _usual(self, name: str, parameter: Parameter | None, described: Mapping[str, Any]) -> Any:
+        """The value where nobody chooses, as far as it is known."""
+        if name in self._taken:
+            return self._taken[name].default
+        return parameter.first if parameter else described.get(name)
+
+
+def _varies(value: Any) -> bool:
+    """Whether a choice is a slider or a menu."""
+    return isinstance(value, list) or (isinstance(value, tuple) and len(value) == 2 and all(map(_is_number, value)))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
+def _first(value: Any) -> Any:
+    """The middle of a slider, the first of a menu."""
+    return (value[0] + value[1]) / 2 if isinstance(value, tuple) else value[0]
+
+
+def _text(value: Any) -> Any:
+    """A number as the command line would have it; all else as it is."""
+    return f"{value:.10g}" if _is_number(value) else value
+
+
+def _unit(option: Option | None) -> str:
+    """What the help calls the values of an option, in small letters, if that is a unit."""
+    name = (option.metavar or "") if option else ""
+    return UNITS.get(name, "")
+
+
+UNITS = {"DEGREES": "degrees", "DEG": "degrees", "PA": "Pa", "HZ": "Hz", "M": "m", "KG": "kg", "S": "s", "N": ""}

@@ -1,0 +1,106 @@
+"""Explorers: what names and values stand for, what is refused, and what a trial tells."""
+
+import pytest
+
+import morpholab as ml
+from optim.explorer.exploration import Exploration
+
+VEHICLE = "vehicle"
+
+
+def controls(*given, **choices):
+    return Exploration(*given, choices).controls
+
+
+@pytest.mark.parametrize(
+    "robot", ["vehicle", "legged", "rover-best", "soft-quadruped", "rolling", "walker", "freeform"]
+)
+def test_every_kind_suggests_controls_that_begin_with_the_robot_as_it_is(robot):
+    exploration = Exploration(robot, {})
+    assert exploration.controls
+    as_it_is = ml.robot(robot).describe()
+    for control in exploration.controls:
+        assert control.choices or control.low <= control.first <= control.high
+        if not control.choices and control.name in as_it_is:
+            assert control.first == as_it_is[control.name]
+
+
+def test_names_are_parameters_options_and_worlds():
+    exploration = Exploration("soft-quadruped", {"muscle_amplitude_1": (0.0, 0.1), "terrain": ["flat", "hill:5"]})
+    slider, menu = exploration.controls
+    assert (slider.first, slider.low, slider.high, slider.step) == (0.1, 0.0, 0.1, 0.001)
+    assert menu.choices == ("flat", "hill:5") and menu.first == "flat"
+    robot, world = exploration.set_up({"muscle_amplitude_1": 0.03, "terrain": "hill:5"})
+    assert world.name == "hill:5" and not robot.parameters
+    assert robot.drives[0].amplitude[0] == pytest.approx(0.03)
+    exploration = Exploration("rolling", {"geometry": "small", "slope": (-10, 10), "pressure": (8000, 12000)})
+    robot, world = exploration.set_up({"slope": 2.5, "pressure": 9000})
+    assert robot.geometry == "small" and world.name == "hill:2.5"
+    assert robot.gait.pressure == 9000
+
+
+def test_a_function_takes_what_it_names():
+    def make(design, slowness=2.0):
+        return ml.robot(VEHICLE, design=int(design))
+
+    design, slowness, environment = controls(make, design=(1, 6561), slowness=(1.0, 4.0), environment=[2, 1])
+    assert (design.first, design.step) == (3281, 1) and slowness.first == 2.0 and environment.first == 2
+    with pytest.raises(ValueError, match="source: it made 3, which is no robot"):
+        Exploration(lambda size: 3, {"size": (1, 2)})
+    with pytest.raises(ValueError, match="choices: there are none; give a pair"):
+        Exploration(make, {"design": 5})
+
+
+@pytest.mark.parametrize(
+    ("choices", "message"),
+    [
+        ({"w7": (0, 1)}, "w7: no parameter or option of Braitenberg vehicle; there are l1x, .*, environment"),
+        ({"w1": (1, 0)}, "w1: 1 to 0 is not allowed; give the lowest value first"),
+        ({"w1": (0, float("inf"))}, "w1: inf is not allowed"),
+        ({"environment": []}, "environment: a menu of nothing is not allowed"),
+        ({"environment": [9]}, "environment: .*9"),
+        ({"wavelength": 3}, "wavelength: no parameter or option"),
+    ],
+)
+def test_what_is_not_allowed_is_named(choices, message):
+    with pytest.raises(ValueError, match=message):
+        Exploration(VEHICLE, choices)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"w1": 2.0}, "w1: 2.0 is not allowed"),
+        ({"w1": "a"}, "w1: 'a' is not allowed"),
+        ({"w2": 0.0}, "control: 'w2' is unknown"),
+        ({"environment": 3}, "environment: 3 is not allowed; choose one of 1, 2"),
+    ],
+)
+def test_values_of_a_front_end_are_checked(values, message):
+    exploration = Exploration(VEHICLE, {"w1": (-1.0, 1.0), "environment": [1, 2]})
+    with pytest.raises(ValueError, match=message):
+        exploration.checked(values)
+
+
+@pytest.mark.kernels
+def test_a_trial_is_that_of_the_same_design():
+    exploration = Exploration(VEHICLE, {"w1": (-1.0, 1.0), "environment": [1, 2]}, ("closest",))
+    tried = exploration.tried({"w1": 0.5, "environment": 2})
+    expected = ml.simulate(VEHICLE, {"w1": 0.5}, ml.world(ml.robot(VEHICLE), "2"))
+    assert tried.rows == (("smallest distance from the light", "m", float(expected["closest"][0])),) and not tried.told
+
+
+@pytest.mark.kernels
+def test_the_widget_follows_its_values():
+    widget = ml.explore(VEHICLE, w1=(-1.0, 1.0))
+    first = widget.latest.rows
+    widget.keep()
+    widget.values = {"w1": -0.5}
+    assert widget.latest.rows != first and widget.busy is None and not widget.message
+    assert [column["title"] for column in widget.measured] == ["kept: w1 1", "now"]
+    widget.values = {"w1": 7.0}
+    assert widget.message.startswith("w1: 7.0 is not allowed") and widget.latest is None
+    widget.drop()
+    assert widget.measured == [] and widget.page == ""
+    widget.values = {"w1": 1.0}
+    assert widget.latest.rows == first and "window.player" in widget.page
