@@ -3,9 +3,9 @@
 ``exploration`` makes robots and worlds of the controls' values and tries them; ``widget`` shows that in a notebook.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from optim.explorer.exploration import Exploration, Source
+from optim.explorer.exploration import Choice, Exploration, Source
 from taichi_sim.base.checks import install_extra, whole_number
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def explore(
     precision: str | None = None,
     threads: int | None = None,
     height: int = 700,
-    **choices: Any,
+    **choices: Choice,
 ) -> "Explorer":
     """Explore a robot in a notebook: move a slider, and the robot is simulated and shown anew.
 

@@ -14,6 +14,7 @@ from taichi_sim.base.checks import number as checked_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import Option
 
+Choice = lab.OptionValue | tuple[float, float] | list[Any]
 Source = str | PathLike[str] | Robot | Callable[..., Robot]
 MOST_SUGGESTED = 8  # parameters that have a slider unless some are named
 FINENESS = 100  # steps of a slider
