@@ -53,7 +53,8 @@ def test_the_wheel_holds_the_packages_and_nothing_else(wheel):
     contents = {name for name in names if ".dist-info/" not in name}
     modules = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
     page = [path for path in (ROOT / "robots/view/player").iterdir() if path.is_file() and path.suffix != ".py"]
-    page += [ROOT / "optim/report/page.css", ROOT / "robots/tasks.toml"]
+    page += [*(ROOT / "optim/explorer").glob("*.[cj]s*"), *(ROOT / "optim/report").glob("*.[chj]*")]
+    page += [ROOT / "robots/tasks.toml"]
     expected = [*modules, *page, *(ROOT / package / "py.typed" for package in PACKAGES)]
     assert contents == {path.relative_to(ROOT).as_posix() for path in expected}
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)

@@ -1,13 +1,15 @@
 """``morpholab report``: runs and studies as a page to read, print and share."""
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
 from optim.progress import shown_progress
-from optim.wording import spoken_size
+from optim.wording import counted, spoken_size
+from taichi_sim.base.options import whole
 
 SUFFIXES = (".html", ".htm")
 COMMAND = Command(
@@ -18,7 +20,9 @@ COMMAND = Command(
     "sweep, of train or of interference. The page is one file, up to 15 MB, that needs no network.",
     (
         options.RUNS,
-        path_to("out", "FILE", "page to write, such as report.html", required=True),
+        path_to("out", "FILE", "page to write, such as report.html"),
+        flag("watch", "in place of --out: show runs in a browser on this machine while they go on, until Ctrl-C"),
+        Option("port", "of that page (default: one that is free)", whole(0, 65535), "N"),
         flag("no_player", "without the motion of the best design: small, and nothing is simulated"),
         count("frames", 2, "of the player, at most, of each motion (default: 400)"),
         Option("rig", "that shall play the gait: a preset or a TOML file (default: dissertation)", metavar="RIG"),
@@ -29,8 +33,14 @@ COMMAND = Command(
 
 
 def run(args: argparse.Namespace) -> Report:
-    """Build the page, and write it."""
-    out: Path = args.out
+    """Build the page, and write it; or serve one."""
+    if args.watch:
+        return _watch(args)
+    if args.port is not None:
+        raise ValueError("port: nothing is served without --watch; leave it out")
+    out: Path | None = args.out
+    if out is None:
+        raise ValueError("out: name the page to write, such as --out report.html, or watch runs by --watch")
     if out.suffix.lower() not in SUFFIXES:
         raise ValueError(f"out: {out} is not allowed; its name must end in {' or '.join(SUFFIXES)}")
     if args.no_player and args.frames is not None:
@@ -51,3 +61,21 @@ def run(args: argparse.Namespace) -> Report:
     size = len(built.text.encode())
     document = {"out": str(out), "bytes": size, **built.document, "notes": built.notes}
     return Report(document, f"{out}: {spoken_size(size)}")
+
+
+def _watch(args: argparse.Namespace) -> Report:
+    """Serve the page of runs that go on, until Ctrl-C."""
+    for name in ("out", "no_player", "frames", "rig"):
+        if getattr(args, name):
+            raise ValueError(f"watch: it does not go with --{name.replace('_', '-')}; leave one out")
+    from optim.report.live import LiveRuns, LiveServer
+
+    runs = LiveRuns(args.runs)
+    followed = len(runs.state())
+    with LiveServer(runs, args.port or 0) as server:
+        if not args.quiet:
+            told = f"{counted(followed, 'run')}: {server.url} (on this machine alone; Ctrl-C ends it)"
+            print(told, file=sys.stderr, flush=True)
+        with contextlib.suppress(KeyboardInterrupt):
+            server.serve_forever()
+    return Report({"runs": followed, "url": server.url}, "")

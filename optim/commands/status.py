@@ -1,15 +1,11 @@
 """``morpholab status``: how far runs are."""
 
 import argparse
-import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from optim.commands import FAILED, Report, options
 from optim.problem import Objective
 from optim.wording import counted, spoken_duration
-
-if TYPE_CHECKING:
-    from optim.runs.history import History
 
 COMMAND = options.Command(
     "status",
@@ -21,39 +17,12 @@ COMMAND = options.Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Look at each run."""
-    from optim.runs.history import read_history, runs_below
+    from optim.runs.history import runs_below
+    from optim.runs.told import told_of
 
-    documents: list[dict[str, Any]] = []
-    for path in runs_below(args.runs):
-        try:
-            documents.append(_document(read_history(path)))
-        except ValueError as error:
-            documents.append({"folder": str(path), "state": "damaged", "reason": str(error)})
+    documents = [told_of(path)[0] for path in runs_below(args.runs)]
     damaged = any(document["state"] == "damaged" for document in documents)
     return Report(documents, "\n".join(map(_text, documents)), FAILED if damaged else 0)
-
-
-def _document(history: "History") -> dict[str, Any]:
-    from optim.runs.config import score_in
-
-    last = history.generations[-1] if history.generations else None
-    return {
-        "folder": str(history.path),
-        "state": history.state,
-        "method": history.config["method"]["name"],
-        "generation": last.generation if last else None,
-        "generations": history.config["generations"],
-        "evaluations": last.evaluations if last else 0,
-        "failed": sum(generation.failed for generation in history.generations),
-        "score": dataclasses.asdict(score_in(history.config)),
-        "best": last.best if last else None,
-        "mean": last.mean if last else None,
-        "best_details": last.best_details if last else None,
-        "numbers": last.numbers if last else {},
-        "seconds_per_generation": history.pace,
-        "seconds_left": history.seconds_left,
-        "finished": history.finished,
-    }
 
 
 def _text(document: dict[str, Any]) -> str:

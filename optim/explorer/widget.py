@@ -77,11 +77,12 @@ class Explorer(anywidget.AnyWidget):
 
     def _show(self) -> None:
         """Bring the table and the player up to date."""
-        now = [("now", self.latest)] if self.latest is not None else []
-        shown = [*((f"kept: {spoken}", tried) for spoken, tried in self.kept), *now]
+        now = [self.latest] if self.latest is not None else []
+        kept = [(f"kept {n}", f"kept {n}: {spoken}", tried) for n, (spoken, tried) in enumerate(self.kept, start=1)]
+        shown = [*kept, *(("now", "now", tried) for tried in now)]
         with self.hold_sync():
-            self.measured = [{"title": title, "rows": [list(row) for row in tried.rows]} for title, tried in shown]
-            motions = [replace(tried.replay.motion, name=title) for title, tried in shown]
+            self.measured = [{"title": title, "rows": [list(row) for row in tried.rows]} for _, title, tried in shown]
+            motions = [replace(tried.replay.motion, name=name) for name, _, tried in shown]
             self.page = player_page(motions) if shown else ""
 
     def _asked(self, _: Any, content: Any, buffers: Any) -> None:

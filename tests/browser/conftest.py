@@ -22,20 +22,26 @@ def chromium():
         browser.close()
 
 
+def shot(page, name):
+    """Keeps a picture of a page in the folder that ``MORPHOLAB_SCREENSHOTS`` names, if it names one."""
+    if folder := os.environ.get("MORPHOLAB_SCREENSHOTS"):
+        page.screenshot(path=Path(folder, f"{name}-{page.form}.png"))
+
+
 @pytest.fixture(params=SIZES)
 def tab(chromium, request):
     """A page, of a desktop and of a phone; the test fails for an error in it, or a request that leaves it."""
     width, height = SIZES[request.param]
     page = chromium.new_page(viewport={"width": width, "height": height})
     page.form = request.param
+    page.shot = lambda name: shot(page, name)
     errors, left = [], []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.on("console", lambda said: errors.append(said.text) if said.type == "error" else None)
     page.on("request", lambda asked: left.append(asked.url) if asked.url.startswith(("http:", "https:")) else None)
-    page.left = left
+    page.own, page.expected = None, ()  # the address that it may ask, and how errors begin that are no fault
     yield page
-    if folder := os.environ.get("MORPHOLAB_SCREENSHOTS"):
-        page.screenshot(path=Path(folder, f"{request.node.originalname.removeprefix('test_')}-{page.form}.png"))
+    page.shot(request.node.originalname.removeprefix("test_"))
     page.close()
-    assert not errors
-    assert not [url for url in left if not url.startswith(getattr(page, "own", "no address"))]
+    assert not [error for error in errors if not error.startswith(tuple(page.expected))]
+    assert not [url for url in left if page.own is None or not url.startswith(page.own)]

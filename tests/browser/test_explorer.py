@@ -117,7 +117,7 @@ def test_what_is_kept_is_shown_beside_the_next(tab):
     answer()
     assert [head.inner_text() for head in tab.query_selector_all("tr:first-child th")] == [
         "",
-        "kept: environment 1",
+        "kept 1: environment 1",
         "now",
     ]
     tab.wait_for_function("() => document.querySelectorAll('iframe').length === 1")

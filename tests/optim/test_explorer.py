@@ -97,7 +97,7 @@ def test_the_widget_follows_its_values():
     widget.keep()
     widget.values = {"w1": -0.5}
     assert widget.latest.rows != first and widget.busy is None and not widget.message
-    assert [column["title"] for column in widget.measured] == ["kept: w1 1", "now"]
+    assert [column["title"] for column in widget.measured] == ["kept 1: w1 1", "now"]
     widget.values = {"w1": 7.0}
     assert widget.message.startswith("w1: 7.0 is not allowed") and widget.latest is None
     widget.drop()

@@ -1,0 +1,161 @@
+"use strict";
+const EVERY = 2000; // ms
+const PLOT = { width: 640, height: 200, left: 64, right: 12, top: 10, bottom: 34 };
+const cards = new Map();
+
+function element(kind, parent, name = "", text = "") {
+  const svg = ["svg", "path", "text", "line", "circle"].includes(kind);
+  const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", kind) : document.createElement(kind);
+  if (name) made.setAttribute("class", name);
+  made.textContent = text;
+  parent.append(made);
+  return made;
+}
+
+const digits = (value) => (value === null ? "none" : Number(value.toPrecision(4)).toString());
+
+function spoken(seconds) {
+  if (seconds < 90) return `${Math.round(seconds)} s`;
+  return seconds < 5400 ? `${Math.round(seconds / 60)} min` : `${(seconds / 3600).toFixed(1)} h`;
+}
+
+// Round numbers from lowest to highest, about four.
+function ticks(low, high) {
+  const rough = (high - low) / 4, power = 10 ** Math.floor(Math.log10(rough));
+  const step = power * [1, 2, 5, 10].find((digit) => digit * power >= rough);
+  const found = [];
+  for (let at = Math.ceil(low / step) * step; at <= high + 1e-9 * step; at += step) found.push(Number(at.toPrecision(12)));
+  return found;
+}
+
+function curve(svg, run) {
+  svg.replaceChildren();
+  svg.setAttribute("viewBox", `0 0 ${PLOT.width} ${PLOT.height}`);
+  const dots = run.curve.filter(([, best]) => best !== null);
+  const values = dots.flatMap(([, best, mean]) => (mean === null ? [best] : [best, mean]));
+  if (!values.length) return;
+  let low = Math.min(...values), high = Math.max(...values);
+  if (low === high) [low, high] = [low - (Math.abs(low) || 1) / 2, high + (Math.abs(high) || 1) / 2];
+  const last = Math.max(run.curve.at(-1)[0], 1);
+  const x = (at) => PLOT.left + at / last * (PLOT.width - PLOT.left - PLOT.right);
+  const y = (at) => PLOT.height - PLOT.bottom - (at - low) / (high - low) * (PLOT.height - PLOT.top - PLOT.bottom);
+  for (const at of ticks(low, high)) {
+    const line = element("line", svg, "grid");
+    for (const [name, value] of Object.entries({ x1: PLOT.left, x2: PLOT.width - PLOT.right, y1: y(at), y2: y(at) })) {
+      line.setAttribute(name, value);
+    }
+    const label = element("text", svg, "up", digits(at));
+    label.setAttribute("x", PLOT.left - 8);
+    label.setAttribute("y", y(at) + 4);
+  }
+  for (const at of ticks(0, last)) {
+    const label = element("text", svg, "along", digits(at));
+    label.setAttribute("x", x(at));
+    label.setAttribute("y", PLOT.height - 18);
+  }
+  const about = element("text", svg, "along", "evaluations");
+  about.setAttribute("x", (PLOT.left + PLOT.width - PLOT.right) / 2);
+  about.setAttribute("y", PLOT.height - 3);
+  const way = (column) => dots.filter((dot) => dot[column] !== null).map((dot) => `${x(dot[0])},${y(dot[column])}`);
+  for (const [column, name] of [[2, "mean"], [1, "best"]]) {
+    const points = way(column);
+    if (!points.length) continue;
+    element("path", svg, name).setAttribute("d", `M${points.join("L")}`);
+    const [cx, cy] = points.at(-1).split(",");
+    const end = element("circle", svg, name);
+    for (const [key, value] of Object.entries({ cx, cy, r: 3 })) end.setAttribute(key, value);
+  }
+}
+
+function card(run) {
+  const root = element("section", document.getElementById("runs"), "run");
+  const found = { root, head: element("h2", root), tiles: element("dl", root, "tiles"), said: element("p", root, "note") };
+  const figure = element("figure", root);
+  found.curve = element("svg", figure);
+  found.curve.setAttribute("role", "img");
+  found.key = element("figcaption", figure);
+  found.button = element("button", root, "", "show the best design in motion");
+  found.button.type = "button";
+  found.button.onclick = () => see(run.folder);
+  return found;
+}
+
+function fill(found, run) {
+  found.head.textContent = run.folder;
+  const damaged = run.state === "damaged";
+  found.said.textContent = damaged ? run.reason : "";
+  found.said.hidden = !damaged;
+  for (const part of ["tiles", "curve", "key", "button"]) found[part].toggleAttribute("hidden", damaged);
+  if (damaged) return;
+  const { score } = run, best = run.best === null ? "none" : `${digits(run.best)} ${score.unit}`.trim();
+  const left = run.state === "running" && run.seconds_left ? `${spoken(run.seconds_left)} left` : "";
+  const rows = [
+    [`best ${score.name}`, best],
+    ["generation", `${run.generation ?? "none"} of ${run.generations}`],
+    ["evaluations", run.failed ? `${run.evaluations} (${run.failed} failed)` : `${run.evaluations}`],
+    ["method", run.method],
+    ["state", left ? `${run.state}, ${left}` : run.state],
+  ];
+  found.tiles.replaceChildren();
+  for (const [name, value] of rows) {
+    const tile = element("div", found.tiles);
+    element("dt", tile, "", name);
+    element("dd", tile, "", value);
+  }
+  found.button.disabled = run.best === null;
+  curve(found.curve, run);
+  found.curve.setAttribute("aria-label", `${score.name} over evaluations; the best so far is ${best}`);
+  const unit = score.unit ? ` [${score.unit}]` : "";
+  found.key.textContent = `${score.name}${unit}: the best in blue, the mean of what the search keeps in grey`;
+}
+
+function see(folder) {
+  const dialog = document.getElementById("seen"), frame = dialog.querySelector("iframe");
+  const waits = document.getElementById("waits");
+  waits.textContent = `The best design of ${folder} is simulated …`;
+  let look;
+  const play = () => {
+    const { player } = frame.contentWindow;
+    if (player) player.play(true);
+    else look = setTimeout(play, 100);
+  };
+  frame.onload = () => {
+    waits.textContent = folder;
+    play();
+  };
+  frame.src = `player?${encodeURIComponent(folder)}`;
+  dialog.onclose = () => {
+    clearTimeout(look);
+    frame.onload = null;
+    frame.src = "about:blank";
+  };
+  dialog.showModal();
+}
+
+async function look() {
+  const said = document.getElementById("said");
+  try {
+    const answer = await fetch("state.json");
+    if (!answer.ok) throw new Error(await answer.text());
+    const runs = await answer.json();
+    for (const run of runs) {
+      if (!cards.has(run.folder)) cards.set(run.folder, card(run));
+      fill(cards.get(run.folder), run);
+    }
+    for (const [folder, { root }] of cards) {
+      if (!runs.some((run) => run.folder === folder)) {
+        root.remove();
+        cards.delete(folder);
+      }
+    }
+    const going = runs.filter((run) => run.state === "running").length;
+    said.textContent = `${going} of ${runs.length} running; read at ${new Date().toLocaleTimeString()}`;
+    said.className = "";
+  } catch (error) {
+    said.textContent = error instanceof TypeError ? "morpholab report --watch has ended." : error.message;
+    said.className = "note";
+  }
+  setTimeout(look, EVERY);
+}
+
+look();

@@ -1,0 +1,159 @@
+"""A page that follows runs while they go on: a server on this machine, for this machine alone.
+
+The page asks for what the runs' folders say, every two seconds. On request it shows the best design in motion. Nothing
+is written, and no search is disturbed.
+"""
+
+import contextlib
+import json
+import threading
+from collections.abc import Sequence
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib import resources
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from optim.report.one_run import OneRun
+from optim.runs.history import History, runs_below
+from optim.runs.told import told_of
+from robots.view.player import MOST_MOTIONS
+from robots.view.player import page as player_page
+
+HERE = "127.0.0.1"
+MOST_DOTS = 1000  # of a curve
+FRAMES = 300  # of the best design's motion
+# The page and its parts, with their types; scripts and styles come from this server alone.
+FILES = {
+    "/": ("live.html", "text/html"),
+    "/live.js": ("live.js", "text/javascript"),
+    "/page.css": ("page.css", "text/css"),
+    "/live.css": ("live.css", "text/css"),
+}
+POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; frame-src 'self'; img-src data:"
+PLAYER_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+
+
+class LiveRuns:
+    """What the runs of some folders say at the moment.
+
+    Args:
+        paths: folders of runs, or of folders of them; new ones below are found when they come.
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = tuple(paths)
+        self._simulating = threading.Lock()
+
+    def state(self) -> list[dict[str, Any]]:
+        """Of each run: how far it is, and the curve of its score; of one that cannot be read, why.
+
+        Raises:
+            ValueError: if there is no run.
+        """
+        found = [told_of(folder) for folder in runs_below(self._paths)]
+        return [document if run is None else {**document, "curve": _curve(run)} for document, run in found]
+
+    def player(self, folder: str) -> str:
+        """A page that plays the best design of a run, simulated now.
+
+        Raises:
+            ValueError: if it is no run among these, or has no best design.
+        """
+        if folder not in {str(path) for path in runs_below(self._paths)}:
+            raise ValueError(f"run: {folder} is none of these")
+        document, history = told_of(Path(folder))
+        if history is None:
+            raise ValueError(document["reason"])
+        run = OneRun.of(history)
+        if run.best_point is None:
+            raise ValueError(f"run: every evaluation of {folder} has failed")
+        with self._simulating:
+            replays = run.subject.replays(run.best_point, FRAMES, lambda *_: None)
+        if not replays:
+            raise ValueError(f"run: designs of {folder} cannot be shown")
+        title = f"{run.title}, generation {run.last.generation}"
+        return player_page([replay.motion for replay in replays[:MOST_MOTIONS]], title)
+
+
+def _curve(history: History) -> list[tuple[int, float | None, float | None]]:
+    """Evaluations, best and mean score by generations: at most ``MOST_DOTS``, the last among them."""
+    every = -(-len(history.generations) // MOST_DOTS)
+    kept = history.generations[::-1][::every][::-1] if every else ()
+    return [(generation.evaluations, generation.best, generation.mean) for generation in kept]
+
+
+Answer = tuple[str, str, str]  # text, type, what it may load
+
+
+class LiveServer(ThreadingHTTPServer):
+    """Serves the page of some runs to browsers on this machine; ``server_port`` tells the port.
+
+    Args:
+        runs: what the page follows.
+        port: 0 is one that is free.
+
+    Raises:
+        ValueError: if the port is taken.
+    """
+
+    daemon_threads = True
+
+    def __init__(self, runs: LiveRuns, port: int = 0) -> None:
+        self.runs = runs
+        try:
+            super().__init__((HERE, port), _Answers)
+        except OSError as error:
+            raise ValueError(f"port: {port} is not allowed ({error.strerror}); choose another one") from None
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://{HERE}:{self.server_port}/"
+
+
+class _Answers(BaseHTTPRequestHandler):
+    """Answers to a browser on this machine that asks this server by its own name."""
+
+    server: LiveServer
+
+    def do_GET(self) -> None:
+        """Send the page, a part of it, what runs say, or a player."""
+        allowed = {f"{name}:{self.server.server_port}" for name in (HERE, "localhost")}
+        if self.headers.get("Host") not in allowed:  # a page elsewhere whose name was pointed here
+            self.send_error(HTTPStatus.FORBIDDEN)
+            return
+        path, _, asked = self.path.partition("?")
+        try:
+            self._send(HTTPStatus.OK, *self._answer(path, asked))
+        except KeyError:
+            self.send_error(HTTPStatus.NOT_FOUND)
+        except ValueError as error:
+            self._send(HTTPStatus.CONFLICT, str(error), "text/plain", POLICY)
+
+    def _answer(self, path: str, asked: str) -> Answer:
+        if path == "/state.json":
+            return json.dumps(self.server.runs.state(), allow_nan=False), "application/json", POLICY
+        if path == "/player":
+            return self.server.runs.player(unquote(asked)), "text/html", PLAYER_POLICY
+        name, kind = FILES[path]
+        return resources.files(__package__).joinpath(name).read_text("utf-8"), kind, POLICY
+
+    def _send(self, status: HTTPStatus, text: str, kind: str, policy: str) -> None:
+        content = text.encode()
+        with contextlib.suppress(ConnectionError):  # the browser has left
+            self.send_response(status)
+            for name, value in (
+                ("Content-Type", f"{kind}; charset=utf-8"),
+                ("Content-Length", str(len(content))),
+                ("Content-Security-Policy", policy),
+                ("Cache-Control", "no-store"),
+                ("X-Content-Type-Options", "nosniff"),
+            ):
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(content)
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        """Say nothing of each request."""
