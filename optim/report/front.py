@@ -69,3 +69,27 @@ def _members(result: SearchResult, subject: Subject, caption: str) -> Html:
     ]
     part = f" (the best {len(order)} of {len(result.points)})" if len(order) < len(result.points) else ""
     return table(f"{caption}{part}; export and view take them by --member", header, rows)
+
+
+def places(result: SearchResult, subject: Subject) -> dict[str, Any]:
+    """Where the members of a front, or of a map of elites, are, as values that fit JSON; nothing of other searches.
+
+    A member is a row of its place along two axes, its score and the number that ``--member`` takes: places are cells of
+    a map, of which the best is told where there are more axes, and values of the first two objectives of a front.
+    """
+    if result.kind not in ("front", "elites") or not len(result.points):
+        return {}
+    numbered = np.arange(1, len(result.points) + 1)
+    if result.grid is None:
+        labels = [objective.label for objective in objectives_of(subject.problem)][:2]
+        if len(labels) < 2:
+            return {}
+        rows = zip(*result.objectives[:, :2].T.tolist(), result.scores.tolist(), numbered.tolist(), strict=True)
+        return {"kind": "front", "axes": [{"name": label} for label in labels], "members": list(rows)}
+    grid = result.grid
+    ends = [{"name": n.replace("_", " "), "low": low, "high": high} for n, (low, high) in grid.axes.items()][:2]
+    best: dict[tuple[int, ...], int] = {}
+    for member in np.argsort(result.scores, kind="stable").tolist():
+        best[tuple(grid.places[member, :2].tolist())] = member
+    members = [(*(*cell, 0)[:2], float(result.scores[n]), n + 1) for cell, n in sorted(best.items())]
+    return {"kind": "elites", "axes": ends, "bins": grid.bins, "members": members}

@@ -4,7 +4,7 @@ const PLOT = { width: 640, height: 200, left: 64, right: 12, top: 10, bottom: 34
 const cards = new Map();
 
 function element(kind, parent, name = "", text = "") {
-  const svg = ["svg", "path", "text", "line", "circle"].includes(kind);
+  const svg = ["svg", "path", "text", "line", "circle", "rect", "title"].includes(kind);
   const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", kind) : document.createElement(kind);
   if (name) made.setAttribute("class", name);
   made.textContent = text;
@@ -74,9 +74,10 @@ function card(run) {
   found.curve = element("svg", figure);
   found.curve.setAttribute("role", "img");
   found.key = element("figcaption", figure);
+  found.map = element("figure", root, "map");
   found.button = element("button", root, "", "show the best design in motion");
   found.button.type = "button";
-  found.button.onclick = () => see(run.folder);
+  found.button.onclick = () => see(run.folder, "");
   return found;
 }
 
@@ -103,16 +104,79 @@ function fill(found, run) {
     element("dd", tile, "", value);
   }
   found.button.disabled = run.best === null;
+  if (found.drawn !== run.generation && run.best !== null) {
+    found.drawn = run.generation;
+    keep(found, run);
+  }
   curve(found.curve, run);
   found.curve.setAttribute("aria-label", `${score.name} over evaluations; the best so far is ${best}`);
   const unit = score.unit ? ` [${score.unit}]` : "";
   found.key.textContent = `${score.name}${unit}: the best in blue, the mean of what the search keeps in grey`;
 }
 
-function see(folder) {
+// Colours from dark blue to yellow, for scores from the lowest to the highest.
+function colour(part) {
+  const ends = ["#2b2f77", "#00899c", "#f2d349"], place = 2 * Math.min(Math.max(part, 0), 1), first = place < 1 ? 0 : 1;
+  return `color-mix(in oklab, ${ends[first + 1]} ${100 * (place - first)}%, ${ends[first]})`;
+}
+
+// What a front or a map of elites keeps: a press on a design shows it in motion.
+async function keep(found, run) {
+  const answer = await fetch(`kept.json?run=${encodeURIComponent(run.folder)}`);
+  const kept = answer.ok ? await answer.json() : {};
+  found.map.replaceChildren();
+  found.map.hidden = !kept.members;
+  if (!kept.members) return;
+  const svg = element("svg", found.map), { width, left, right, top } = PLOT, height = 320, bottom = PLOT.bottom + 6;
+  svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+  const elites = kept.kind === "elites", flat = kept.axes.length < 2;
+  const range = (axis) => {
+    const values = kept.members.map((member) => member[axis]);
+    const [low, high] = [Math.min(...values), Math.max(...values)], room = (high - low || 1) / 20;
+    return { low: low - room, high: high + room };
+  };
+  const ends = [0, 1].map((n) => (elites ? kept.axes[n] ?? { low: 0, high: 1 } : range(n)));
+  const part = (n, value) => (elites ? value / (n === 1 && flat ? 1 : kept.bins) : (value - ends[n].low) / (ends[n].high - ends[n].low));
+  const x = (p) => left + p * (width - left - right), y = (p) => height - bottom - p * (height - top - bottom);
+  const label = (name, text, at, up) => {
+    const made = element("text", svg, name, text);
+    made.setAttribute("x", at);
+    made.setAttribute("y", up);
+  };
+  ends.forEach(({ low, high }, n) => {
+    if (n === 1 && flat) return;
+    for (const at of ticks(low, high)) {
+      const p = (at - low) / (high - low);
+      if (n) label("up", digits(at), left - 8, y(p) + 4);
+      else label("along", digits(at), x(p), height - 24);
+    }
+  });
+  const scores = kept.members.map((member) => member[2]), low = Math.min(...scores), high = Math.max(...scores);
+  for (const [along, up, score, member] of kept.members) {
+    const mark = element(elites ? "rect" : "circle", svg, "member");
+    const [px, py] = [part(0, along), part(1, up)];
+    const places = elites
+      ? { x: x(px), y: y(py + (flat ? 1 : 1 / kept.bins)), width: x(1 / kept.bins) - x(0), height: flat ? y(0) - y(1) : y(0) - y(1 / kept.bins) }
+      : { cx: x(px), cy: y(py), r: 6 };
+    const score01 = high > low ? (score - low) / (high - low) : 1;
+    const said = `member ${member}: ${run.score.name} ${digits(score)} ${run.score.unit}`.trim();
+    const all = { ...places, fill: colour(score01), tabindex: 0, role: "button", "aria-label": said };
+    for (const [name, value] of Object.entries(all)) mark.setAttribute(name, value);
+    element("title", mark, "", said);
+    mark.onclick = () => see(run.folder, member);
+    mark.onkeydown = (event) => { if (event.key === "Enter") see(run.folder, member); };
+  }
+  label("along", kept.axes[0].name, (left + width - right) / 2, height - 6);
+  const above = kept.axes[1] ? `, upwards: ${kept.axes[1].name}` : "";
+  const shown = `${run.score.name} from ${digits(low)} (blue) to ${digits(high)} (yellow)`;
+  const what = elites ? "The best design of each kind" : "Designs that no other dominates";
+  element("figcaption", found.map, "", `${what}; ${shown}${above}. Press one to see it in motion.`);
+}
+
+function see(folder, member) {
   const dialog = document.getElementById("seen"), frame = dialog.querySelector("iframe");
-  const waits = document.getElementById("waits");
-  waits.textContent = `The best design of ${folder} is simulated …`;
+  const waits = document.getElementById("waits"), told = member ? `member ${member}` : "the best design";
+  waits.textContent = `${told} of ${folder} is simulated …`;
   let look;
   const play = () => {
     const { player } = frame.contentWindow;
@@ -120,10 +184,10 @@ function see(folder) {
     else look = setTimeout(play, 100);
   };
   frame.onload = () => {
-    waits.textContent = folder;
+    waits.textContent = `${folder}: ${told}`;
     play();
   };
-  frame.src = `player?${encodeURIComponent(folder)}`;
+  frame.src = `player?${new URLSearchParams({ run: folder, member })}`;
   dialog.onclose = () => {
     clearTimeout(look);
     frame.onload = null;

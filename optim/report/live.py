@@ -1,6 +1,6 @@
 """A page that follows runs while they go on: a server on this machine, for this machine alone.
 
-The page asks for what the runs' folders say, every two seconds. On request it shows the best design in motion. Nothing
+The page asks for what the runs' folders say, every two seconds. On request it shows a design in motion. Nothing
 is written, and no search is disturbed.
 """
 
@@ -13,10 +13,11 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import parse_qsl
 
+from optim.report.front import places
 from optim.report.one_run import OneRun
-from optim.runs.history import History, runs_below
+from optim.runs.history import History, read_history, read_result, runs_below
 from optim.runs.told import told_of
 from robots.view.player import MOST_MOTIONS
 from robots.view.player import page as player_page
@@ -55,26 +56,45 @@ class LiveRuns:
         found = [told_of(folder) for folder in runs_below(self._paths)]
         return [document if run is None else {**document, "curve": _curve(run)} for document, run in found]
 
-    def player(self, folder: str) -> str:
-        """A page that plays the best design of a run, simulated now.
+    def kept(self, folder: str) -> dict[str, Any]:
+        """The front or the map of elites that a run keeps, as ``front.places`` tells it.
 
         Raises:
-            ValueError: if it is no run among these, or has no best design.
+            ValueError: if it is no run among these.
         """
-        if folder not in {str(path) for path in runs_below(self._paths)}:
-            raise ValueError(f"run: {folder} is none of these")
-        document, history = told_of(Path(folder))
-        if history is None:
-            raise ValueError(document["reason"])
-        run = OneRun.of(history)
-        if run.best_point is None:
+        run = self._run(folder)
+        result = read_result(run.history, run.subject.problem)
+        return {} if result is None else places(result, run.subject)
+
+    def player(self, folder: str, member: str = "") -> str:
+        """A page that plays a design of a run, simulated now: the best one, or that member of a front or a map.
+
+        Raises:
+            ValueError: if it is no run among these, or has no such design.
+        """
+        run = self._run(folder)
+        point, which = run.best_point, "best design"
+        if member:
+            result = read_result(run.history, run.subject.problem)
+            count = 0 if result is None else len(result.points)
+            number = int(member) if member.isascii() and member.isdigit() and len(member) < 10 else 0
+            if result is None or not 1 <= number <= count:
+                raise ValueError(f"member: {member} is not allowed; {folder} keeps {count}")
+            point, which = result.points[number - 1], f"member {number}"
+        if point is None:
             raise ValueError(f"run: every evaluation of {folder} has failed")
         with self._simulating:
-            replays = run.subject.replays(run.best_point, FRAMES, lambda *_: None)
+            replays = run.subject.replays(point, FRAMES, lambda *_: None)
         if not replays:
             raise ValueError(f"run: designs of {folder} cannot be shown")
-        title = f"{run.title}, generation {run.last.generation}"
+        title = f"{run.title}, {which} after generation {run.last.generation}"
         return player_page([replay.motion for replay in replays[:MOST_MOTIONS]], title)
+
+    def _run(self, folder: str) -> OneRun:
+        """The run of a folder among these."""
+        if folder not in {str(path) for path in runs_below(self._paths)}:
+            raise ValueError(f"run: {folder} is none of these")
+        return OneRun.of(read_history(Path(folder)))
 
 
 def _curve(history: History) -> list[tuple[int, float | None, float | None]]:
@@ -133,10 +153,13 @@ class _Answers(BaseHTTPRequestHandler):
             self._send(HTTPStatus.CONFLICT, str(error), "text/plain", POLICY)
 
     def _answer(self, path: str, asked: str) -> Answer:
-        if path == "/state.json":
-            return json.dumps(self.server.runs.state(), allow_nan=False), "application/json", POLICY
+        runs, query = self.server.runs, dict(parse_qsl(asked))
+        run, member = query.get("run", ""), query.get("member", "")
+        if path in ("/state.json", "/kept.json"):
+            told = runs.state() if path == "/state.json" else runs.kept(run)
+            return json.dumps(told, allow_nan=False), "application/json", POLICY
         if path == "/player":
-            return self.server.runs.player(unquote(asked)), "text/html", PLAYER_POLICY
+            return runs.player(run, member), "text/html", PLAYER_POLICY
         name, kind = FILES[path]
         return resources.files(__package__).joinpath(name).read_text("utf-8"), kind, POLICY
 

@@ -33,6 +33,7 @@ def tab(chromium, request):
     """A page, of a desktop and of a phone; the test fails for an error in it, or a request that leaves it."""
     width, height = SIZES[request.param]
     page = chromium.new_page(viewport={"width": width, "height": height})
+    page.set_default_timeout(120_000)  # of a busy machine, which draws without a graphics card
     page.form = request.param
     page.shot = lambda name: shot(page, name)
     errors, left = [], []

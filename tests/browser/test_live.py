@@ -9,6 +9,8 @@ from run_products import searched
 
 from optim.problems.braitenberg import VehicleProblem
 from optim.report.live import LiveRuns, LiveServer
+from optim.runs import open_run, run_search
+from optim.search import build_method
 
 pytestmark = [pytest.mark.kernels, pytest.mark.browser]
 
@@ -43,6 +45,26 @@ def test_runs_come_go_on_and_are_seen(server, tab):
     tab.click("text=close")
     shutil.rmtree(server.folder / "a")
     tab.wait_for_function("() => document.querySelectorAll('section.run').length === 1")
+
+
+def test_a_press_on_a_cell_of_a_map_shows_its_robot(server, tab):
+    problem = VehicleProblem()
+    settings = {"population": 24, "seed": 0, "descriptors": ["l1x", "l1y"], "bins": 6}
+    config = {"problem": problem.describe(), "method": {"name": "map-elites", **settings}, "generations": 6}
+    with open_run(server.folder / "a", config) as run:
+        run_search(problem, build_method("map-elites", problem.space, settings), run, 6)
+    tab.own = server.url
+    tab.goto(server.url)
+    tab.wait_for_selector("rect.member")
+    cells = tab.query_selector_all("rect.member")
+    assert len(cells) > 4
+    tab.shot("map")
+    number = cells[2].get_attribute("aria-label").split(":")[0]
+    cells[2].click()
+    tab.wait_for_function("() => document.querySelector('iframe').contentWindow.player?.playing")
+    assert tab.inner_text("#waits").endswith(number)
+    frame = tab.query_selector("iframe").content_frame()
+    assert f"{number} after generation 6" in frame.inner_text("h1")
 
 
 def test_hostile_names_are_texts(server, tab):

@@ -78,12 +78,43 @@ def test_long_runs_have_a_short_curve_with_their_end(runs, monkeypatch):
 
 def test_the_best_design_is_shown_in_motion(runs):
     with serving(runs / "good") as server:
-        status, page, headers = answer(server, f"/player?{quote(str(runs / 'good'))}")
-        assert status == 200 and "window.player" in page and "generation 3" in page
+        status, page, headers = answer(server, f"/player?run={quote(str(runs / 'good'))}")
+        assert status == 200 and "window.player" in page and "best design after generation 3" in page
         assert "connect-src" not in headers["Content-Security-Policy"]  # its scripts may ask for nothing
         for other in ("", str(runs / "hurt"), "/etc", str(runs / "good" / ".." / "good")):
-            status, why, _ = answer(server, f"/player?{quote(other)}")
+            status, why, _ = answer(server, f"/player?run={quote(other)}")
             assert (status, why) == (409, f"run: {other} is none of these")
+
+
+@pytest.mark.usefixtures("simulator")
+def test_members_of_a_map_and_of_a_front_have_places_and_motions(tmp_path, morpholab):
+    def kept(folder):
+        return json.loads(answer(server, "/kept.json?run=" + quote(str(tmp_path / folder)))[1])
+
+    sensors = """--set 'descriptors=["l1x", "l1y"]' --set bins=4 --population 12"""
+    for line in (
+        f"--robot vehicle --method map-elites {sensors} --out a",
+        "--geometry small --terrain flat --terrain hill:15 --method borg --population 12 --out b",
+        "--robot vehicle --climbers 2 --out c",
+    ):
+        assert morpholab(f"codesign --generations 3 --quiet {line}")[0] == 0
+    with serving(tmp_path) as server:
+        found = kept("a")
+        assert found["kind"] == "elites" and [axis["name"] for axis in found["axes"]] == ["l1x", "l1y"]
+        cells = [tuple(member[:2]) for member in found["members"]]
+        assert len(set(cells)) == len(cells) > 1 and {place for cell in cells for place in cell} <= set(range(4))
+        assert (
+            max(score for *_, score, _ in found["members"]) == json.loads(answer(server, "/state.json")[1])[0]["best"]
+        )
+        front = json.loads((tmp_path / "b/front.json").read_text())["designs"]
+        assert [tuple(member[:2]) for member in kept("b")["members"]] == [tuple(d["objectives"]) for d in front]
+        assert kept("c") == {}
+        run = f"/player?run={quote(str(tmp_path / 'a'))}&member="
+        status, page, _ = answer(server, run + "2")
+        assert status == 200 and "member 2 after generation 3" in page
+        for wrong in ("0", "9999", "-1", "two", "1e3"):
+            status, why, _ = answer(server, run + wrong)
+            assert status == 409 and why.startswith(f"member: {wrong} is not allowed; ")
 
 
 def test_only_this_machine_by_its_own_name_is_answered(runs):
