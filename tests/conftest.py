@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from computing import place, precision
 from stand_in import Simulator
 
 from optim.cli import main
@@ -29,13 +30,16 @@ _UNMARKED = "starts Taichi: mark it with @pytest.mark.kernels, or the file with 
 _NO_CACHE = Path(tempfile.gettempdir(), f"morpholab-no-kernels-{os.getpid()}")
 _CACHE = os.environ.get("MORPHOLAB_CACHE")
 _start, _may_start = runtime.start, True
+_used: set[str] = set()  # precisions, by the present test
 
 
 def _start_if_marked(*arguments, **keywords):
     if not _may_start:
         _NO_CACHE.mkdir(exist_ok=True)
         pytest.fail(_UNMARKED)
-    return _start(*arguments, **keywords)
+    running = _start(*arguments, **keywords)
+    _used.add(running.precision)
+    return running
 
 
 runtime.start = _start_if_marked
@@ -44,6 +48,7 @@ runtime.start = _start_if_marked
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
     global _may_start
+    _used.clear()
     _may_start = any(item.iter_markers("kernels")) or any(item.iter_markers("slow"))
     if _may_start and _CACHE is None:
         os.environ.pop("MORPHOLAB_CACHE", None)
@@ -52,7 +57,9 @@ def pytest_runtest_setup(item):
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown():
+def pytest_runtest_teardown(item):
+    if len(_used) == 1 and precision(item.nodeid) not in _used and not any(item.iter_markers("slow")):
+        pytest.fail(f"it computes in {min(_used)}: say so in tests/support/computing.py")
     if _NO_CACHE.exists():
         shutil.rmtree(_NO_CACHE)
         pytest.fail(f"it, or a process of it, {_UNMARKED}")
@@ -67,44 +74,23 @@ def pytest_ignore_collect(collection_path, config):
     return None
 
 
-# In the names of tests in single precision, and of files that are so for the most part.
-SINGLE = (
-    "f32",
-    "single_precision",
-    "picture",
-    "test_bench.py",
-    "test_graded_commands.py",
-    "test_lattice_states.py",
-    "test_motion.py",
-    "test_paraview.py",
-    "test_pipeline.py",
-    "test_ray.py",
-    "test_several_cores_searches.py",
-    "test_view.py",
-)
-
-
-def _single(name):
-    return any(part in name for part in SINGLE)
-
-
 def pytest_collection_modifyitems(items):
-    """Tests in single precision come last of all: for another precision Taichi starts again, too."""
+    """Tests go by what they compute with, see ``computing``, and in these groups by files."""
     files = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}
-    items.sort(key=lambda item: (_single(item.nodeid), files[item.path]))
+    items.sort(key=lambda item: (place(item.nodeid), files[item.path]))
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Processes take a file's tests in one precision at a time, in the order above."""
+    """Processes take a file's tests that compute alike at a time, in the order above."""
     from xdist.scheduler import LoadFileScheduling
 
-    class InOnePrecision(LoadFileScheduling):
+    class ByComputing(LoadFileScheduling):
         def _split_scope(self, nodeid):
-            return f"{super()._split_scope(nodeid)} {_single(nodeid)}"
+            return " ".join(map(str, (super()._split_scope(nodeid), *place(nodeid))))
 
     config.option.loadscopereorder = False
-    return InOnePrecision(config, log)
+    return ByComputing(config, log)
 
 
 @pytest.fixture

@@ -12,7 +12,6 @@ from optim.runs.environment import differences, environment
 pytestmark = pytest.mark.usefixtures("simulator")
 
 LINE = "codesign --terrain flat --seed 3 --climbers 3 --geometry small --columns 4 --quiet"
-MUTATIONS = 200
 RESULTS = ("log.jsonl", "best.json", "gait.csv", "robot_flat.png")
 
 
@@ -41,14 +40,15 @@ def mutate(folder, rng):
 
 
 @pytest.mark.long
-def test_no_damage_ends_in_a_traceback_or_a_wrong_number(morpholab, tmp_path):
+@pytest.mark.parametrize("mutations", [60, pytest.param(600, marks=pytest.mark.slow)])
+def test_no_damage_ends_in_a_traceback_or_a_wrong_number(morpholab, tmp_path, mutations):
     assert morpholab(f"{LINE} --generations 5 --out whole")[0] == 0
     assert morpholab(f"{LINE} --generations 3 --out short")[0] == 0
     assert morpholab("export short --csv short.csv")[0] == 0
     results = {name: (tmp_path / "whole" / name).read_bytes() for name in RESULTS}
     known = {line["generation"]: line for line in log(tmp_path / "whole")}
     rng, recovered = random.Random(1), 0
-    for _ in range(MUTATIONS):
+    for _ in range(mutations):
         shutil.rmtree(tmp_path / "a", ignore_errors=True)
         shutil.copytree(tmp_path / "short", tmp_path / "a")
         harm = mutate(tmp_path / "a", rng)
@@ -75,7 +75,7 @@ def test_no_damage_ends_in_a_traceback_or_a_wrong_number(morpholab, tmp_path):
         else:
             recovered += 1
             assert {name: (tmp_path / "a" / name).read_bytes() for name in RESULTS} == results, harm
-    assert MUTATIONS > recovered > MUTATIONS / 2
+    assert mutations > recovered > mutations / 2
 
 
 @pytest.mark.parametrize(

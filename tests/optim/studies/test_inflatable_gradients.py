@@ -13,7 +13,7 @@ from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, W
 from robots.inflatable import load_design
 
 SHORT = Comparison(
-    seconds=0.2, seeds=2, starts=2, columns=1, worlds=(FLAT, HILL), arms=("random", "memetic", "gradient")
+    seconds=0.05, seeds=2, starts=2, columns=1, worlds=(FLAT, HILL), arms=("random", "memetic", "gradient")
 )
 
 
@@ -46,13 +46,13 @@ def test_runs_are_kept_and_tables_follow_from_what_they_found(linear, tmp_path):
     before = len(linear.calls)
     study(folder, SHORT)
     assert len(linear.calls) == before and (folder / "table.md").read_text() == page
-    study(folder, dataclasses.replace(SHORT, seconds=0.4))  # the runs go on, and what they found is played again
+    study(folder, dataclasses.replace(SHORT, seconds=0.1))  # the runs go on, and what they found is played again
     assert len([call for call in linear.calls[before:] if call.precision == "f64"]) == 12
     shutil.rmtree(folder / "runs")
     text = (folder / "table.md").read_text()
-    study(folder, dataclasses.replace(SHORT, seconds=0.4))
+    study(folder, dataclasses.replace(SHORT, seconds=0.1))
     assert (folder / "table.md").read_text() == text
-    with pytest.raises(ValueError, match=r"^out: .* holds tables of another study \(seconds: 0.4, not 0.2\)"):
+    with pytest.raises(ValueError, match=r"^out: .* holds tables of another study \(seconds: 0.1, not 0.05\)"):
         study(folder, SHORT)
 
 

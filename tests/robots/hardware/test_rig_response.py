@@ -13,7 +13,7 @@ from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
 from robots.world import Terrain
 
 AT = np.arange(0.0, 10.0, 0.01)
-SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 2))
+SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 1))
 
 
 def rig_with(**changes):

@@ -1,0 +1,101 @@
+"""What tests compute with. For another precision or number of threads Taichi starts again and loads all kernels anew, so
+tests are run in an order in which it seldom has to.
+
+The default is double precision on one thread. What differs is told here by parts of a test's name.
+"""
+
+SINGLE = (
+    # Files that are so for the most part.
+    "commands/test_graded_commands.py",
+    "commands/test_task_file.py",
+    "gym/test_lattice_robot.py",
+    "hardware/test_rig_response.py",
+    "pipeline/test_pipeline.py",
+    "problems/test_several_cores_searches.py",
+    "robots/test_ground.py",
+    "robots/test_tasks.py",
+    "runs/test_ray.py",
+    "studies/test_body_and_learning.py",
+    "studies/test_evolving_bodies.py",
+    "studies/test_light_seeking.py",
+    "studies/test_tasks_study.py",
+    "view/test_lattice_states.py",
+    "view/test_motion.py",
+    "view/test_paraview.py",
+    "view/test_pictures.py",
+    "view/test_read_outs.py",
+    "view/test_uneven.py",
+    "view/test_view.py",
+    # Single tests.
+    "f32",
+    "single_precision",
+    "picture_in_water",
+    "test_bench.py::test_rates_of_the_lattice",
+    "test_bench.py::test_the_peak_of_a_core",
+    "test_floor_friction.py::test_feet_slide_as_the_floor_says",
+    "test_ground_friction.py::test_judges",
+    "test_gym.py::test_numbers_above_a_half_are_on",
+    "Pancake-v0",
+    "LatticeRobot-v0",
+    "Light-v0",
+    "a_lattice_robot_that_diverges",
+    "test_lattice_engine.py::test_memory_per_robot",
+    "test_lattice_engine.py::test_states_are_in_double_precision",
+    "test_measure_command.py::test_lattice_robots",
+    "test_props.py::test_a_box_gives_way",
+    "test_report.py::test_the_best_gait_in_motion",
+    "test_rigid_batch.py::test_frames_are_the_states",
+    "test_rigid_batch.py::test_nothing_explodes_in_two_thousand",
+    "test_rigid_batch.py::test_threads_change_no_bit",
+    "test_rigid_files.py::test_an_ant",
+    "test_rigid_input.py::test_bad_input",
+    "test_rover.py::test_as_many_controllers_succeed",
+    "test_rover.py::test_wires_cross",
+    "test_rover_studies.py::test_a_grid_shares",
+    "test_rover_studies.py::test_objectives_of_the_base_body",
+    "rover-pre-optimisation",
+    "test_stages.py::test_a_judgement",
+    "test_stepwise.py::test_a_session_may_hold",
+    "test_stepwise.py::test_what_a_session_is_given",
+    "test_swimming.py::test_the_command_takes",
+    "test_view_command.py::test_files_of_designs",
+    "test_view_command.py::test_gait_tables_move",
+    "test_view_command.py::test_soft_robots",
+    "test_view_command.py::test_the_best_of_a_run_of_gaits",
+)
+DOUBLE = (
+    "gym/test_lattice_robot.py::test_no_action",
+    "view/test_motion.py::test_a_vehicle",
+    "view/test_pictures.py::test_every_robot_has_a_picture[vehicle]",
+    "view/test_view.py::test_every_robot_has_a_picture_with_its_channels[vehicle]",
+    "single_precision_tensors",
+)
+TWO_THREADS = (
+    "co-optimisation",
+    "homeostasis-objective",
+    "search-comparison",
+    "oscillating_reflexes.py::test_the_gradient_is",
+    "robot/test_reflexes.py::test_the_gradient_is",
+    "test_bits_depend_on_no_batch_width_thread_or_launch[2",
+    "test_interference_study.py::test_runs_depend",
+    "test_lattice_engine.py::test_a_robot_does_not_feel",
+    "test_neighbours_threads_and_width",
+    "test_props.py::test_the_gradient_is",
+    "test_threads_change_no_bit",
+    "test_vehicle_studies.py::test_the_curve_of_co_optimisation",
+    "test_walker.py::test_results_depend",
+)
+
+
+def precision(test: str) -> str:
+    """The precision, ``"f64"`` or ``"f32"``, in which a test of this name computes."""
+    return "f32" if _in(test, SINGLE) and not _in(test, DOUBLE) else "f64"
+
+
+def place(test: str) -> tuple[str, bool]:
+    """Where a test belongs in the order: double precision first, and what needs several threads behind the rest."""
+    return "double" if precision(test) == "f64" else "single", _in(test, TWO_THREADS)
+
+
+def _in(test: str, parts: tuple[str, ...]) -> bool:
+    return any(part in test for part in parts)
