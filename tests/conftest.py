@@ -8,8 +8,8 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 from computing import place, precision
+from hypothesis import settings
 from stand_in import Simulator
 
 from optim.cli import main

@@ -1,7 +1,7 @@
-"""What tests compute with. For another precision or number of threads Taichi starts again and loads all kernels anew, so
-tests are run in an order in which it seldom has to.
+"""What tests compute with: a precision, and a number of threads.
 
-The default is double precision on one thread. What differs is told here by parts of a test's name.
+For another one Taichi starts again and loads all kernels anew, so tests go in an order in which it seldom has to. The
+default is double precision on one thread. What differs is told here by parts of a test's name.
 """
 
 SINGLE = (

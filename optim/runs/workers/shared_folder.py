@@ -3,9 +3,12 @@
 import contextlib
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from optim.problem import FILE, Evaluation, Problem, Request
 from optim.problems import problem_of_description
@@ -18,6 +21,9 @@ from taichi_sim.base import files
 
 LOSSES = 10  # times that a part's worker falls silent that count as one death: nodes are preempted, designs seldom kill
 DAMAGES = 3  # damaged files of one part that are enough
+LATE = 1.5  # times the usual time after which a part is given to an idle worker, too
+FEWEST = 3  # answers that tell what is usual
+LOOK_EVERY = 0.5  # s between looks at who works on what
 NOTE_AFTER = 30.0  # s in which some worker should have taken a part
 
 
@@ -34,6 +40,7 @@ class Seat:
         told: who answered, and what; None so far.
         losses: how often a worker fell silent with it.
         damages: how often its files were damaged.
+        copies: how often it was given to another worker, too.
     """
 
     folder: "SharedFolder"
@@ -44,10 +51,12 @@ class Seat:
     told: tuple[str, Evaluation | Raised | Gone] | None = None
     losses: int = 0
     damages: int = 0
+    copies: int = 0
 
     def submit(self, request: Request) -> None:
         """Put a request into the folder."""
-        self.losses, self.damages, self.told, self.count = 0, 0, None, len(request.points)
+        self.losses, self.damages, self.copies = 0, 0, 0
+        self.told, self.count = None, len(request.points)
         self.folder.put(self, request)
 
     def answer(self) -> Answer:
@@ -89,7 +98,10 @@ class SharedFolder:
     _pending: dict[str, Seat] = field(default_factory=dict)
     _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: last change, when that was seen
     _missing: dict[str, float] = field(default_factory=dict)  # parts without any file, since when
+    _begun: dict[str, float] = field(default_factory=dict)  # parts that are worked on, since when
+    _times: deque[float] = field(default_factory=lambda: deque(maxlen=50))  # that the last parts took
     _looked: float = 0.0
+    _helped: float = 0.0
     _since: float = field(default_factory=time.monotonic)
     _met: bool = False  # whether any worker has been seen
 
@@ -110,6 +122,8 @@ class SharedFolder:
             found = [seat for seat in workers if seat.fresh or seat.told is not None]
             if found or not wait:
                 return found
+            if time.monotonic() - self._helped > LOOK_EVERY:
+                self._help()
             if time.monotonic() - self._looked > self.offer.silence / protocol.BEATS:
                 self._look_after()
             protocol.nap(time.monotonic() - begun)
@@ -138,9 +152,10 @@ class SharedFolder:
         if seat.part is None or self._pending.pop(seat.part, None) is None:
             return
         self._missing.pop(seat.part, None)
+        self._begun.pop(seat.part, None)
         for state in (OPEN, DONE):
             protocol.part_path(self.path, state, seat.part).unlink(missing_ok=True)
-        if seat.losses or seat.told is None:  # else its worker has removed the claim
+        if seat.losses or seat.copies or seat.told is None:  # else its worker has removed the claim
             for claim in protocol.parts_in(self.path, CLAIMED):
                 if protocol.part_of_claim(claim)[0] == seat.part:
                     protocol.part_path(self.path, CLAIMED, claim).unlink(missing_ok=True)
@@ -166,6 +181,7 @@ class SharedFolder:
                 continue
             self._met = True
             seat.told = worker, told
+            self._times.append(time.monotonic() - self._begun[part] if part in self._begun else LOOK_EVERY)
 
     def _mend(self, seat: Seat, path: Path, why: str) -> None:
         """Put a part out again whose answer is of no use.
@@ -179,6 +195,23 @@ class SharedFolder:
         self.note(f"note: {path} is damaged ({why}): its part is judged again")
         path.unlink(missing_ok=True)
         self._write(seat)
+
+    def _help(self) -> None:
+        """Give a part that takes much longer than others to an idle worker, too; the first answer counts.
+
+        Its own worker may be dead, which only silence tells, or slow. There are idle workers where nothing is open.
+        """
+        self._helped = now = time.monotonic()
+        claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(self.path, CLAIMED)}
+        self._begun = {part: self._begun.get(part, now) for part in claimed if part in self._pending}
+        if len(self._times) < FEWEST or protocol.parts_in(self.path, OPEN):
+            return
+        late = LATE * float(np.median(self._times)) + LOOK_EVERY
+        for part, since in self._begun.items():
+            seat = self._pending[part]
+            if seat.told is None and now - since > late * 2**seat.copies:
+                seat.copies += 1
+                self._write(seat)
 
     def _look_after(self) -> None:
         """Give a sign of life, take parts back from silent workers, and put out again what has vanished."""

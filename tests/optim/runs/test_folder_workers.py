@@ -185,6 +185,28 @@ def test_a_silent_worker_that_answers_after_all_is_taken_once(workers, crew):
     assert workers.notes == ["note: worker0 has been silent for 0.2 s: its part is given to others"]
 
 
+def test_a_part_that_takes_long_is_given_to_an_idle_worker_too(workers, crew, monkeypatch):
+    monkeypatch.setattr(shared_folder, "LOOK_EVERY", 0.02)
+    slow, awake, tried = REQUEST.points[4], threading.Event(), []
+
+    def sleep_over_the_slow_one(request, beat):
+        if (request.points == slow).all(axis=1).any():
+            tried.append(request)
+            if len(tried) == 1:
+                awake.wait(60)
+
+    for _ in range(2):
+        crew(Here(sleep_over_the_slow_one))
+    with workers.open(PROBLEM, 11) as evaluate:  # whose silence is noticed after a minute
+        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST)) and len(tried) == 2
+        awake.set()
+        other = Request(REQUEST.points[:3])
+        assert same(evaluate(other), judge(PROBLEM, other))
+    assert workers.notes == []
+    shared = workers.folder / "shared"
+    assert not any(folder_files.parts_in(shared, state) for state in (OPEN, CLAIMED))
+
+
 @pytest.mark.parametrize("harm", [lambda b: b[: len(b) // 2], lambda b: b[:90] + b"?" + b[91:], lambda b: b""])
 def test_a_damaged_answer_is_named_and_judged_again(workers, crew, harm, monkeypatch):
     packed, harmed = folder_files.packed_answer, []
