@@ -149,7 +149,8 @@ def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, k
             passed, ticks = np.arange(1, count + 1) / rate, ticks + count
         times.extend(moments.tolist())
         numbers.extend([place] * len(moments))
-        rows.extend(before + (target - before) * np.minimum(passed[:-1, None] / stroke, 1.0))
+        with np.errstate(over="ignore"):  # of strokes that take next to no time
+            rows.extend(before + (target - before) * np.minimum(passed[:-1, None] / stroke, 1.0))
         rows.append(target)  # free of rounding
         slowest = rig.channel_names[changing[np.argmax(done)]] if changing.size else ""
         names = tuple(rig.channel_names[index] for index in changing)
