@@ -14,8 +14,15 @@ PAGES = sorted(page.stem for page in DOCS.glob("*.md") if BLOCK.search(page.read
 # What readers of a page have before its code: a robot, files, a run. ``extending`` has a test of its own.
 BEFORE = {
     "own-robots": f"""
-exec(open({str(ROOT / "examples/inchworm.py")!r}).read())
-body, weights = robot.body, None
+from pathlib import Path
+inchworm = Path({str(ROOT / "examples/inchworm.py")!r}).read_text()
+exec(inchworm)
+body, weights = robot.body, np.zeros(131)
+drives = 'drives = (Drive("legs", (0, 1, 2), amplitude=0.1, phase=(0.1, 0.4, 0.8)),)'
+legs = drives + '; robot = LatticeRobot(robot.body, drives, frequency=0.2)'
+Path("legs.py").write_text(inchworm + legs)
+from optim.cli import main
+assert main("export legs.py --csv gait.csv".split()) == 0
 """,
     "report": """
 from optim.cli import main
@@ -33,7 +40,7 @@ crawler = ml.robot("freeform", shape="6,4,2")
 crawler.save(crawler.start, Path("walker.json"))
 """,
 }
-pytestmark = [pytest.mark.kernels, pytest.mark.slow]
+pytestmark = [pytest.mark.kernels, pytest.mark.slow, pytest.mark.filterwarnings("ignore:model. ignored")]
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if page != "extending"])

@@ -177,3 +177,17 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
         shapes = [replace(shape, centre=np.asarray(shape.centre) - lump.centre) for shape in part.shapes]
         bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
     return Tree(bodies, [part.joint for part in found.values() if part.joint is not None], fixed)
+
+
+OUTSIDE = "the angle at rest of hinges whose range excludes it: they rest in its middle"
+
+
+def rest_within(span: tuple[float, float] | None, usual: float) -> tuple[float, bool]:
+    """The angle at which a hinge rests [rad], and whether it is another than the usual one.
+
+    Files of many legged robots have joints whose ranges exclude their zero, as knees that are always bent. They rest in
+    the middle of their range.
+    """
+    if span is None or span[0] <= usual <= span[1] or not span[0] < span[1]:
+        return usual, False
+    return (span[0] + span[1]) / 2, True

@@ -12,7 +12,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.assembly import Cylinder, Lump, Model, Part, Place, placed, solid_of, tree_of
+from taichi_sim.rigid.model.assembly import (
+    OUTSIDE,
+    Cylinder,
+    Lump,
+    Model,
+    Part,
+    Place,
+    placed,
+    rest_within,
+    solid_of,
+    tree_of,
+)
 from taichi_sim.rigid.model.mjcf_drives import drive
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Solid
@@ -192,16 +203,14 @@ class _Reader:
         anchor = place.position + place.rotation @ numbers(joint, "pos", "0 0 0", 3)
         axis = place.rotation @ direction(joint, "axis", "0 0 1")
         reference = self.angle(number(joint, "ref", "0"))
-        rest = self.angles.get(name, reference)
+        span = self._range(joint)
+        rest = self.angles.get(name)
+        if rest is None:
+            rest, moved_in = rest_within(span, reference)
+            self.ignored |= {OUTSIDE: None} if moved_in else {}
         turn = Rotation.from_rotvec(axis * (rest - reference)).as_matrix()
         moved = Place(anchor + turn @ (place.position - anchor), turn @ place.rotation)
         lacking = [each for each in _IGNORED_OF_JOINTS if number(joint, each, "0")]
-        span: tuple[float, float] | None = None
-        automatic = self.compiler.get("autolimits", "true") == "true" and "range" in joint.attrib
-        limited = joint.get("limited", "auto")
-        if limited == "true" or (limited == "auto" and automatic):
-            low, high = (self.angle(each) for each in numbers(joint, "range", None, 2))
-            span = low, high
         motor, command = None, 0
         if name in self.drives:
             command, actuator = self.drives[name]
@@ -212,6 +221,15 @@ class _Reader:
         self.ignored.update(dict.fromkeys(each if " " in each else f"{each} of joints" for each in lacking))
         stops = None if span is None else (span[0] - rest, span[1] - rest)
         return moved, Hinge(parent, child, anchor, axis, motor, command, stops)
+
+    def _range(self, joint: Element) -> tuple[float, float] | None:
+        """Lowest and highest angle of a joint [rad]; None if it has no stops."""
+        automatic = self.compiler.get("autolimits", "true") == "true" and "range" in joint.attrib
+        limited = joint.get("limited", "auto")
+        if limited != "true" and not (limited == "auto" and automatic):
+            return None
+        low, high = (self.angle(each) for each in numbers(joint, "range", None, 2))
+        return low, high
 
     def _read_matter(self, body: Element, place: Place, childclass: str) -> tuple[Lump, list[Solid]]:
         """Read the mass and the solids of a body."""

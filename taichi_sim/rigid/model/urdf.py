@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.assembly import Lump, Model, Part, Place, placed, solid_of, tree_of
+from taichi_sim.rigid.model.assembly import OUTSIDE, Lump, Model, Part, Place, placed, rest_within, solid_of, tree_of
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
@@ -60,7 +60,7 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
             if isinstance(hung, Hinge) and hung.motor is not None:
                 commands.append(joint.get("name", child))
             parts.append(_part(links[child], hung, places[child]))
-    return Model(tree_of(parts, fixed), Senses(), World(), tuple(commands), _ignored(root))
+    return Model(tree_of(parts, fixed), Senses(), World(), tuple(commands), _ignored(root, angles))
 
 
 def _link_of(joint: Element, end: str) -> str:
@@ -87,21 +87,27 @@ def _hang(joint: Element, carrier: Place, angles: dict[str, float], speed: float
         raise ValueError(f"{named(joint)}: type {kind!r} is not allowed; give revolute, continuous or fixed")
     axis = single(joint, "axis")
     along = np.array([1.0, 0, 0]) if axis is None else direction(axis, "xyz", "1 0 0")
-    start = angles.get(joint.get("name", ""), 0.0)
+    span = _range(joint) if kind == "revolute" else None
+    start = angles.get(joint.get("name", ""), rest_within(span, 0.0)[0])
     turned = place.then(np.zeros(3), Rotation.from_rotvec(start * along).as_matrix())
     limit = single(joint, "limit")
     if single(joint, "mimic") is not None:
         raise ValueError(f"{named(joint)}: mimic is not allowed; give a joint of its own")
-    stops, motor = None, None
-    if kind == "revolute":
-        if limit is None:
-            raise ValueError(f"{named(joint)}: limit is missing; give it, or type continuous")
-        stops = number(limit, "lower", "0") - start, number(limit, "upper", "0") - start
+    stops = None if span is None else (span[0] - start, span[1] - start)
+    motor = None
     effort = 0.0 if limit is None else number(limit, "effort", "0")
     if effort > 0:
         rate = number(limit, "velocity", "0") if limit is not None else 0.0
         motor = Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort)
     return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops)
+
+
+def _range(joint: Element) -> tuple[float, float]:
+    """Lowest and highest angle of a revolute joint [rad]."""
+    limit = single(joint, "limit")
+    if limit is None:
+        raise ValueError(f"{named(joint)}: limit is missing; give it, or type continuous")
+    return number(limit, "lower", "0"), number(limit, "upper", "0")
 
 
 def _part(link: Element, joint: Joint | None, place: Place) -> Part:
@@ -127,13 +133,16 @@ def _solid(collision: Element, link: Element, place: Place) -> Solid:
     return placed(solid_of(solids[0].tag, np.concatenate(sizes).tolist()), f"collision of {named(link)}", place)
 
 
-def _ignored(root: Element) -> tuple[str, ...]:
+def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     """Entries of the file that the engine does not support, one for each kind."""
     found = [f"<{tag}>" for tag in sorted({child.tag for child in root} - {"link", "joint"})]
     if root.find("link/visual") is not None:
         found.append("<visual>")
     if root.find("link/collision/geometry/cylinder") is not None:
         found.append("edges of cylinders, which touch the ground as capsules of their length")
+    revolute = [joint for joint in root.findall("joint") if joint.get("type") == "revolute"]
+    if any(rest_within(_range(joint), 0.0)[1] for joint in revolute if joint.get("name", "") not in angles):
+        found.append(OUTSIDE)
     friction = [
         each for each in root.findall("joint/dynamics") if number(each, "friction", "0") or number(each, "damping", "0")
     ]

@@ -1,7 +1,9 @@
 """Robots from MJCF and URDF files: masses, places, hinges and drives against hand computation and built trees."""
 
 import warnings
+from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -210,9 +212,30 @@ PENDULUM = """<body name="bob" pos="0 0 2"><joint name="pivot" axis="0 -1 0" ran
 </body>"""
 
 
+def test_a_hinge_whose_range_excludes_its_zero_rests_in_the_middle():
+    sphere = mjcf(PENDULUM.replace("box", "sphere"))
+    with pytest.warns(UserWarning, match="hinges whose range excludes it: they rest in its middle"):
+        tree = parse_model(sphere).tree
+    told = parse_model(sphere, angles={"pivot": np.radians(70)}).tree
+    assert np.allclose(tree.hinges[0].stops, np.radians([-50, 50]))
+    assert np.allclose(tree.bodies[1].position, told.bodies[1].position)
+    bent = ARM.replace('lower="-1"', 'lower="0.2"')
+    with pytest.warns(UserWarning, match="they rest in its middle"):
+        arm = parse_model(bent).tree
+    (shoulder,) = [hinge for hinge in arm.hinges if hinge.stops is not None]
+    assert shoulder.stops == pytest.approx((-0.15, 0.15))
+
+
+def test_the_ant_of_gymnasium_is_read_as_it_is():
+    with pytest.warns(UserWarning, match="they rest in its middle"):
+        model = load_model(Path(gymnasium.__path__[0], "envs/mujoco/assets/ant.xml"))
+    assert len(model.commands) == 8 and len(model.tree.hinges) == 8
+    assert all(low < 0 < high for low, high in (hinge.stops for hinge in model.tree.hinges))
+
+
 def test_a_body_hinged_to_the_world_hangs_on_a_fixed_base_and_may_rest_at_any_angle():
     with pytest.raises(ValueError, match="stops of bob"):
-        parse_model(mjcf(PENDULUM))
+        parse_model(mjcf(PENDULUM), angles={"pivot": 2.2})
     tree = parse_model(mjcf(PENDULUM.replace("box", "sphere")), angles={"pivot": np.pi / 2}).tree
     assert tree.fixed and [body.name for body in tree.bodies] == ["world", "bob"]
     assert np.allclose(tree.hinges[0].stops, np.radians([20 - 90, 120 - 90])) and np.allclose(
@@ -306,7 +329,7 @@ BAD = {
     "two joints": (with_joint('<joint axis="1 0 0"/><joint axis="0 1 0"/>'), "body leg: 2 joints are not allowed"),
     "a free leg": (with_joint("<freejoint/>"), "body leg: a free joint is not allowed on it"),
     "an axis of no length": (with_joint('<joint name="k" axis="0 0 0"/>'), "joint k: axis '0 0 0' is not allowed"),
-    "stops that exclude the rest": (with_joint('<joint range="10 20"/>'), "stops of leg"),
+    "stops that exclude the rest": (with_joint('<joint range="20 10"/>'), "stops of leg"),
     "an unknown class": (with_joint('<joint name="k" class="x"/>'), "joint k: there is no class 'x'; there are main"),
     "a mesh": (mjcf(BALL.replace("sphere", "mesh")), "geom: type 'mesh' is not allowed; give sphere, capsule, box"),
     "a turned box": (
