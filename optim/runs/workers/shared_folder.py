@@ -21,9 +21,9 @@ from taichi_sim.base import files
 
 LOSSES = 10  # times that a part's worker falls silent that count as one death: nodes are preempted, designs seldom kill
 DAMAGES = 3  # damaged files of one part that are enough
-LATE = 1.5  # times the usual time after which a part is given to an idle worker, too
+LATE = 1.25  # times the usual time after which a part is given to an idle worker, too
 FEWEST = 3  # answers that tell what is usual
-LOOK_EVERY = 0.5  # s between looks at who works on what
+LOOK_EVERY = 0.25  # s between looks at who works on what
 NOTE_AFTER = 30.0  # s in which some worker should have taken a part
 
 
