@@ -1,0 +1,117 @@
+"""Disks that fail: each command, with the n-th call that touches the disk failing, ends in one line; nothing is half.
+
+What was there before is as it was, what is there after is whole or absent, and the same command then gives what it
+gives where nothing fails.
+"""
+
+import errno
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+pytestmark = [pytest.mark.kernels, pytest.mark.long]
+
+BRIEF = "--time-step 0.5 --steps 60 --threads 1 --quiet"
+RUN = "codesign --robot vehicle --climbers 2 --generations 2 --quiet --out"
+# What prepares the folder, the command, and what gives its result after a failure, if that is another command.
+COMMANDS = {
+    "export": ("", "export inching --csv gait.csv", ""),
+    "export a mould": ("", "export starfish.py --parts parts --mould draft=2,wall=3", ""),
+    "view": ("", "view vehicle --out page.html --picture still.png --glb motion.glb --quiet", ""),
+    "paraview": ("", "view vehicle --paraview frames --quiet", ""),
+    "simulate": ("", "simulate --robot vehicle --out a", ""),
+    "check gradients": ("", "gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out a", ""),
+    "codesign": ("", f"{RUN} a", "codesign --resume --quiet --out a"),
+    "report": (f"{RUN} a", "report a --out page.html --no-player --quiet", ""),
+    "track": (f"{RUN} a", "track a --parquet runs.parquet", ""),
+    "sweep": ("", f"sweep --designs 162,6553 --weights 5 {BRIEF} --out a", ""),
+    "train": ("", f"train --designs 162 --methods nes --repetitions 2 --budget-evaluations 6 {BRIEF} --out a", ""),
+    "measure": ("", "measure --robot vehicle --controllers 4 --success closest<=1 --quiet --out a", ""),
+}
+MOST = 100  # calls of a command that are tried
+# What tells times, or checksums of such.
+VOLATILE = ("timing.jsonl", "environment.json", ".lock", "page.html", "checkpoint.npz", "checkpoint.previous.npz")
+
+
+class Disk:
+    """The calls of the lab that touch the disk; the n-th fails as on a full disk."""
+
+    CALLS = (
+        (os, "replace"),
+        (os, "fsync"),
+        (os, "truncate"),
+        (os, "mkdir"),
+        (Path, "write_bytes"),
+        (Path, "write_text"),
+        (Path, "mkdir"),
+    )
+
+    def __init__(self, monkeypatch):
+        self.fails_at = self.count = 0
+        for owner, name in self.CALLS:
+            monkeypatch.setattr(owner, name, self._failing(getattr(owner, name)))
+
+    def _failing(self, function):
+        def call(*given, **options):
+            self.count += 1
+            if self.count == self.fails_at:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return function(*given, **options)
+
+        return call
+
+    def begin(self, fails_at):
+        """Count anew, and fail at that call; never for 0."""
+        self.fails_at, self.count = fails_at, 0
+
+
+def contents(folder):
+    """Files below a folder that must not depend on failures."""
+    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in VOLATILE]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["one", "all"])
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_disk_that_fails_costs_nothing_but_the_command(name, every, morpholab, tmp_path, monkeypatch):
+    prepare, line, after = COMMANDS[name]
+    root = Path(__file__).resolve().parents[1]
+
+    def fresh(folder):
+        shutil.copytree(tmp_path / "prepared", folder)
+        monkeypatch.chdir(folder)
+        return contents(folder)
+
+    (tmp_path / "prepared").mkdir()
+    monkeypatch.chdir(tmp_path / "prepared")
+    shutil.copy(root / "examples/starfish.py", ".")
+    assert not prepare or morpholab(prepare)[0] == 0
+    disk = Disk(monkeypatch)
+    before = fresh(tmp_path / "whole")
+    disk.begin(0)
+    code, _, error = morpholab(line)
+    assert code == 0, error
+    calls, whole = disk.count, contents(tmp_path / "whole")
+    assert (calls and whole.keys() > before.keys()) or "page.html" in line
+    for n in range(1, calls + 1, 1 + calls // MOST) if every else [1 + calls // 2]:
+        folder = tmp_path / f"fails{n}"
+        disk.begin(0)
+        fresh(folder)
+        disk.begin(n)
+        code, _, error = morpholab(line)
+        disk.begin(0)
+        assert code in (0, 1, 2), f"{n}: {error}"
+        if code:
+            assert "Traceback" not in error and len(error.splitlines()) <= 2, f"{n}: {error}"
+            assert "No space left on device" in error or "cannot be written" in error, f"{n}: {error}"
+        found = contents(folder)
+        assert before.items() <= found.items(), f"{n}: something that was there has changed"
+        strangers = [path for path in found if path not in whole]
+        assert not strangers, f"{n}: {strangers} are left"
+        again = after if after and (folder / "a/config.toml").exists() else line
+        if code:
+            code, _, error = morpholab(again)
+            assert code == 0, f"{n}: {again}: {error}"
+        assert contents(folder) == whole, f"{n}: not what it gives where nothing fails"
