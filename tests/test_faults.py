@@ -30,7 +30,7 @@ COMMANDS = {
     "train": ("", f"train --designs 162 --methods nes --repetitions 2 --budget-evaluations 6 {BRIEF} --out a", ""),
     "measure": ("", "measure --robot vehicle --controllers 4 --success closest<=1 --quiet --out a", ""),
 }
-MOST = 100  # calls of a command that are tried
+MOST = 30  # calls of a command that are tried
 # What tells times, or checksums of such.
 VOLATILE = ("timing.jsonl", "environment.json", ".lock", "page.html", "checkpoint.npz", "checkpoint.previous.npz")
 
