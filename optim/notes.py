@@ -24,5 +24,7 @@ def notes(name: str) -> Iterator[None]:
             usual(message, category, *place, **other)
 
     with warnings.catch_warnings():
+        # They are for the user of the command, whatever Python's own filter says: `-W error` would end a good command.
+        warnings.simplefilter("default", UserWarning)
         usual, warnings.showwarning = warnings.showwarning, show
         yield

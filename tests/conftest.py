@@ -30,7 +30,7 @@ _UNMARKED = "starts Taichi: mark it with @pytest.mark.kernels, or the file with 
 _NO_CACHE = Path(tempfile.gettempdir(), f"morpholab-no-kernels-{os.getpid()}")
 _CACHE = os.environ.get("MORPHOLAB_CACHE")
 _start, _may_start = runtime.start, True
-_used: set[str] = set()  # precisions, by the present test
+_used: set[tuple[str, bool]] = set()  # precisions, and whether on several threads, by the present test
 
 
 def _start_if_marked(*arguments, **keywords):
@@ -38,7 +38,7 @@ def _start_if_marked(*arguments, **keywords):
         _NO_CACHE.mkdir(exist_ok=True)
         pytest.fail(_UNMARKED)
     running = _start(*arguments, **keywords)
-    _used.add(running.precision)
+    _used.add((running.precision, running.thread_count > 1))
     return running
 
 
@@ -58,8 +58,10 @@ def pytest_runtest_setup(item):
 
 @pytest.hookimpl(trylast=True)
 def pytest_runtest_teardown(item):
-    if len(_used) == 1 and precision(item.nodeid) not in _used and not any(item.iter_markers("slow")):
-        pytest.fail(f"it computes in {min(_used)}: say so in tests/support/computing.py")
+    precisions, threads = {each for each, _ in _used}, any(several for _, several in _used)
+    otherwise = len(precisions) == 1 and precision(item.nodeid) not in precisions
+    if (otherwise or threads > place(item.nodeid)[1]) and not any(item.iter_markers("slow")):
+        pytest.fail(f"it computes in {_used}: say so in tests/support/computing.py")
     if _NO_CACHE.exists():
         shutil.rmtree(_NO_CACHE)
         pytest.fail(f"it, or a process of it, {_UNMARKED}")

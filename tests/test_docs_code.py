@@ -1,4 +1,4 @@
-"""Every block of Python on the pages runs, and so do the commands of the first ten minutes."""
+"""Every block of Python on the pages of docs/ runs, and so do the commands of the first ten minutes."""
 
 import re
 import shlex

@@ -11,6 +11,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import computing
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -156,3 +157,12 @@ def test_the_public_api_is_quick_to_import_and_every_name_is_there():
         "print(len([getattr(morpholab, name) for name in names]) > 30)\n"
     )
     assert out.splitlines() == ["True", "[]", "True"]
+
+
+def test_what_is_told_of_tests_is_of_tests_that_exist():
+    texts = {str(path.relative_to(ROOT)): path.read_text() for path in (ROOT / "tests").rglob("test_*.py")}
+    for part in (*computing.SINGLE, *computing.DOUBLE, *computing.TWO_THREADS):
+        place, _, name = part.partition("::")
+        within = [text for path, text in texts.items() if place in path or not place.endswith(".py")]
+        sought = name.partition("[")[0] or ("" if place.endswith(".py") else place.partition("[")[0])
+        assert any(sought in text for text in within), part

@@ -73,7 +73,7 @@ def _fit(args: argparse.Namespace) -> Report:
     from robots.calibration import CALIBRATION_FORMAT, NAMES, Laboratory, read_measurements
     from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import NAMED_GEOMETRIES
-    from taichi_sim.base.files import write_record
+    from taichi_sim.base.files import undone_if_it_fails, write_record
 
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
@@ -97,8 +97,10 @@ def _fit(args: argparse.Namespace) -> Report:
         from optim.calibration.report import save_calibration
 
         args.out.mkdir(parents=True, exist_ok=True)
-        write_record(args.out / "calibration.json", CALIBRATION_FORMAT, record)
-        save_calibration(found.experiments, result.predictions, args.out / "calibration.png")
+        with undone_if_it_fails() as made:
+            made += [args.out / "calibration.json", args.out / "calibration.png"]
+            write_record(args.out / "calibration.json", CALIBRATION_FORMAT, record)
+            save_calibration(found.experiments, result.predictions, args.out / "calibration.png")
         text += f"\n{args.out}: calibration.json, calibration.png"
     return Report(record, text)
 

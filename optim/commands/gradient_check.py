@@ -55,7 +55,7 @@ COMMAND = Command(
 def run(args: argparse.Namespace) -> Report:
     """Check every horizon."""
     from optim.measures.gradient_trust import check_gradient, save_plot
-    from taichi_sim.base.files import write_text
+    from taichi_sim.base.files import undone_if_it_fails, write_text
 
     problems = _problems(args)
     robots = [(getattr(problem, "offered", None), point) for problem, point in problems.values()]
@@ -75,8 +75,10 @@ def run(args: argparse.Namespace) -> Report:
     document, text = report.document(), report.text()
     if args.out:
         args.out.mkdir(parents=True, exist_ok=True)
-        write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
-        save_plot(report, args.out / "gradient.png")
+        with undone_if_it_fails() as made:
+            made += [args.out / "gradient.json", args.out / "gradient.png"]
+            write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
+            save_plot(report, args.out / "gradient.png")
         text += f"\n{args.out}: gradient.json, gradient.png"
     return Report(document, text)
 

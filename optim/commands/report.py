@@ -68,14 +68,15 @@ def _watch(args: argparse.Namespace) -> Report:
     for name in ("out", "no_player", "frames", "rig"):
         if getattr(args, name):
             raise ValueError(f"watch: it does not go with --{name.replace('_', '-')}; leave one out")
+    if args.by != options.AXES[0]:
+        raise ValueError("watch: it does not go with --by; leave one out")
     from optim.report.live import LiveRuns, LiveServer
 
     runs = LiveRuns(args.runs)
     followed = len(runs.state())
     with LiveServer(runs, args.port or 0) as server:
-        if not args.quiet:
-            told = f"{counted(followed, 'run')}: {server.url} (on this machine alone; Ctrl-C ends it)"
-            print(told, file=sys.stderr, flush=True)
+        told = f"{counted(followed, 'run')}: {server.url} (on this machine alone; Ctrl-C ends it)"
+        print(told, file=sys.stderr, flush=True)
         with contextlib.suppress(KeyboardInterrupt):
             server.serve_forever()
     return Report({"runs": followed, "url": server.url}, "")

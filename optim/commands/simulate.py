@@ -3,6 +3,8 @@
 import argparse
 import json
 import math
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -134,13 +136,19 @@ def _report(
 def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> None:
     from robots.hardware import write_csv
     from robots.view.picture import save_robot_picture
+    from taichi_sim.base.files import undone_if_it_fails, write_text
 
     folder.mkdir(parents=True, exist_ok=True)
-    robot.save((), folder / "design.json")
-    (folder / "result.json").write_text(json.dumps(document, indent=2) + "\n")
-    if outcome.frames:
-        frames: dict[str, Any] = dict(outcome.frames)
-        np.savez_compressed(folder / "frames.npz", **frames)
-    if robot.exportable:
-        write_csv(robot.table(on_violation="clip"), folder / "gait.csv")  # the header tells what was clipped
-    save_robot_picture(robot, world, folder / "robot.png")
+    frames: dict[str, Any] = dict(outcome.frames or {})
+    writers: dict[str, Callable[[Path], object]] = {
+        "design.json": partial(robot.save, ()),
+        "result.json": lambda path: write_text(path, json.dumps(document, indent=2) + "\n"),
+        **({"frames.npz": lambda path: np.savez_compressed(path, **frames)} if frames else {}),
+        # The header tells what was clipped.
+        **({"gait.csv": partial(write_csv, robot.table(on_violation="clip"))} if robot.exportable else {}),
+        "robot.png": partial(save_robot_picture, robot, world),
+    }
+    with undone_if_it_fails() as made:
+        for name, write in writers.items():
+            made.append(folder / name)
+            write(folder / name)

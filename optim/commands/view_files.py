@@ -1,6 +1,7 @@
 """What ``morpholab view`` can write: pages, pictures, films, and files for other programs."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
 from optim.commands.options import Option, path_to
-from taichi_sim.base.files import claimed_path
+from taichi_sim.base.files import claimed_path, undone_if_it_fails
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -147,7 +148,13 @@ def check_outputs(args: argparse.Namespace) -> None:
 
 def write_outputs(motions: Sequence["Motion"], args: argparse.Namespace) -> list[tuple[Path, int]]:
     """Write everything asked for: paths and bytes."""
-    return [(path, output.write(motions, path, args)) for output, path in _asked(args)]
+    written: list[tuple[Path, int]] = []
+    with undone_if_it_fails() as made:
+        for output, path in _asked(args):
+            if not os.path.lexists(path):  # what another program has put there since is refused, and stays
+                made.append(path)
+            written.append((path, output.write(motions, path, args)))
+    return written
 
 
 def _asked(args: argparse.Namespace) -> list[tuple[Output, Path]]:

@@ -2,7 +2,7 @@
 
 import inspect
 import numbers
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any
@@ -19,6 +19,7 @@ Source = str | PathLike[str] | Robot | Callable[..., Robot]
 MOST_SUGGESTED = 8  # parameters that have a slider unless some are named
 FINENESS = 100  # steps of a slider
 FRAMES = 240  # of a motion: enough for the eye, and quick to send
+UNITS = {"DEGREES": "degrees", "DEG": "degrees", "PA": "Pa", "HZ": "Hz", "M": "m", "KG": "kg", "S": "s"}  # of options
 
 
 @dataclass(frozen=True)
@@ -103,8 +104,8 @@ class Exploration:
         threads: int | None = None,
     ) -> None:
         self.source = source
-        makes = callable(source) and not isinstance(source, Robot)
-        self._taken = inspect.signature(source).parameters if makes else {}  # type: ignore[arg-type]
+        self._makes = callable(source) and not isinstance(source, Robot)
+        self._taken = inspect.signature(source).parameters if self._makes else {}  # type: ignore[arg-type]
         self._fixed = {name: value for name, value in choices.items() if not _varies(value)}
         varying = {name: value for name, value in choices.items() if name not in self._fixed}
         self._check_given(varying)
@@ -117,7 +118,7 @@ class Exploration:
         self._places = {option.name: option for option in kind.world_options}
         self._parameters = {parameter.name: parameter for parameter in robot.parameters}
         self._check_names([*self._fixed, *varying], kind.title)
-        described = {} if self._taken else self._made(self._fixed).describe()
+        described = {} if self._makes else dict(_numbers_in(self._made(self._fixed).describe()))
         self.controls = tuple(self._control(name, value, described) for name, value in varying.items())
         self.measures = tuple(choice("measures", name, [m.name for m in robot.measures]) for name in measures)
         self.compute = Compute(precision=precision or kind.view_precision, threads=threads)
@@ -178,8 +179,11 @@ class Exploration:
 
     def _made(self, given: Mapping[str, Any]) -> Robot:
         """The robot of values, before its parameters are set."""
-        if self._taken:
+        if self._makes:
             taken = {name: given[name] for name in self._taken if name in given}
+            missing = [n for n, each in self._taken.items() if each.default is each.empty and n not in taken]
+            if missing:
+                raise ValueError(f"{missing[0]}: the function wants it; give a pair, a list or a value")
             robot = self.source(**taken)  # type: ignore[operator]
             if not isinstance(robot, Robot):
                 raise ValueError(f"source: it made {robot!r}, which is no robot")
@@ -189,7 +193,7 @@ class Exploration:
         names = {parameter.name for parameter in robot.parameters}
         known = [option.name for option in KINDS[robot.kind].options]
         chosen = {name: value for name, value in rest.items() if name in known and name not in names}
-        return lab.robot(robot if self._taken else self.source, **chosen) if chosen else robot  # type: ignore[arg-type]
+        return lab.robot(robot if self._makes else self.source, **chosen) if chosen else robot  # type: ignore[arg-type]
 
     def _check_given(self, varying: Mapping[str, Any]) -> None:
         """Refuse sliders and menus of nothing."""
@@ -200,6 +204,8 @@ class Exploration:
                     raise ValueError(f"{name}: {low:g} to {high:g} is not allowed; give the lowest value first")
             elif not value:
                 raise ValueError(f"{name}: a menu of nothing is not allowed; give some values")
+            elif wrong := [each for each in value if not isinstance(each, str | int | float)]:
+                raise ValueError(f"{name}: {wrong[0]!r} is not allowed in a menu; give texts and numbers")
 
     def _check_names(self, names: Sequence[str], title: str) -> None:
         known = [*self._taken, *self._parameters, *self._options, *self._places]
@@ -210,7 +216,7 @@ class Exploration:
 
     def _suggested(self, robot: Robot) -> dict[str, Any]:
         """Pairs and lists for a robot of which nothing was chosen."""
-        if self._taken:
+        if self._makes:
             raise ValueError("choices: there are none; give a pair or a list for an argument of the function")
         free = [parameter for parameter in robot.parameters if parameter.place is None][:MOST_SUGGESTED]
         pairs = {parameter.name: (parameter.low, parameter.high) for parameter in free}
@@ -227,13 +233,27 @@ class Exploration:
             return Control(name, value[0], choices=tuple(value))
         low, high = map(float, value)
         parameter = self._parameters.get(name) if name not in self._taken else None
-        whole = all(isinstance(end, numbers.Integral) for end in value) and high - low >= FINENESS / 2
-        whole = whole or (parameter is not None and parameter.is_integer)
-        step = 1.0 if whole else (high - low) / FINENESS
+        option = self._options.get(name) or self._places.get(name)
+        step = 1.0 if self._is_whole(name, value, parameter, option) else (high - low) / FINENESS
         usual = self._usual(name, parameter, described)
         first = float(usual) if _is_number(usual) and low <= usual <= high else _first(value)
-        option = self._options.get(name) or self._places.get(name)
-        return Control(name, first, low, high, step, parameter.unit if parameter else _unit(option))
+        first = low + step * round((first - low) / step) if step == 1 else first
+        unit = parameter.unit if parameter else UNITS.get((option.metavar or "") if option else "", "")
+        return Control(name, first, low, high, step, unit)
+
+    def _is_whole(
+        self, name: str, value: tuple[float, float], parameter: Parameter | None, option: Option | None
+    ) -> bool:
+        """Whether a slider has whole numbers alone: what an option refuses others of, or a function has ints of."""
+        if parameter is not None:
+            return parameter.is_integer
+        if name in self._taken:
+            return all(isinstance(end, numbers.Integral) for end in value)
+        try:
+            lab.read_option(name, option.type if option else None, f"{value[0] + 0.5}")
+        except ValueError:
+            return all(float(end).is_integer() for end in value)
+        return False
 
     def _usual(self, name: str, parameter: Parameter | None, described: Mapping[str, Any]) -> Any:
         """The value where nobody chooses, as far as it is known."""
@@ -252,8 +272,12 @@ def _is_number(value: Any) -> bool:
 
 
 def _first(value: Any) -> Any:
-    """The middle of a slider, the first of a menu."""
-    return (value[0] + value[1]) / 2 if isinstance(value, tuple) else value[0]
+    """The middle of a slider, rounded down between whole ends; the first of a menu."""
+    if not isinstance(value, tuple):
+        return value[0]
+    low, high = value
+    whole = all(isinstance(end, numbers.Integral) for end in value)
+    return (low + high) // 2 if whole else (low + high) / 2
 
 
 def _text(value: Any) -> Any:
@@ -261,10 +285,9 @@ def _text(value: Any) -> Any:
     return f"{value:.10g}" if _is_number(value) else value
 
 
-def _unit(option: Option | None) -> str:
-    """What the help calls the values of an option, in small letters, if that is a unit."""
-    name = (option.metavar or "") if option else ""
-    return UNITS.get(name, "")
-
-
-UNITS = {"DEGREES": "degrees", "DEG": "degrees", "PA": "Pa", "HZ": "Hz", "M": "m", "KG": "kg", "S": "s", "N": ""}
+def _numbers_in(described: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    """Names and numbers of a description, those of its parts first."""
+    for value in described.values():
+        if isinstance(value, Mapping):
+            yield from _numbers_in(value)
+    yield from ((name, value) for name, value in described.items() if _is_number(value))

@@ -101,7 +101,7 @@ class Explorer {
 
   // One trial at a time: what is moved meanwhile is tried after it, and only as it is then.
   #send() {
-    if (this.model.get("busy") !== null) return;
+    if (this.sent || this.model.get("busy") !== null) return;
     if (JSON.stringify(this.wanted) === JSON.stringify(this.model.get("values"))) return;
     this.model.set("values", { ...this.wanted });
     this.model.save_changes();

@@ -33,7 +33,6 @@ class Explorer(anywidget.AnyWidget):
     message = traitlets.Unicode().tag(sync=True)
     busy = traitlets.Float(allow_none=True).tag(sync=True)
     height = traitlets.Int().tag(sync=True)
-    most_kept = traitlets.Int(MOST_MOTIONS - 1).tag(sync=True)
 
     def __init__(self, exploration: Exploration, height: int) -> None:
         self.exploration = exploration
@@ -50,7 +49,7 @@ class Explorer(anywidget.AnyWidget):
         if self.latest is not None:
             changed = {c.name: self.values[c.name] for c in self.exploration.controls}
             spoken = ", ".join(f"{name.replace('_', ' ')} {_shown(value)}" for name, value in changed.items())
-            self.kept = [*self.kept, (spoken, self.latest)][-self.most_kept :]
+            self.kept = [*self.kept, (spoken, self.latest)][1 - MOST_MOTIONS :]
             self._show()
 
     def drop(self) -> None:
@@ -59,17 +58,20 @@ class Explorer(anywidget.AnyWidget):
         self._show()
 
     def _try(self, change: Any = None) -> None:
-        """Try the robot that the values are of, and show it."""
-        self.busy, self.message = 0.0, ""
+        """Try the robot that the values are of, and show it; values that are left out are as at first."""
+        self.message, self.latest = "", None
         try:
-            self.latest = self.exploration.tried(self.values, self._progress)
-        except ValueError as error:
-            self.latest, self.message = None, str(error)
-        else:
+            whole = self.exploration.checked(self.values)
+            if whole != self.values:
+                self.values = whole  # which tries them
+                return
+            self.busy = 0.0
+            self.latest = self.exploration.tried(whole, self._progress)
             self.message = self.latest.told
-        finally:
-            self._show()
-            self.busy = None
+        except Exception as error:  # of the user's function, or the simulator: the notebook goes on
+            self.message = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+        self._show()
+        self.busy = None
 
     def _progress(self, fraction: float) -> None:
         if self.busy is not None and fraction - self.busy > 0.02:

@@ -15,12 +15,15 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
+import numpy as np
+
 from optim.report.front import places
 from optim.report.one_run import OneRun
 from optim.runs.history import History, read_history, read_result, runs_below
 from optim.runs.told import told_of
 from robots.view.player import MOST_MOTIONS
 from robots.view.player import page as player_page
+from taichi_sim.base.arrays import Floats
 
 HERE = "127.0.0.1"
 MOST_DOTS = 1000  # of a curve
@@ -32,8 +35,14 @@ FILES = {
     "/page.css": ("page.css", "text/css"),
     "/live.css": ("live.css", "text/css"),
 }
-POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; frame-src 'self'; img-src data:"
-PLAYER_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; frame-src 'self'; img-src data:; "
+    "frame-ancestors 'none'"
+)
+PLAYER_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
+    "frame-ancestors 'self'"
+)
 
 
 class LiveRuns:
@@ -64,10 +73,12 @@ class LiveRuns:
         """
         run = self._run(folder)
         result = read_result(run.history, run.subject.problem)
-        return {} if result is None else places(result, run.subject)
+        return {} if result is None else {"generation": run.last.generation, **places(result, run.subject)}
 
-    def player(self, folder: str, member: str = "") -> str:
+    def player(self, folder: str, member: str = "", generation: str = "") -> str:
         """A page that plays a design of a run, simulated now: the best one, or that member of a front or a map.
+
+        Members are numbered anew in every generation, so that of a member must be told.
 
         Raises:
             ValueError: if it is no run among these, or has no such design.
@@ -75,12 +86,9 @@ class LiveRuns:
         run = self._run(folder)
         point, which = run.best_point, "best design"
         if member:
-            result = read_result(run.history, run.subject.problem)
-            count = 0 if result is None else len(result.points)
-            number = int(member) if member.isascii() and member.isdigit() and len(member) < 10 else 0
-            if result is None or not 1 <= number <= count:
-                raise ValueError(f"member: {member} is not allowed; {folder} keeps {count}")
-            point, which = result.points[number - 1], f"member {number}"
+            if generation != str(run.last.generation):
+                raise ValueError(f"member: {folder} has gone on to generation {run.last.generation}; choose again")
+            point, which = self._member(run, member), f"member {member}"
         if point is None:
             raise ValueError(f"run: every evaluation of {folder} has failed")
         with self._simulating:
@@ -89,6 +97,15 @@ class LiveRuns:
             raise ValueError(f"run: designs of {folder} cannot be shown")
         title = f"{run.title}, {which} after generation {run.last.generation}"
         return player_page([replay.motion for replay in replays[:MOST_MOTIONS]], title)
+
+    def _member(self, run: OneRun, member: str) -> Floats:
+        """The point of a member of a front or a map, by its number."""
+        result = read_result(run.history, run.subject.problem)
+        count = 0 if result is None else len(result.points)
+        number = int(member) if member.isascii() and member.isdigit() and len(member) < 10 else 0
+        if result is None or not 1 <= number <= count:
+            raise ValueError(f"member: {member} is not allowed; {run.history.path} keeps {count}")
+        return np.asarray(result.points[number - 1])
 
     def _run(self, folder: str) -> OneRun:
         """The run of a folder among these."""
@@ -140,26 +157,40 @@ class _Answers(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send the page, a part of it, what runs say, or a player."""
-        allowed = {f"{name}:{self.server.server_port}" for name in (HERE, "localhost")}
-        if self.headers.get("Host") not in allowed:  # a page elsewhere whose name was pointed here
-            self.send_error(HTTPStatus.FORBIDDEN)
+        if not self._asked_by_itself():
+            self._send(HTTPStatus.FORBIDDEN, "only this page may ask", "text/plain", POLICY)
             return
         path, _, asked = self.path.partition("?")
         try:
-            self._send(HTTPStatus.OK, *self._answer(path, asked))
-        except KeyError:
-            self.send_error(HTTPStatus.NOT_FOUND)
+            answer = self._answer(path, dict(parse_qsl(asked)))
         except ValueError as error:
             self._send(HTTPStatus.CONFLICT, str(error), "text/plain", POLICY)
+        except Exception as error:  # a folder that has just been deleted, a simulator without memory: the page goes on
+            self._send(HTTPStatus.INTERNAL_SERVER_ERROR, f"{type(error).__name__}: {error}", "text/plain", POLICY)
+        else:
+            if answer is None:
+                self._send(HTTPStatus.NOT_FOUND, "there is no such page", "text/plain", POLICY)
+            else:
+                self._send(HTTPStatus.OK, *answer)
 
-    def _answer(self, path: str, asked: str) -> Answer:
-        runs, query = self.server.runs, dict(parse_qsl(asked))
-        run, member = query.get("run", ""), query.get("member", "")
+    def _asked_by_itself(self) -> bool:
+        """Whether the page asks, or a person who typed its address: no page elsewhere, and no name pointed here."""
+        known = {f"{name}:{self.server.server_port}" for name in (HERE, "localhost")}
+        return self.headers.get("Host") in known and self.headers.get("Sec-Fetch-Site", "none") in (
+            "none",
+            "same-origin",
+        )
+
+    def _answer(self, path: str, query: dict[str, str]) -> Answer | None:
+        runs, run = self.server.runs, query.get("run", "")
+        if path == "/player":
+            page = runs.player(run, query.get("member", ""), query.get("generation", ""))
+            return page, "text/html", PLAYER_POLICY
         if path in ("/state.json", "/kept.json"):
             told = runs.state() if path == "/state.json" else runs.kept(run)
             return json.dumps(told, allow_nan=False), "application/json", POLICY
-        if path == "/player":
-            return runs.player(run, member), "text/html", PLAYER_POLICY
+        if path not in FILES:
+            return None
         name, kind = FILES[path]
         return resources.files(__package__).joinpath(name).read_text("utf-8"), kind, POLICY
 

@@ -266,7 +266,7 @@ def new_path(path: str | os.PathLike[str]) -> Path:
 
 @contextlib.contextmanager
 def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
-    """Reserve a new file or folder for this process while its content is computed; if that fails it is removed.
+    """Reserve a new file or folder for this process while its content is computed.
 
     Args:
         field: named in messages.
@@ -280,16 +280,12 @@ def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
     with _reserved(field, path, path.with_name(f"{ASIDE}claim-{path.name}"), kind):
         if os.path.lexists(path):
             raise ValueError(f"{field}: {path} exists; name a new {kind}")
-        try:
-            yield
-        except BaseException:
-            _remove(path)
-            raise
+        yield
 
 
 @contextlib.contextmanager
 def claimed_folder(field: str, path: Path) -> Iterator[None]:
-    """Make a new folder and reserve it for this process; it is removed again if nothing was put there, or this fails.
+    """Make a new folder and reserve it for this process; it is removed again if nothing was put there.
 
     Raises:
         ValueError: if the folder holds anything, cannot be made, or another process has reserved it.
@@ -306,26 +302,27 @@ def claimed_folder(field: str, path: Path) -> Iterator[None]:
         with _reserved(field, path, path / f"{ASIDE}claim", "folder"):
             if any(not each.name.startswith(ASIDE) for each in path.iterdir()):
                 raise ValueError(f"{field}: {path} exists and is not empty; name a new folder")
-            try:
-                yield
-            except BaseException:
-                for each in path.iterdir():
-                    if not each.name.startswith(ASIDE):
-                        _remove(each)
-                raise
+            yield
     finally:
         with contextlib.suppress(OSError):  # stops at the first that is not empty
             for each in made:
                 each.rmdir()
 
 
-def _remove(path: Path) -> None:
-    """Remove a file, or a folder with all that is in it, as far as the disk lets."""
-    with contextlib.suppress(OSError):
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
+@contextlib.contextmanager
+def undone_if_it_fails() -> Iterator[list[Path]]:
+    """Yields a list for files and folders that are being made; they are removed if what follows fails.
+
+    Put in only what this process alone makes: nothing of others may be removed.
+    """
+    made: list[Path] = []
+    try:
+        yield made
+    except BaseException:
+        for path in made:
+            with contextlib.suppress(OSError):  # as far as the disk lets
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
+        raise
 
 
 @contextlib.contextmanager

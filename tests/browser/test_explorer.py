@@ -25,7 +25,7 @@ window.model = {
 };
 window.from_python = (name, value) => { state[name] = value; (told[`change:${name}`] || []).forEach((act) => act()); };
 """
-NAMES = ("controls", "values", "measured", "page", "message", "busy", "height", "most_kept")
+NAMES = ("controls", "values", "measured", "page", "message", "busy", "height")
 
 
 def opened(tab, widget):
@@ -71,7 +71,7 @@ def player(tab):
     return tab.query_selector("iframe:not(.next)").content_frame()
 
 
-def test_a_slider_changes_the_robot_and_its_numbers(tab, tmp_path):
+def test_a_slider_changes_the_robot_and_its_numbers(tab):
     widget = ml.explore("vehicle", w1=(-1.0, 1.0), environment=[1, 2], w2=1)
     answer = opened(tab, widget)
     first = player(tab)
@@ -90,7 +90,6 @@ def test_a_slider_changes_the_robot_and_its_numbers(tab, tmp_path):
     assert [cell.inner_text() for cell in tab.query_selector_all("td")] != numbers
     tab.wait_for_function("() => document.querySelectorAll('iframe').length === 1")
     assert player(tab) != first and player(tab).evaluate("() => window.player.stages.length") == 1
-    tab.screenshot(path=tmp_path / "explorer.png")
 
 
 def test_menus_keys_and_reset(tab):
@@ -165,12 +164,11 @@ def test_a_robot_that_changes_its_shape(tab):
     tab.click("text='keep'")
     answer()
     tab.query_selector_all("input[type=range]")[2].focus()
-    tab.keyboard.press("ArrowLeft")
+    tab.keyboard.press("ArrowRight")
     answer()
     tab.wait_for_function("() => document.querySelectorAll('iframe').length === 1")
-    assert widget.values["orientation"] == 44
+    assert widget.values["orientation"] == 0.9
     assert player(tab).evaluate("() => window.player.stages.length") == 2
-    tab.wait_for_timeout(3000)
 
 
 def test_what_is_no_robot_is_told(tab):

@@ -12,17 +12,43 @@ def controls(*given, **choices):
     return Exploration(*given, choices).controls
 
 
-@pytest.mark.parametrize(
-    "robot", ["vehicle", "legged", "rover-best", "soft-quadruped", "rolling", "walker", "freeform"]
-)
-def test_every_kind_suggests_controls_that_begin_with_the_robot_as_it_is(robot):
+ROBOTS = "vehicle", "legged", "rover-best", "soft-quadruped", "rolling", "walker", "freeform"
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_kind_suggests_controls(robot):
     exploration = Exploration(robot, {})
     assert exploration.controls
-    as_it_is = ml.robot(robot).describe()
-    for control in exploration.controls:
-        assert control.choices or control.low <= control.first <= control.high
-        if not control.choices and control.name in as_it_is:
-            assert control.first == as_it_is[control.name]
+    assert all(control.choices or control.low <= control.first <= control.high for control in exploration.controls)
+
+
+@pytest.mark.parametrize(
+    ("robot", "name", "value"),
+    [
+        ("legged", "limb_length", 0.3),
+        ("legged", "torque", 10.0),
+        ("freeform", "frequency", 4.0),
+        ("walker", "frequency", 4.0),
+        ("walker", "amplitude", 0.14),
+        ("rolling", "orientation", 0.0),
+        ("rolling", "slope", 0.0),
+        ("inching", "orientation", 90.0),
+    ],
+)
+def test_a_slider_begins_where_the_robot_is(robot, name, value):
+    firsts = {control.name: control.first for control in Exploration(robot, {}).controls}
+    assert firsts[name] == pytest.approx(value)
+
+
+def test_whole_numbers_are_known_by_what_takes_them():
+    (repeats,) = controls("rolling", repeats=(1, 4), geometry="small")
+    assert (repeats.first % 1, repeats.step) == (0, 1)
+    slope, swing = controls("soft-quadruped", slope=(-10, 10), muscle_amplitude_1=(0, 0.2))
+    assert slope.step == 0.2 and swing.step == 0.002
+    (looks,) = controls("legged", looks=(2, 101))
+    assert looks.first % 1 == 0 and looks.step == 1
+    (size, share) = controls(lambda size, share: ml.robot(VEHICLE), size=(1, 4), share=(0.0, 4.0))
+    assert size.step == 1 and share.step == 0.04
 
 
 def test_names_are_parameters_options_and_worlds():
@@ -49,6 +75,10 @@ def test_a_function_takes_what_it_names():
         Exploration(lambda size: 3, {"size": (1, 2)})
     with pytest.raises(ValueError, match="choices: there are none; give a pair"):
         Exploration(make, {"design": 5})
+    with pytest.raises(ValueError, match="design: the function wants it; give a pair, a list or a value"):
+        Exploration(make, {"slowness": (1.0, 4.0)})
+    (environment,) = controls(lambda: ml.robot(VEHICLE), environment=[3, 4])
+    assert environment.first == 3
 
 
 @pytest.mark.parametrize(
@@ -60,6 +90,7 @@ def test_a_function_takes_what_it_names():
         ({"environment": []}, "environment: a menu of nothing is not allowed"),
         ({"environment": [9]}, "environment: .*9"),
         ({"wavelength": 3}, "wavelength: no parameter or option"),
+        ({"environment": [(1, 2)]}, r"environment: \(1, 2\) is not allowed in a menu; give texts and numbers"),
     ],
 )
 def test_what_is_not_allowed_is_named(choices, message):
@@ -104,3 +135,19 @@ def test_the_widget_follows_its_values():
     assert widget.measured == [] and widget.page == ""
     widget.values = {"w1": 1.0}
     assert widget.latest.rows == first and "window.player" in widget.page
+
+
+@pytest.mark.kernels
+def test_the_widget_goes_on_after_errors_and_with_values_that_are_left_out():
+    def make(wrong):
+        return 1 // (1 - wrong) and ml.robot(VEHICLE)
+
+    widget = ml.explore(make, wrong=[0, 1], w1=(-1.0, 1.0))
+    assert widget.latest is not None
+    widget.values = {"wrong": 1}
+    assert widget.message == "ZeroDivisionError: integer division or modulo by zero" and widget.latest is None
+    assert widget.measured == [] and widget.busy is None
+    widget.values = {"w1": 0.5}
+    assert widget.values == {"wrong": 0, "w1": 0.5} and not widget.message
+    widget.keep()
+    assert [column["title"] for column in widget.measured] == ["kept 1: wrong 0, w1 0.5", "now"]

@@ -99,6 +99,7 @@ class SharedFolder:
     _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: last change, when that was seen
     _missing: dict[str, float] = field(default_factory=dict)  # parts without any file, since when
     _begun: dict[str, float] = field(default_factory=dict)  # parts that are worked on, since when
+    _untimed: set[str] = field(default_factory=set)  # parts whose time is unknown: a search before began them
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=50))  # that the last parts took
     _looked: float = 0.0
     _helped: float = 0.0
@@ -144,7 +145,9 @@ class SharedFolder:
         # Claims since then do not count: of a part that is put out again, the last worker may just be removing its own.
         claimed = part in self.inherited
         self.inherited.discard(part)
-        if not claimed and not protocol.part_path(self.path, DONE, part).exists():
+        if claimed or protocol.part_path(self.path, DONE, part).exists():
+            self._untimed.add(part)
+        else:
             self._write(seat)
 
     def withdraw(self, seat: Seat) -> None:
@@ -181,7 +184,8 @@ class SharedFolder:
                 continue
             self._met = True
             seat.told = worker, told
-            self._times.append(time.monotonic() - self._begun[part] if part in self._begun else LOOK_EVERY)
+            if part not in self._untimed:
+                self._times.append(time.monotonic() - self._begun[part] if part in self._begun else LOOK_EVERY)
 
     def _mend(self, seat: Seat, path: Path, why: str) -> None:
         """Put a part out again whose answer is of no use.

@@ -47,11 +47,13 @@ def serving(*paths):
             thread.join()
 
 
-def answer(server, path, host=None, method="GET"):
+def answer(server, path, host=None, method="GET", **headers):
     asked = http.client.HTTPConnection("127.0.0.1", server.server_port)
-    asked.request(method, path, headers={"Host": host or f"127.0.0.1:{server.server_port}"})
+    asked.request(method, path, headers={"Host": host or f"127.0.0.1:{server.server_port}", **headers})
     found = asked.getresponse()
-    return found.status, found.read().decode(), dict(found.getheaders())
+    told = found.status, found.read().decode(), dict(found.getheaders())
+    asked.close()
+    return told
 
 
 def test_the_state_is_that_of_the_folders_now(runs, tmp_path):
@@ -108,13 +110,18 @@ def test_members_of_a_map_and_of_a_front_have_places_and_motions(tmp_path, morph
         )
         front = json.loads((tmp_path / "b/front.json").read_text())["designs"]
         assert [tuple(member[:2]) for member in kept("b")["members"]] == [tuple(d["objectives"]) for d in front]
-        assert kept("c") == {}
-        run = f"/player?run={quote(str(tmp_path / 'a'))}&member="
+        assert kept("c") == {"generation": 3}
+        assert found["generation"] == 3
+        run = f"/player?run={quote(str(tmp_path / 'a'))}&generation=3&member="
         status, page, _ = answer(server, run + "2")
         assert status == 200 and "member 2 after generation 3" in page
         for wrong in ("0", "9999", "-1", "two", "1e3"):
             status, why, _ = answer(server, run + wrong)
             assert status == 409 and why.startswith(f"member: {wrong} is not allowed; ")
+        status, why, _ = answer(
+            server, run.replace("generation=3", "generation=2") + "2"
+        )  # which was numbered otherwise
+        assert status == 409 and why.endswith("has gone on to generation 3; choose again")
 
 
 def test_only_this_machine_by_its_own_name_is_answered(runs):
@@ -123,6 +130,8 @@ def test_only_this_machine_by_its_own_name_is_answered(runs):
         assert answer(server, "/", host=f"localhost:{server.server_port}")[0] == 200
         for host in ("evil.example", f"evil.example:{server.server_port}", "127.0.0.1", "127.0.0.1:1"):
             assert answer(server, "/state.json", host=host)[0] == 403
+        for site, status in (("cross-site", 403), ("same-site", 403), ("same-origin", 200), ("none", 200)):
+            assert answer(server, "/state.json", **{"Sec-Fetch-Site": site})[0] == status
         for path in ("/live.py", "/../live.py", "/%2e%2e/live.py", "//etc/passwd", "/state"):
             assert answer(server, path)[0] == 404
         assert answer(server, "/state.json", method="POST")[0] == 501
@@ -131,14 +140,24 @@ def test_only_this_machine_by_its_own_name_is_answered(runs):
 def test_the_command_serves_until_it_is_interrupted(runs):
     command = [sys.executable, "-m", "optim.cli", "report", str(runs / "good"), "--watch"]
     heard = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=heard, preexec_fn=heed_interrupts)
-    line = process.stderr.readline()
-    port = int(re.fullmatch(r"1 run: http://127\.0\.0\.1:(\d+)/ \(on this machine alone; Ctrl-C ends it\)\n", line)[1])
-    asked = http.client.HTTPConnection("127.0.0.1", port)
-    asked.request("GET", "/")
-    assert "<title>Runs</title>" in asked.getresponse().read().decode()
-    process.send_signal(signal.SIGINT)
-    assert process.wait(30) == 0 and process.stderr.read() == ""
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=heard, preexec_fn=heed_interrupts) as process:
+        line = process.stderr.readline()
+        told = re.fullmatch(r"1 run: http://127\.0\.0\.1:(\d+)/ \(on this machine alone; Ctrl-C ends it\)\n", line)
+        asked = http.client.HTTPConnection("127.0.0.1", int(told[1]))
+        asked.request("GET", "/")
+        assert "<title>Runs</title>" in asked.getresponse().read().decode()
+        asked.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 0 and process.stderr.read() == ""
+
+
+def test_what_nobody_foresaw_is_told_and_the_page_goes_on(runs, monkeypatch, capfd):
+    with serving(runs / "good") as server:
+        monkeypatch.setattr(server.runs, "state", lambda: 1 / 0)
+        assert answer(server, "/state.json")[:2] == (500, "ZeroDivisionError: division by zero")
+        monkeypatch.undo()
+        assert answer(server, "/state.json")[0] == 200
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
@@ -147,6 +166,7 @@ def test_the_command_serves_until_it_is_interrupted(runs):
         ("", "out: name the page to write, such as --out report.html, or watch runs by --watch"),
         ("--watch --out a.html", "watch: it does not go with --out; leave one out"),
         ("--watch --no-player", "watch: it does not go with --no-player; leave one out"),
+        ("--watch --by seconds", "watch: it does not go with --by; leave one out"),
         ("--out a.html --port 3", "port: nothing is served without --watch; leave it out"),
     ],
 )

@@ -198,7 +198,7 @@ def test_a_part_that_takes_long_is_given_to_an_idle_worker_too(workers, crew, mo
     for _ in range(2):
         crew(Here(sleep_over_the_slow_one))
     with workers.open(PROBLEM, 11) as evaluate:  # whose silence is noticed after a minute
-        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST)) and len(tried) == 2
+        assert same(evaluate(REQUEST), judge(PROBLEM, REQUEST)) and len(tried) >= 2
         awake.set()
         other = Request(REQUEST.points[:3])
         assert same(evaluate(other), judge(PROBLEM, other))
