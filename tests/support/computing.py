@@ -28,6 +28,7 @@ SINGLE = (
     "view/test_view.py",
     # Single tests.
     "f32",
+    "browser/test_explorer.py::test_a_robot_that_changes",
     "single_precision",
     "picture_in_water",
     "test_bench.py::test_rates_of_the_lattice",
