@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from computing import place, precision
+from computing import place
 from hypothesis import settings
 from stand_in import Simulator
 
@@ -30,16 +30,13 @@ _UNMARKED = "starts Taichi: mark it with @pytest.mark.kernels, or the file with 
 _NO_CACHE = Path(tempfile.gettempdir(), f"morpholab-no-kernels-{os.getpid()}")
 _CACHE = os.environ.get("MORPHOLAB_CACHE")
 _start, _may_start = runtime.start, True
-_used: set[tuple[str, bool]] = set()  # precisions, and whether on several threads, by the present test
 
 
 def _start_if_marked(*arguments, **keywords):
     if not _may_start:
         _NO_CACHE.mkdir(exist_ok=True)
         pytest.fail(_UNMARKED)
-    running = _start(*arguments, **keywords)
-    _used.add((running.precision, running.thread_count > 1))
-    return running
+    return _start(*arguments, **keywords)
 
 
 runtime.start = _start_if_marked
@@ -48,7 +45,6 @@ runtime.start = _start_if_marked
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item):
     global _may_start
-    _used.clear()
     _may_start = any(item.iter_markers("kernels")) or any(item.iter_markers("slow"))
     if _may_start and _CACHE is None:
         os.environ.pop("MORPHOLAB_CACHE", None)
@@ -57,11 +53,7 @@ def pytest_runtest_setup(item):
 
 
 @pytest.hookimpl(trylast=True)
-def pytest_runtest_teardown(item):
-    precisions, threads = {each for each, _ in _used}, any(several for _, several in _used)
-    otherwise = len(precisions) == 1 and precision(item.nodeid) not in precisions
-    if (otherwise or threads > place(item.nodeid)[1]) and not any(item.iter_markers("slow")):
-        pytest.fail(f"it computes in {_used}: say so in tests/support/computing.py")
+def pytest_runtest_teardown():
     if _NO_CACHE.exists():
         shutil.rmtree(_NO_CACHE)
         pytest.fail(f"it, or a process of it, {_UNMARKED}")
