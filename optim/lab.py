@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.progress import Update, shown_progress
-from robots.robot import KINDS, OK, Outcome, Replay, Robot, World, find_robot_doing, make_robot
+from robots.robot import KINDS, OK, Outcome, Replay, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.options import Option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -187,9 +188,9 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
     Raises:
         ValueError: for an unknown robot or option, or a value that is not allowed.
     """
-    if isinstance(source, Robot):
-        return source.changed(options) if options else source
-    kind, found = find_robot_doing(fspath(source))
+    if isinstance(source, Robot) and not options:
+        return source
+    kind = kind_of(source)
     known = {option.name: option for option in kind.options}
     values: dict[str, Any] = {}
     for name, value in options.items():
@@ -197,8 +198,21 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        values[name] = read_option(name, known[name].type, value)
-    return make_robot(kind, found, values)
+        values[name] = (
+            _read_all(known[name], value) if known[name].several else read_option(name, known[name].type, value)
+        )
+    if isinstance(source, Robot):
+        return source.changed(values)
+    return make_robot(kind, find_robot_doing(fspath(source))[1], values)
+
+
+def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
+    """The kind of a robot, or of what :func:`robot` makes one of.
+
+    Raises:
+        ValueError: for an unknown robot.
+    """
+    return KINDS[source.kind] if isinstance(source, Robot) else find_robot_doing(fspath(source))[0]
 
 
 def robots() -> dict[str, str]:
@@ -309,8 +323,7 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     names = [parameter.name for parameter in tried.parameters]
     for name in designs:
         if name not in names:
-            some = ", ".join(names[:MOST_ROWS]) + (", ..." if len(names) > MOST_ROWS else "")
-            known = f"there are {some}{nearest(name, names)}" if names else "nothing of the robot is free"
+            known = f"there are {some_of(names)}{nearest(name, names)}" if names else "nothing of the robot is free"
             raise ValueError(f"designs: {name!r} is unknown; {known}")
     try:
         given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in designs.values()))
@@ -320,6 +333,11 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     for name, values in zip(designs, given, strict=True):
         points[:, names.index(name)] = values
     return points
+
+
+def some_of(names: Sequence[str]) -> str:
+    """Names with commas between them, of many only the first."""
+    return ", ".join(names[:MOST_ROWS]) + (", ..." if len(names) > MOST_ROWS else "")
 
 
 def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, update: Update) -> Replay | None:
@@ -336,6 +354,14 @@ def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> An
         return reads(value) if isinstance(value, str) and reads is not None else value
     except ArgumentTypeError as error:
         raise ValueError(f"{name}: {error}") from None
+
+
+def _read_all(option: Option, value: Any) -> list[Any] | None:
+    """The values of an option that may be repeated; one alone needs no list."""
+    if value is None:
+        return None
+    each = value if isinstance(value, list | tuple) else [value]
+    return [read_option(option.name, option.type, one) for one in each]
 
 
 def _told(value: Any) -> str:

@@ -109,16 +109,18 @@ class Exploration:
         self._fixed = {name: value for name, value in choices.items() if not _varies(value)}
         varying = {name: value for name, value in choices.items() if name not in self._fixed}
         self._check_given(varying)
-        robot = self._made({**self._fixed, **{name: _first(value) for name, value in varying.items()}})
-        kind = KINDS[robot.kind]
+        robot = self._with_firsts(varying)
         if not varying:
             varying = self._suggested(robot)
-            robot = self._made({**self._fixed, **{name: _first(value) for name, value in varying.items()}})
-        self._options = {option.name: option for option in kind.options}
-        self._places = {option.name: option for option in kind.world_options}
-        self._parameters = {parameter.name: parameter for parameter in robot.parameters}
+            robot = self._with_firsts(varying)
+        kind = KINDS[robot.kind]
+        # A name is that of the first of these that knows it.
+        self._options = {o.name: o for o in kind.options if o.name not in self._taken}
+        self._parameters = {p.name: p for p in robot.parameters if p.name not in {*self._taken, *self._options}}
+        owned = {*self._taken, *self._options, *self._parameters}
+        self._places = {option.name: option for option in kind.world_options if option.name not in owned}
         self._check_names([*self._fixed, *varying], kind.title)
-        described = {} if self._makes else dict(_numbers_in(self._made(self._fixed).describe()))
+        described = self._described(varying)
         self.controls = tuple(self._control(name, value, described) for name, value in varying.items())
         self.measures = tuple(choice("measures", name, [m.name for m in robot.measures]) for name in measures)
         self.compute = Compute(precision=precision or kind.view_precision, threads=threads)
@@ -148,15 +150,14 @@ class Exploration:
         """
         given = {**self._fixed, **self.checked(values)}
         robot = self._made(given)
-        kind = KINDS[robot.kind]
         place = {
             name: lab.read_option(name, option.type, _text(given[name]))
             for name, option in self._places.items()
-            if self._is_place(name, given)
+            if name in given
         }
-        free = {name: given[name] for name in given if name in self._parameters and name not in self._taken}
+        free = {name: given[name] for name in self._parameters if name in given}
         fixed = robot.design(robot.points(lab.points_of(robot, free))[0]) if robot.parameters else robot
-        world = kind.chosen_world(place) if place else None
+        world = KINDS[robot.kind].chosen_world(place) if place else None
         return fixed, world or robot.worlds[0]
 
     def tried(self, values: Mapping[str, Any], progress: Progress | None = None) -> Tried:
@@ -174,26 +175,36 @@ class Exploration:
         rows = tuple((m.spoken, m.unit, float(outcome.measures[m.name][0])) for m in shown)
         return Tried(robot, world, replay, rows, "")
 
-    def _is_place(self, name: str, given: Mapping[str, Any]) -> bool:
-        return name in given and name not in self._taken and name not in self._parameters and name not in self._options
+    def _with_firsts(self, varying: Mapping[str, Any]) -> Robot:
+        """The robot with sliders in their middle and menus at their first choice."""
+        return self._made({**self._fixed, **{name: _first(value) for name, value in varying.items()}})
 
     def _made(self, given: Mapping[str, Any]) -> Robot:
         """The robot of values, before its parameters are set."""
-        if self._makes:
-            taken = {name: given[name] for name in self._taken if name in given}
-            missing = [n for n, each in self._taken.items() if each.default is each.empty and n not in taken]
-            if missing:
-                raise ValueError(f"{missing[0]}: the function wants it; give a pair, a list or a value")
-            robot = self.source(**taken)  # type: ignore[operator]
-            if not isinstance(robot, Robot):
-                raise ValueError(f"source: it made {robot!r}, which is no robot")
-        else:
-            robot = lab.robot(self.source)  # type: ignore[arg-type]
-        rest = {name: _text(value) for name, value in given.items() if name not in self._taken}
-        names = {parameter.name for parameter in robot.parameters}
-        known = [option.name for option in KINDS[robot.kind].options]
-        chosen = {name: value for name, value in rest.items() if name in known and name not in names}
-        return lab.robot(robot if self._makes else self.source, **chosen) if chosen else robot  # type: ignore[arg-type]
+        source = self._returned(given) if self._makes else self.source
+        known = {option.name for option in lab.kind_of(source).options}  # type: ignore[arg-type]
+        chosen = {n: _text(value) for n, value in given.items() if n in known and n not in self._taken}
+        return lab.robot(source, **chosen)  # type: ignore[arg-type]
+
+    def _returned(self, given: Mapping[str, Any]) -> Robot:
+        """The robot that the user's function makes of values."""
+        taken = {name: given[name] for name in self._taken if name in given}
+        missing = [n for n, each in self._taken.items() if each.default is each.empty and n not in taken]
+        if missing:
+            raise ValueError(f"{missing[0]}: the function wants it; give a pair, a list or a value")
+        robot = self.source(**taken)  # type: ignore[operator]
+        if not isinstance(robot, Robot):
+            raise ValueError(f"source: it made {robot!r}, which is no robot")
+        return robot
+
+    def _described(self, varying: Mapping[str, Any]) -> dict[str, float]:
+        """Numbers by which the robot describes itself where nothing is chosen, if an option among them varies."""
+        if self._makes or not any(name in self._options for name in varying):
+            return {}
+        try:
+            return dict(_numbers_in(self._made(self._fixed).describe()))
+        except ValueError:  # it is no robot without the choice, as a mesh without a pitch
+            return {}
 
     def _check_given(self, varying: Mapping[str, Any]) -> None:
         """Refuse sliders and menus of nothing."""
@@ -211,8 +222,8 @@ class Exploration:
         known = [*self._taken, *self._parameters, *self._options, *self._places]
         for name in names:
             if name not in known:
-                some = ", ".join(known[: lab.MOST_ROWS]) + (", ..." if len(known) > lab.MOST_ROWS else "")
-                raise ValueError(f"{name}: no parameter or option of {title}; there are {some}{nearest(name, known)}")
+                there = f"there are {lab.some_of(known)}{nearest(name, known)}"
+                raise ValueError(f"{name}: no parameter or option of {title}; {there}")
 
     def _suggested(self, robot: Robot) -> dict[str, Any]:
         """Pairs and lists for a robot of which nothing was chosen."""
@@ -232,7 +243,7 @@ class Exploration:
         if not isinstance(value, tuple):
             return Control(name, value[0], choices=tuple(value))
         low, high = map(float, value)
-        parameter = self._parameters.get(name) if name not in self._taken else None
+        parameter = self._parameters.get(name)
         option = self._options.get(name) or self._places.get(name)
         step = 1.0 if self._is_whole(name, value, parameter, option) else (high - low) / FINENESS
         usual = self._usual(name, parameter, described)

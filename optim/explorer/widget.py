@@ -59,13 +59,12 @@ class Explorer(anywidget.AnyWidget):
 
     def _try(self, change: Any = None) -> None:
         """Try the robot that the values are of, and show it; values that are left out are as at first."""
-        self.message, self.latest = "", None
+        self.message, self.latest, self.busy = "", None, 0.0
         try:
             whole = self.exploration.checked(self.values)
             if whole != self.values:
                 self.values = whole  # which tries them
                 return
-            self.busy = 0.0
             self.latest = self.exploration.tried(whole, self._progress)
             self.message = self.latest.told
         except Exception as error:  # of the user's function, or the simulator: the notebook goes on

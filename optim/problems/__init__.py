@@ -89,10 +89,10 @@ def robot_of_run(history: "History", member: int | None = None) -> "tuple[Robot,
     """
     kind_of_run(history.path, history.config)
     problem: Any = problem_of_run(history.path, history.config)
-    return problem.robot_of(_kept_point(history, problem, member)), problem.tried_in
+    return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
 
 
-def _kept_point(history: "History", problem: Problem, member: int | None) -> Floats:
+def kept_point(history: "History", problem: Problem, member: int | None) -> Floats:
     """The best point of a run, or that of a member, shape (D,)."""
     from optim.runs.history import read_result
 

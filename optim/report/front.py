@@ -79,17 +79,17 @@ def places(result: SearchResult, subject: Subject) -> dict[str, Any]:
     """
     if result.kind not in ("front", "elites") or not len(result.points):
         return {}
-    numbered = np.arange(1, len(result.points) + 1)
     if result.grid is None:
         labels = [objective.label for objective in objectives_of(subject.problem)][:2]
         if len(labels) < 2:
             return {}
-        rows = zip(*result.objectives[:, :2].T.tolist(), result.scores.tolist(), numbered.tolist(), strict=True)
-        return {"kind": "front", "axes": [{"name": label} for label in labels], "members": list(rows)}
+        rows = np.column_stack([result.objectives[:, :2], result.scores]).tolist()
+        members = [(*row, number) for number, row in enumerate(rows, start=1)]
+        return {"kind": "front", "axes": [{"name": label} for label in labels], "members": members}
     grid = result.grid
     ends = [{"name": n.replace("_", " "), "low": low, "high": high} for n, (low, high) in grid.axes.items()][:2]
     best: dict[tuple[int, ...], int] = {}
     for member in np.argsort(result.scores, kind="stable").tolist():
         best[tuple(grid.places[member, :2].tolist())] = member
-    members = [(*(*cell, 0)[:2], float(result.scores[n]), n + 1) for cell, n in sorted(best.items())]
-    return {"kind": "elites", "axes": ends, "bins": grid.bins, "members": members}
+    cells = [(*(*cell, 0)[:2], float(result.scores[n]), n + 1) for cell, n in sorted(best.items())]
+    return {"kind": "elites", "axes": ends, "bins": grid.bins, "members": cells}

@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-import numpy as np
-
+from optim.lab import read_option
+from optim.problems import kept_point
 from optim.report.front import places
 from optim.report.one_run import OneRun
 from optim.runs.history import History, read_history, read_result, runs_below
 from optim.runs.told import told_of
 from robots.view.player import MOST_MOTIONS
 from robots.view.player import page as player_page
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.options import whole
 
 HERE = "127.0.0.1"
 MOST_DOTS = 1000  # of a curve
@@ -84,28 +84,17 @@ class LiveRuns:
             ValueError: if it is no run among these, or has no such design.
         """
         run = self._run(folder)
-        point, which = run.best_point, "best design"
-        if member:
-            if generation != str(run.last.generation):
-                raise ValueError(f"member: {folder} has gone on to generation {run.last.generation}; choose again")
-            point, which = self._member(run, member), f"member {member}"
-        if point is None:
-            raise ValueError(f"run: every evaluation of {folder} has failed")
+        number = read_option("member", whole(1), member) if member else None
+        if number is not None and generation != str(run.last.generation):
+            raise ValueError(f"member: {folder} has gone on to generation {run.last.generation}; choose again")
+        point = kept_point(run.history, run.subject.problem, number)
         with self._simulating:
             replays = run.subject.replays(point, FRAMES, lambda *_: None)
         if not replays:
             raise ValueError(f"run: designs of {folder} cannot be shown")
+        which = "best design" if number is None else f"member {number}"
         title = f"{run.title}, {which} after generation {run.last.generation}"
         return player_page([replay.motion for replay in replays[:MOST_MOTIONS]], title)
-
-    def _member(self, run: OneRun, member: str) -> Floats:
-        """The point of a member of a front or a map, by its number."""
-        result = read_result(run.history, run.subject.problem)
-        count = 0 if result is None else len(result.points)
-        number = int(member) if member.isascii() and member.isdigit() and len(member) < 10 else 0
-        if result is None or not 1 <= number <= count:
-            raise ValueError(f"member: {member} is not allowed; {run.history.path} keeps {count}")
-        return np.asarray(result.points[number - 1])
 
     def _run(self, folder: str) -> OneRun:
         """The run of a folder among these."""
@@ -176,10 +165,8 @@ class _Answers(BaseHTTPRequestHandler):
     def _asked_by_itself(self) -> bool:
         """Whether the page asks, or a person who typed its address: no page elsewhere, and no name pointed here."""
         known = {f"{name}:{self.server.server_port}" for name in (HERE, "localhost")}
-        return self.headers.get("Host") in known and self.headers.get("Sec-Fetch-Site", "none") in (
-            "none",
-            "same-origin",
-        )
+        site = self.headers.get("Sec-Fetch-Site", "none")
+        return self.headers.get("Host") in known and site in ("none", "same-origin")
 
     def _answer(self, path: str, query: dict[str, str]) -> Answer | None:
         runs, run = self.server.runs, query.get("run", "")

@@ -1,6 +1,7 @@
 """Explorers: what names and values stand for, what is refused, and what a trial tells."""
 
 import pytest
+import trimesh
 
 import morpholab as ml
 from optim.explorer.exploration import Exploration
@@ -151,3 +152,19 @@ def test_the_widget_goes_on_after_errors_and_with_values_that_are_left_out():
     assert widget.values == {"wrong": 0, "w1": 0.5} and not widget.message
     widget.keep()
     assert [column["title"] for column in widget.measured] == ["kept 1: wrong 0, w1 0.5", "now"]
+
+
+def test_a_mesh_needs_its_pitch_as_a_fixed_value_or_a_slider(tmp_path):
+    trimesh.creation.box((40, 20, 20)).export(tmp_path / "box.stl")
+    legs = f"legs={tmp_path / 'box.stl'}"
+    fixed = Exploration(tmp_path / "box.stl", {"region": legs, "pitch": 10, "slope": (-5.0, 5.0)})
+    assert [control.name for control in fixed.controls] == ["slope"]
+    assert len(fixed.set_up({})[0].body.voxels) == 16
+    sliding = Exploration(tmp_path / "box.stl", {"region": legs, "pitch": (5.0, 10.0)})
+    assert len(sliding.set_up({"pitch": 5.0})[0].body.voxels) == 128
+
+
+def test_options_change_what_a_function_makes():
+    exploration = Exploration(lambda gait: ml.robot(gait), {"gait": ["rolling", "inching"], "pressure": (8000, 12000)})
+    robot, _ = exploration.set_up({"gait": "inching", "pressure": 9000})
+    assert robot.gait.pressure == 9000 and robot.gait.orientation == 90

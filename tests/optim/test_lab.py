@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 import morpholab as ml
 
@@ -18,6 +19,7 @@ def test_robots_and_worlds_come_by_name():
     assert ml.robot("vehicle", design="162").describe() == ml.robot("vehicle", design=162).describe()
     walker = ml.robot("soft-quadruped")
     assert ml.robot(walker) is walker
+    assert ml.robot(ml.robot("rolling"), pressure="9000").gait.pressure == 9000
     assert ml.world(walker, "hill:5").name == "hill:5" and ml.world(walker) == walker.worlds[0]
 
 
@@ -26,6 +28,7 @@ def test_robots_and_worlds_come_by_name():
     [
         (lambda: ml.robot("soft-quadruped", headin=3), "headin: is no option of lattice robot; .*did you mean heading"),
         (lambda: ml.robot("soft-quadruped", heading="north"), "heading: "),
+        (lambda: ml.robot(ml.robot("rolling"), presure=9000), "presure: is no option of .*did you mean pressure"),
         (lambda: ml.robot("quadrupd"), "robot: 'quadrupd' is unknown; did you mean quadruped"),
         (lambda: ml.simulate("soft-quadruped", where="hil:3"), "terrain: 'hil:3' is unknown"),
         (lambda: ml.simulate("vehicle", {"w9": 1.0}), "designs: 'w9' is unknown; there are l1x, .*w2"),
@@ -87,3 +90,13 @@ def test_a_folder_of_the_name_of_a_package_does_not_hide_the_lab(tmp_path):
         f"ImportError: robots: {tmp_path / 'robots'} was imported and hides the lab's package; "
         "import morpholab before it, or rename that folder"
     )
+
+
+def test_an_option_that_may_be_repeated_takes_one_text_or_several(tmp_path):
+    """And what is wrong with one of them is told by its name."""
+    mesh = tmp_path / "box.stl"
+    trimesh.creation.box((40, 20, 20)).export(mesh)
+    for regions in (f"legs={mesh}", [f"legs={mesh}"]):
+        assert [drive.name for drive in ml.robot(mesh, pitch=10, region=regions).drives] == ["legs"]
+    with pytest.raises(ValueError, match=r"^region: 'legs' is not allowed; give NAME=FILE"):
+        ml.robot(mesh, pitch=10, region=[f"legs={mesh}", "legs"])

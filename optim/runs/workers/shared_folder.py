@@ -156,6 +156,7 @@ class SharedFolder:
             return
         self._missing.pop(seat.part, None)
         self._begun.pop(seat.part, None)
+        self._untimed.discard(seat.part)
         for state in (OPEN, DONE):
             protocol.part_path(self.path, state, seat.part).unlink(missing_ok=True)
         if seat.losses or seat.copies or seat.told is None:  # else its worker has removed the claim

@@ -115,9 +115,9 @@ def test_members_of_a_map_and_of_a_front_have_places_and_motions(tmp_path, morph
         run = f"/player?run={quote(str(tmp_path / 'a'))}&generation=3&member="
         status, page, _ = answer(server, run + "2")
         assert status == 200 and "member 2 after generation 3" in page
-        for wrong in ("0", "9999", "-1", "two", "1e3"):
+        for wrong, told in {"0": "0", "9999": "9999", "-1": "-1", "two": "'two'", "1e3": "1000"}.items():
             status, why, _ = answer(server, run + wrong)
-            assert status == 409 and why.startswith(f"member: {wrong} is not allowed; ")
+            assert status == 409 and why.startswith(f"member: {told} is not allowed; ")
         status, why, _ = answer(
             server, run.replace("generation=3", "generation=2") + "2"
         )  # which was numbered otherwise

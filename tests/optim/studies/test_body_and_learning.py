@@ -95,3 +95,15 @@ def test_universal_control_goes_on_where_it_was(tmp_path):
     rows = read_records(tmp_path / "a/runs.csv")
     assert [row["arm"] for row in rows] == list(universal.ARMS) and all(row["failed"] == 0 for row in rows)
     assert "universal, told the body" in (tmp_path / "a/table.md").read_text()
+
+
+def test_a_universal_training_meets_every_body():
+    """As often as any other, but for a last round that ends early; seeds meet them in their own order."""
+    settings = replace(universal.STUDY.scales["medium"], trained=7, gradients=25, batch=5)
+    drawn = universal.drawn_bodies(settings, 0)
+    assert drawn.shape == (5, 5)
+    met = np.unique(drawn, return_counts=True)[1]
+    assert len(met) == 7 and set(met) <= {3, 4}
+    assert not np.array_equal(drawn, universal.drawn_bodies(settings, 1))
+    medium = universal.STUDY.scales["medium"]
+    assert len(np.unique(universal.drawn_bodies(medium, 0))) == medium.trained == 500

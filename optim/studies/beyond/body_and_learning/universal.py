@@ -25,7 +25,7 @@ from optim.search.step_rules import Adam
 from optim.space import Space
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
 from robots.robot import Trial
-from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.arrays import Arrays, Floats, Ints
 from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
@@ -65,6 +65,11 @@ class UniversalControl(Settings):
     rate: Annotated[float, positive] = 0.03
     seeds: Count = 5
     cycles: Count = 3
+
+    @property
+    def steps(self) -> int:
+        """Steps of a universal training."""
+        return max(1, self.gradients // self.batch)
 
 
 class Controller:
@@ -126,17 +131,22 @@ class Walks:
 def train(settings: UniversalControl, seed: int, told: bool, progress: Progress = None) -> Arrays:
     """A universal controller: its weights, and what it took in seconds of CPU time."""
     begun, walks = time.process_time(), Walks(settings.cycles)
-    rng = np.random.default_rng((seed, 2))
     controller = Controller(walks.start(seed), len(described(0)), settings.rate)
-    steps = max(1, settings.gradients // settings.batch)
-    for step in range(steps):
-        numbers = FIRST_TRAINED + rng.choice(settings.trained, min(settings.batch, settings.trained), replace=False)
+    for step, numbers in enumerate(drawn_bodies(settings, seed)):
         bodies = [_told(int(number), told) for number in numbers]
         slopes = [walks.slope(int(n), controller.point(body)) for n, body in zip(numbers, bodies, strict=True)]
         controller.step(bodies, slopes)
         if progress:
-            progress((step + 1) / steps)
+            progress((step + 1) / settings.steps)
     return {"weights": controller.weights, "seconds": np.array(time.process_time() - begun)}
+
+
+def drawn_bodies(settings: UniversalControl, seed: int) -> Ints:
+    """Numbers of the bodies of each step, shape (steps, B): none comes again before all others have come."""
+    rng, count = np.random.default_rng((seed, 2)), settings.steps * settings.batch
+    rounds = -(-count // settings.trained)
+    drawn = np.concatenate([rng.permutation(settings.trained) for _ in range(rounds)])
+    return FIRST_TRAINED + drawn[:count].reshape(settings.steps, settings.batch)
 
 
 def train_each(settings: UniversalControl, seed: int, weights: Floats | None, progress: Progress = None) -> Arrays:
@@ -232,9 +242,10 @@ def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record]) ->
         summary[name] = {"speeds": speeds.tolist(), "seconds": seconds}
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     header = ["controller", "mean speed in unseen bodies [lengths/s]", "more than trained in each", "CPU time [s]"]
+    met = min(settings.steps * settings.batch, settings.trained)
     told = (
-        f"{settings.gradients} gradients for each training: a universal one over {settings.trained} bodies, one in "
-        f"each of {settings.tested} unseen bodies, {max(1, settings.gradients // settings.tested)} steps; "
+        f"{settings.gradients} gradients for each training: a universal one over {met} bodies, one in each of "
+        f"{settings.tested} unseen bodies, {max(1, settings.gradients // settings.tested)} steps; "
         f"{settings.seeds} seeds, 95 % intervals over seeds."
     )
     write_text(folder / "table.md", page(told, markdown(header, "lrrr", lines)))
