@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from robots.inflatable import PUBLISHED
-from taichi_sim.autodiff.arrays import trace
+from taichi_sim.autodiff.arrays import mapped, trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import Decision, Felt, LatticeProgram, Quantity
 from taichi_sim.lattice.program import EVENT
@@ -50,9 +50,9 @@ class Network:
         return LatticeProgram(program.lengths, every, np.concatenate([program.snapshots, read], axis=1))
 
     def _answer(self, heights: Any) -> Any:
-        value = (heights[:, None, :] * self._members).sum(axis=2) / PUBLISHED.voxel_size
+        value = mapped(self._members, heights) / PUBLISHED.voxel_size
         for layer in self._layers:
-            value = np.tanh((value[:, None, :] * layer).sum(axis=2))
+            value = np.tanh(mapped(layer, value))
         return GAIN * value
 
     def decide(self, number: int, felt: Felt) -> tuple[Floats, Floats]:

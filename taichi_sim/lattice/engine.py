@@ -314,9 +314,9 @@ class LatticeEngine:
         # A state that is not finite is no result, whatever the strains said.
         diverged = diverged | ~np.isfinite(self._driver.read(memory.VOXEL)).all(axis=(1, 2))
         self._diverged |= diverged
-        poses = poses[:, :, self.place]
+        poses = np.take(poses, self.place, axis=2)
         strains = strains[:, :, : len(self.body.topology.links)]
-        sizes = sizes[:, :, self.tables.group[self.place]]
+        sizes = np.take(sizes, self.tables.group[self.place], axis=2)
         lost = ~np.isfinite(poses).all(axis=(2, 3))
         for recorded in (poses, strains, sizes):
             recorded[lost] = np.nan

@@ -7,6 +7,7 @@ way back goes through it as through any, and stops after each decision's events 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -86,6 +87,19 @@ def check_feedback(feedback: Feedback, program: LatticeProgram) -> None:
         taken[events], last = True, one.step
 
 
+def _rows_of(source: np.ndarray, decided: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The marks of a program that come from each decision's events, and which of these each is."""
+    firsts = np.cumsum([0, *map(len, decided)])
+    events = np.concatenate([np.zeros(0, int), *decided])
+    order = np.full(max(int(source.max(initial=0)), int(events.max(initial=0))) + 1, -1)
+    order[events] = np.arange(len(events))
+    found = np.where(source >= 0, order[np.maximum(source, 0)], -1)
+    by_event = np.argsort(found, kind="stable")
+    ends = np.searchsorted(found[by_event], firsts)
+    parts = [by_event[a:b] for a, b in pairwise(ends)]
+    return [(part, found[part] - first) for part, first in zip(parts, firsts[:-1], strict=True)]
+
+
 class Course:
     """A run in which decisions are made as they are due, and its way back."""
 
@@ -94,16 +108,7 @@ class Course:
         self._run, self._feedback, self._place, self._links = run, feedback, place, links
         self._made = 0
         decisions = feedback.decisions if feedback else ()
-        self._rows = [self._rows_of(np.asarray(one.events)) for one in decisions]
-
-    def _rows_of(self, events: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Marks of a program that come from some events, and which of these each is."""
-        source = self._run.program.source
-        order = np.full(max(int(source.max(initial=0)), int(events.max(initial=0))) + 1, -1)
-        order[events] = np.arange(len(events))
-        found = np.where(source >= 0, order[np.maximum(source, 0)], -1)
-        (rows,) = np.nonzero(found >= 0)
-        return rows, found[rows]
+        self._rows = _rows_of(run.program.source, [np.asarray(one.events) for one in decisions])
 
     def advance(self, until: int | None = None, tick: Callable[[float], None] | None = None) -> None:
         """Go on to a step, or to the end, and decide on the way what has not been decided."""
@@ -121,13 +126,14 @@ class Course:
         assert self._feedback is not None
         run, driver = self._run, self._run.driver
         slot = self._feedback.decisions[number].snapshot
-        poses = np.take(driver.host(run.marks.poses)[:, slot], self._place, axis=1).astype(float)
+        poses = np.take(driver.host(run.marks.poses)[:, slot], self._place, axis=1).astype(float, copy=False)
         strains = driver.host(run.marks.strains)[:, slot, : self._links].astype(float)
         values, rates = self._feedback.decide(number, Felt(poses[..., :3], poses[..., 3:], strains))
         rows, source = self._rows[number]
+        told = np.stack([np.asarray(values), np.asarray(rates)], axis=1)
+        told[np.isnan(told)] = 0  # of robots that diverged nothing is known, and nothing depends on it
         decided = driver.host(run.marks.value)
-        # Of robots that diverged nothing is known, and nothing depends on it.
-        decided[rows] = np.nan_to_num(np.stack([np.asarray(values), np.asarray(rates)], axis=1))[source]
+        decided[rows] = told[source]
         run.marks = run.marks._replace(value=driver.put(decided))
 
     def take_back(self, reverse: "Reverse") -> None:

@@ -102,6 +102,9 @@ class PackedRun(Run):
         self.shared = self.shared._replace(
             link=tables.link, voxel=tables.voxel, start=driver.tables.start.astype(dtype)
         )
+        # Made once: to hand over other arrays takes a launch longer than some steps.
+        self._memories = kernel.Memories(self.memory, self.memory.reshape(-1), *driver.views(driver.groups))
+        self._unrecorded = Record()
         self._record: Record | None = None
 
     def advance(
@@ -110,7 +113,8 @@ class PackedRun(Run):
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
         driver, info = self.driver, self.driver.pairs.info
         last = NOWHERE if until is None else until
-        info[:, contacts.LOGGED], info[:, contacts.KEPT] = 0, -1
+        if record is not None:
+            info[:, contacts.LOGGED], info[:, contacts.KEPT] = 0, -1
         while ((info[:, contacts.STATE] != contacts.FINISHED) & (info[:, contacts.STEP] < last)).any():
             self._launch(last, record)
             full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
@@ -127,13 +131,13 @@ class PackedRun(Run):
         radius, distance = contact.NEIGHBOUR_RADIUS * edge, contact.REBUILD_DISTANCE * edge
         kernel.packed_kernel(driver.real, record is not None, driver.tables.medium)(
             kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, radius, distance),
-            kernel.Memories(self.memory, self.memory.reshape(-1), *driver.views(driver.groups)),
+            self._memories,
             self.shared,
             self.groups,
             driver.packed.lanes,
             driver.pairs,
             self.marks,
-            record or Record(),
+            record or self._unrecorded,
         )
 
     def checkpoint(self) -> Checkpoint:
