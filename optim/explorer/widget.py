@@ -44,6 +44,10 @@ class Explorer(anywidget.AnyWidget):
         self.on_msg(self._asked)
         self._try()
 
+    def __repr__(self) -> str:
+        """What a front end shows that has no widgets; JupyterLab needs them where it runs, not where Python does."""
+        return f"install jupyterlab_widgets and anywidget where Jupyter runs for sliders of {', '.join(self.values)}"
+
     def keep(self) -> None:
         """Keep the last trial to compare others with; the oldest goes if there are too many."""
         if self.latest is not None:

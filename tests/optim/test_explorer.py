@@ -125,6 +125,8 @@ def test_a_trial_is_that_of_the_same_design():
 @pytest.mark.kernels
 def test_the_widget_follows_its_values():
     widget = ml.explore(VEHICLE, w1=(-1.0, 1.0))
+    plain = "install jupyterlab_widgets and anywidget where Jupyter runs for sliders of w1"
+    assert widget._repr_mimebundle_()[0]["text/plain"] == plain
     first = widget.latest.rows
     widget.keep()
     widget.values = {"w1": -0.5}
