@@ -18,7 +18,7 @@ COMMAND = Command(
         path_to("tensorboard", "DIR", "folder of event files, one for each run"),
         path_to("parquet", "FILE", "one table of all runs, to write or replace"),
         Option("wandb", "project of Weights & Biases; its own variables say where and who", metavar="PROJECT"),
-        Option("mlflow", "address of a server, or a folder as file:DIR; the experiment is morpholab", metavar="URI"),
+        Option("mlflow", "a server, or a file as sqlite:///FILE.db; the experiment is morpholab", metavar="URI"),
     ),
 )
 WAYS = "tensorboard", "parquet", "wandb", "mlflow"

@@ -126,15 +126,24 @@ def to_wandb(runs: Mapping[str, History], project: str) -> None:
 
 
 def to_mlflow(runs: Mapping[str, History], address: str) -> None:
-    """Send runs to an MLflow server or folder, experiment ``morpholab``; only generations that it does not have.
+    """Send runs to an MLflow server or database, experiment ``morpholab``; only generations that it does not have.
 
     Raises:
-        ValueError: if mlflow is missing.
+        ValueError: if mlflow is missing, or refuses the address or what is sent.
     """
     with needing("mlflow", "it", "trackers"):
         from mlflow import MlflowClient
-        from mlflow.entities import Metric, Param
-    client: Any = MlflowClient(tracking_uri=address)
+        from mlflow.exceptions import MlflowException
+    try:
+        _send_to_mlflow(runs, MlflowClient(tracking_uri=address))
+    except MlflowException as error:
+        raise ValueError(f"mlflow: {address!r} does not take it: {' '.join(str(error).split())}") from None
+
+
+def _send_to_mlflow(runs: Mapping[str, History], client: Any) -> None:
+    """Send runs by a client of MLflow."""
+    from mlflow.entities import Metric, Param
+
     known = client.get_experiment_by_name("morpholab")
     experiment = known.experiment_id if known else client.create_experiment("morpholab")
     for label, history in runs.items():

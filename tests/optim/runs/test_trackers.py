@@ -86,13 +86,65 @@ def test_weights_and_biases_gets_what_it_does_not_have(morpholab, searched, monk
     assert begun[0]["id"] == begun[1]["id"] and begun[0]["config"]["method.name"] == "random"
 
 
+class FakeMlflow:
+    """Keeps what a client of MLflow sends, and refuses folders as MLflow 3 does."""
+
+    def __init__(self):
+        self.metrics, self.tags = [], None
+        self.modules = {name: ModuleType(name) for name in ("mlflow", "mlflow.entities", "mlflow.exceptions")}
+        self.modules["mlflow.exceptions"].MlflowException = type("MlflowException", (Exception,), {})
+        self.modules["mlflow.entities"].Metric = lambda key, value, timestamp, step: SimpleNamespace(**locals())
+        self.modules["mlflow.entities"].Param = lambda key, value: SimpleNamespace(key=key, value=value)
+        self.modules["mlflow"].MlflowClient = self._client
+
+    def _client(self, tracking_uri):
+        if tracking_uri.startswith("file:"):
+            raise self.modules["mlflow.exceptions"].MlflowException("folders are\nno longer taken")
+        return self
+
+    def get_experiment_by_name(self, name):
+        return SimpleNamespace(experiment_id=name)
+
+    def search_runs(self, experiments, filter_string):
+        found = self.tags and filter_string.endswith(f"'{self.tags['morpholab.run']}'")
+        return [SimpleNamespace(info=SimpleNamespace(run_id="r"))] if found else []
+
+    def create_run(self, experiment, tags):
+        self.tags = tags
+        return SimpleNamespace(info=SimpleNamespace(run_id="r"))
+
+    def log_batch(self, run, params=(), metrics=()):
+        self.metrics += metrics
+
+    def get_metric_history(self, run, key):
+        return [each for each in self.metrics if each.key == key]
+
+    def set_terminated(self, run):
+        pass
+
+
+def test_mlflow_gets_what_it_does_not_have(morpholab, searched, monkeypatch):
+    """Each generation once, though runs go on; what MLflow refuses is told in its words."""
+    fake = FakeMlflow()
+    for name, module in fake.modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    searched("a", 2)
+    assert morpholab("track a --mlflow sqlite:///runs.db")[0] == 0
+    log = searched("a", 4)
+    assert morpholab("track a --mlflow sqlite:///runs.db")[0] == 0
+    sent = [(each.step, each.value) for each in fake.metrics if each.key == "best"]
+    assert sent == [(each["generation"], each["best"]) for each in log]
+    code, _, error = morpholab("track a --mlflow file:runs")
+    assert code == 2 and "mlflow: 'file:runs' does not take it: folders are no longer taken" in error
+
+
 def test_bad_input(morpholab, searched, monkeypatch):
     searched("a", 1)
     for line, told in (
         ("track a", "track: no tracker is given; give --tensorboard, --parquet, --wandb or --mlflow"),
         ("track none --parquet a.parquet", "run: none does not exist"),
         ("track a --wandb robots", "wandb: it is missing; install the extra trackers"),
-        ("track a --mlflow file:x", "mlflow: it is missing; install the extra trackers"),
+        ("track a --mlflow sqlite:///x.db", "mlflow: it is missing; install the extra trackers"),
         ("track a --tensorboard own.py", "out: own.py/a cannot be made"),
     ):
         for name in ("wandb", "mlflow"):
