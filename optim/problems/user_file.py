@@ -14,6 +14,7 @@ from optim.problem import FILE, Evaluation, Objective, Problem, check_kind, obje
 from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
 from optim.wording import counted
+from taichi_sim.base.checks import users_code
 from taichi_sim.base.files import content_of, sha256, why_unread
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
@@ -136,11 +137,8 @@ def _run(file: str, source: bytes, folder: str) -> SimpleNamespace:
         copy.write_bytes(source)
         sys.path.insert(0, folder)
         try:
-            return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem"))
-        except KeyboardInterrupt:
-            raise
-        except BaseException as error:  # whatever the user's code does
-            raise ValueError(f"problem: {file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
+            with users_code(f"problem: {file}"):
+                return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem"))
         finally:
             sys.path.remove(folder)
 

@@ -15,6 +15,7 @@ from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
 from robots.robot import Robot
 from robots.world import STANDARD_GRAVITY
+from taichi_sim.base.checks import users_code
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
 AnyRobot = TypeVar("AnyRobot", bound=Robot)
@@ -94,12 +95,8 @@ def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
     Raises:
         ValueError: one line that names the file and what is wrong with it.
     """
-    try:
+    with users_code(path):
         names = runpy.run_path(str(path))
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:  # whatever the user's code does
-        raise ValueError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from None
     robot = names.get("robot")
     if not isinstance(robot, kind):
         told = "is missing" if robot is None else f"is a {type(robot).__name__}"

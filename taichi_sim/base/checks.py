@@ -192,6 +192,21 @@ def needing(field: str, packages: str, extra: str) -> Iterator[None]:
         raise ValueError(f"{field}: {packages} is missing; {install_extra(extra)}") from None
 
 
+@contextlib.contextmanager
+def users_code(file: object) -> Iterator[None]:
+    """Run a user's file inside; whatever it raises, but for Ctrl-C, is told in one line that names the file.
+
+    Raises:
+        ValueError: for any other exception, and for an exit.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise ValueError(f"{file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
+
+
 def install_extra(name: str) -> str:
     """Text for messages: how to install an optional dependency group of morpholab."""
     return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"
