@@ -31,7 +31,7 @@ COMMAND = Command(
     "view",
     "see robots move, in a browser and in pictures",
     "Simulate robots and write a page that plays their motions side by side, with their actuation. It is one file that "
-    "needs no network; any browser opens it. Or write pictures, films and files for Blender and ParaView.",
+    "needs no network; any browser opens it. Or write pictures, films and files for Blender, ParaView and Rerun.",
     (
         Option(
             "sources",

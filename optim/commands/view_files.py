@@ -107,6 +107,12 @@ OUTPUTS = (
         "robots.view.paraview:save_paraview",
         metavar="FOLDER",
     ),
+    Output(
+        "rerun",
+        "recording to write, of one robot, for the Rerun viewer; needs the extra 'rerun'",
+        "robots.view.rerun_file:save_rerun",
+        endings=(".rrd",),
+    ),
     Output("glb", "animation to write, of one robot, for Blender", "robots.view.glb:save_glb", endings=(".glb",)),
     Output(
         "out", "page to write, such as gait.html", "robots.view.player:save_player", ("title",), True, (".html", ".htm")
@@ -144,6 +150,10 @@ def check_outputs(args: argparse.Namespace) -> None:
         from robots.view.film import need_video
 
         need_video()
+    if args.rerun is not None:
+        from robots.view.rerun_file import need_rerun
+
+        need_rerun()
 
 
 def write_outputs(motions: Sequence["Motion"], args: argparse.Namespace) -> list[tuple[Path, int]]:

@@ -92,13 +92,16 @@ def strain_limit(strains: Floats) -> float:
 
 def _material(motion: Motion) -> Colouring:
     full = np.array([node.colour for node in motion.nodes])
-    faint = pale(full)
 
     def material(frame: int) -> Floats:
-        weight = _shown(motion, frame)[:, None]
-        return weight * full + (1 - weight) * faint
+        return faded(full, _shown(motion, frame)[:, None])
 
     return Colouring("material", material)
+
+
+def faded(colours: Floats, level: Floats) -> Floats:
+    """Colours, shape (..., 3), of what shows a level: pale at 0, full at 1, shape (..., 1)."""
+    return level * colours + (1 - level) * pale(colours)
 
 
 def _friction(motion: Motion) -> Colouring:

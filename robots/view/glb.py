@@ -156,7 +156,7 @@ class _Numbers:
 
 def _shape(numbers: _Numbers, solid: Solid) -> dict[str, Any]:
     """The part of a mesh that solids of all colours share."""
-    form = _surface(solid)
+    form = surface(solid)
     return {
         "attributes": {
             "POSITION": numbers.add(np.asarray(form.vertices, np.float32), ARRAY, bounds=True),
@@ -177,7 +177,7 @@ def _chunk(kind: bytes, data: bytes, filler: bytes) -> bytes:
     return struct.pack("<I", len(data)) + kind + data
 
 
-def _surface(solid: Solid) -> trimesh.Trimesh:
+def surface(solid: Solid) -> trimesh.Trimesh:
     """Triangle mesh of a centred solid; boxes do not share vertices between sides, so their edges stay sharp."""
     if isinstance(solid, Box):
         form = trimesh.creation.box(extents=np.asarray(solid.size, float))

@@ -1,7 +1,8 @@
 """Motions: solids with poses over time, ready to be shown.
 
 ``soft_motion`` builds motions of voxel robots, ``rigid_motion`` those of articulated ones, ``vehicle_motion`` those of
-traces. What shows them: ``still``, ``film``, ``onlooker``, ``paraview``, ``glb`` and ``player``.
+traces. What shows them: ``still``, ``film``, ``onlooker``, ``paraview``, ``rerun_file``, ``glb`` and
+``player``.
 """
 
 from dataclasses import dataclass, replace

@@ -24,6 +24,7 @@ SINGLE = (
     "view/test_paraview.py",
     "view/test_pictures.py",
     "view/test_read_outs.py",
+    "view/test_rerun_file.py",
     "view/test_uneven.py",
     "view/test_view.py",
     # Single tests.
@@ -67,6 +68,7 @@ SINGLE = (
 DOUBLE = (
     "gym/test_lattice_robot.py::test_no_action",
     "view/test_motion.py::test_a_vehicle",
+    "view/test_rerun_file.py::test_parts_are_meshes_with_poses[vehicle]",
     "view/test_pictures.py::test_every_robot_has_a_picture[vehicle]",
     "view/test_view.py::test_every_robot_has_a_picture_with_its_channels[vehicle]",
     "single_precision_tensors",

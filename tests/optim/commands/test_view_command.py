@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -148,6 +149,22 @@ def test_videos_need_their_extra(morpholab, monkeypatch):
     assert code == 2 and "mp4: imageio-ffmpeg is missing; install the extra video (pip install -e " in error
 
 
+def test_recordings_for_rerun(morpholab, tmp_path):
+    pytest.importorskip("rerun", reason="needs the extra rerun")
+    code, out, _ = morpholab("view vehicle --threads 1 --frames 30 --quiet --json --rerun a.rrd")
+    assert code == 0 and json.loads(out)["files"] == [{"path": "a.rrd", "bytes": (tmp_path / "a.rrd").stat().st_size}]
+    assert (tmp_path / "a.rrd").read_bytes()[:3] == b"RRF"
+    code, _, error = morpholab("view vehicle --threads 1 --frames 30 --quiet --rerun a.rrd")
+    assert code == 2 and "rerun: a.rrd exists; name a new file" in error
+
+
+def test_recordings_need_their_extra(morpholab, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    code, _, error = morpholab("view rolling --rerun a.rrd --quiet")
+    assert code == 2 and "rerun: rerun-sdk is missing; install the extra rerun (pip install -e " in error
+    assert error.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
 NO_ROBOT = (
     "is no robot (inching, rolling, inflatable, freeform, soft-quadruped, feeling-quadruped, light-seeker, "
     "soft-swimmer, lattice, articulated, legged, wheeled, whegged, quadruped, "
@@ -162,6 +179,7 @@ BAD_INPUT = {
     "rolling --picture there.html": "picture: there.html exists; name a new file",
     "rolling --paraview empty": "paraview: empty exists; name a new folder",
     "rolling --picture a.doc": "picture: a.doc is not allowed; give a name that ends in .png or .pdf or .svg",
+    "rolling --rerun a.bin": "rerun: a.bin is not allowed; give a name that ends in .rrd",
     "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
     "rolling --out a.html --at 1": "at: there is no picture; give --picture file.png",
     "rolling --out a.html --colour strain": "colour: strain is of pictures and films; give --picture file.png",
