@@ -137,7 +137,7 @@ def _run(file: str, source: bytes, folder: str) -> SimpleNamespace:
         sys.path.insert(0, folder)
         try:
             return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem"))
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, MemoryError):
             raise
         except BaseException as error:  # whatever the user's code does
             raise ValueError(f"problem: {file}: {type(error).__name__}: {' '.join(str(error).split())}") from None

@@ -96,7 +96,7 @@ def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
     """
     try:
         names = runpy.run_path(str(path))
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, MemoryError):
         raise
     except BaseException as error:  # whatever the user's code does
         raise ValueError(f"{path}: {type(error).__name__}: {' '.join(str(error).split())}") from None
