@@ -17,7 +17,7 @@ import numpy as np
 
 from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import UNREADABLE, content_of
+from taichi_sim.base.files import UNREADABLE, array_of, content_of
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
@@ -338,7 +338,7 @@ def _table(file: str) -> Floats:
     try:
         content = content_of(file)
         if Path(file).suffix.lower() == ".npy":
-            table: Any = np.load(io.BytesIO(content), allow_pickle=False)
+            table: Any = array_of(content)
         else:
             from matplotlib.image import imread
 

@@ -195,7 +195,7 @@ def _initialise(wanted: Compute, architecture: object) -> None:
             # Taichi's own optimiser is quadratic in the size of a kernel (15 s for the lattice); LLVM does as well.
             advanced_optimization=False,
             cpu_max_num_threads=wanted.threads,
-            log_level=ti.ERROR,
+            log_level=ti.CRITICAL,
             offline_cache=cache,
             # Taichi makes this folder when it ends, also without a cache, and crashes if it cannot.
             offline_cache_file_path=str(folder) if cache else os.sep,

@@ -3,6 +3,8 @@
 import json
 import os
 import resource
+import shutil
+import signal
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +16,9 @@ pytestmark = [pytest.mark.kernels, pytest.mark.long]
 ROOT = Path(__file__).resolve().parents[1]
 SIMULATE = ("simulate", "--robot", "vehicle", "--json")
 SEARCH = ("codesign", "--robot", "vehicle", "--climbers", "3", "--generations", "2", "--quiet", "--json", "--out", "a")
+
+
+ABORTS = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS)  # LLVM's, and C++'s, where memory ends
 
 
 def limited(what, value):
@@ -34,8 +39,8 @@ def harmed(harm):
     return prepare
 
 
-def told(folder, *flags, command=SIMULATE, cache=None, before=None, prepare=None, shell=None, **environment):
-    """What the command says in an environment: exit code, document, stderr."""
+def told(folder, *flags, command=SIMULATE, cache=None, before=None, prepare=None, shell=None, aborts=(), **environment):
+    """What the command says in an environment: exit code, document, stderr; ``aborts`` are signals that may end it."""
     if prepare:
         prepare(folder)
     # A cache of its own where the cache matters; else that of the tests.
@@ -49,7 +54,7 @@ def told(folder, *flags, command=SIMULATE, cache=None, before=None, prepare=None
         line, cwd=folder, env=values, capture_output=True, text=True, timeout=300, check=False, preexec_fn=before
     )
     assert "Traceback" not in done.stderr, done.stderr
-    assert done.returncode >= 0, f"killed by signal {-done.returncode}: {done.stderr}"
+    assert done.returncode >= 0 or -done.returncode in aborts, f"killed by signal {-done.returncode}: {done.stderr}"
     return done.returncode, done.stdout, done.stderr
 
 
@@ -119,6 +124,60 @@ def same_run(found, expected):
     return {name: found[name] for name in ("best", "evaluations")} == {
         name: expected[name] for name in ("best", "evaluations")
     }
+
+
+QUICK_LIMITS = (400, 1590)  # MB: Taichi asks for 1 GB of address space at once when it starts
+LIMITS = (160, 400, 1000, 1560, 1580, 1600, 1650, 1800)
+REPORT = ("report", "run", "--out", "page.html", "--quiet")
+VIEW = ("view", "vehicle", "--out", "page.html", "--quiet")
+MEASURE = ("measure", "--robot", "vehicle", "--controllers", "4", "--success", "closest<=1", "--quiet", "--out", "m")
+SEVERAL = {  # a command, and the one that goes on where it ended
+    "simulate": (SIMULATE, SIMULATE),
+    "codesign": (SEARCH, ("codesign", "--resume", "--quiet", "--json", "--out", "a")),
+    "report": (REPORT, REPORT),
+    "view": (VIEW, VIEW),
+    "measure": (MEASURE, MEASURE),
+}
+
+
+def files_of(folder):
+    """Results below a folder, without times."""
+    others = ("timing.jsonl", "environment.json", "checkpoint.npz", "checkpoint.previous.npz", ".lock")
+    found = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in others]
+    found = [path for path in found if not path.name.startswith(".aside-")]  # a kill may leave it
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
+
+
+@pytest.mark.parametrize(
+    ("name", "limits"),
+    [
+        *((name, QUICK_LIMITS) for name in ("simulate", "codesign")),
+        *(pytest.param(name, LIMITS, marks=SLOW) for name in SEVERAL),
+    ],
+)
+def test_too_little_memory_is_told_and_costs_nothing_else(name, limits, tmp_path):
+    command, again = SEVERAL[name]
+    (tmp_path / "whole").mkdir()
+    run = [*SEARCH[:-1], "run"]
+    assert name != "report" or told(tmp_path / "whole", command=run)[0] == 0
+    for mb in limits:
+        shutil.copytree(tmp_path / "whole", tmp_path / str(mb))
+    assert told(tmp_path / "whole", command=command)[0] == 0
+    whole, failed = files_of(tmp_path / "whole"), 0
+    for mb in limits:
+        folder = tmp_path / str(mb)
+        code, _, error = told(folder, command=command, aborts=ABORTS, before=limited(resource.RLIMIT_AS, mb << 20))
+        assert code in (0, 1) or code < 0, f"{mb} MB: {error}"
+        if code == 1:
+            *_, line = error.splitlines()  # Taichi may tell its own before
+            assert "there is not enough memory" in line, f"{mb} MB: {error}"
+        if code:
+            failed += 1
+            begun = (folder / "a/config.toml").exists()
+            assert begun or files_of(folder).items() <= whole.items(), f"{mb} MB: something is half written"
+            assert told(folder, command=again if begun else command)[0] == 0
+        assert files_of(folder) == whole, f"{mb} MB"
+    assert failed
 
 
 @SLOW

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import Report, options
+from optim.commands import FAILED, Report, options
 from optim.commands.options import Command, Option, path_to
 from optim.wording import counted
 
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> Report:
     """Group, compare, draw."""
     from optim.runs import comparison
     from optim.runs.config import score_in
-    from optim.runs.history import read_history, runs_below
+    from optim.runs.history import read_histories, runs_below
     from optim.runs.robust import held_out
     from taichi_sim.base.files import replacing
 
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> Report:
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
-    histories = [read_history(path) for path in runs_below((*labels, *args.runs))]
+    histories, damaged = read_histories(runs_below((*labels, *args.runs)))
     comparison.check_comparable(histories)
     curves = _named(comparison.curves(histories, args.by, labels), args.names)
     score = score_in(histories[0].config)
@@ -72,8 +72,10 @@ def run(args: argparse.Namespace) -> Report:
         "maps": [dataclasses.asdict(one) for one in comparison.map_standings(curves, histories, args.by, end)],
         "held_out": [dataclasses.asdict(one) for one in held_out({curve.label: curve.folders for curve in curves})],
         "picture": str(args.out) if args.out else None,
+        **({"left_out": damaged} if damaged else {}),
     }
-    return Report(document, "\n".join(_lines(score.label, document, differences)))
+    text = "\n".join(_lines(score.label, document, differences))
+    return Report(document, text, FAILED if damaged else 0)
 
 
 def _labelled(given: Sequence[str]) -> dict[Path, str]:

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from optim.commands import Report, options
+from optim.commands import FAILED, Report, options
 from optim.commands.options import Command, Option, path_to
 from optim.wording import counted
 
@@ -27,12 +27,13 @@ WAYS = "tensorboard", "parquet", "wandb", "mlflow"
 def run(args: argparse.Namespace) -> Report:
     """Send what was asked for."""
     from optim.runs import trackers
-    from optim.runs.history import read_history, runs_below
+    from optim.runs.history import read_histories, runs_below
 
     wanted = [name for name in WAYS if getattr(args, name) is not None]
     if not wanted:
         raise ValueError(f"track: no tracker is given; give {', '.join('--' + name for name in WAYS[:-1])} or --mlflow")
-    runs = trackers.labels([read_history(path) for path in runs_below(args.runs)])
+    histories, damaged = read_histories(runs_below(args.runs))
+    runs = trackers.labels(histories)
     send: dict[str, Callable[[Any, Any], None]] = {
         "tensorboard": trackers.to_tensorboard,
         "parquet": trackers.to_parquet,
@@ -45,4 +46,5 @@ def run(args: argparse.Namespace) -> Report:
     where = {name: str(getattr(args, name)) for name in wanted}
     told = ", ".join(f"{name} {place}" for name, place in where.items())
     text = f"{counted(len(runs), 'run')}, {counted(generations, 'generation')}: {told}"
-    return Report({"runs": list(runs), "generations": generations, **where}, text)
+    document = {"runs": list(runs), "generations": generations, **where, **({"left_out": damaged} if damaged else {})}
+    return Report(document, text, FAILED if damaged else 0)

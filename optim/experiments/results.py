@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from numpy.typing import NDArray
 
 from optim.experiments.tables import read_records, write_records
-from taichi_sim.base import files
+from taichi_sim.base import checks, files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -51,7 +51,7 @@ def read_alone(
     if (folder / RAW).exists() or not all((folder / name).is_file() for name in tables):
         return []
     path = folder / "summary.json"
-    known = json.loads(files.read_text(path)) if path.is_file() else {}
+    known = files.read_json(path, partial(checks.table, "summary")) if path.is_file() else {}
     for name, value in settings.items():
         if name in known and known[name] != value:
             raise ValueError(

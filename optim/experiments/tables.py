@@ -59,7 +59,7 @@ def write_columns(path: Path, columns: Mapping[str, ArrayLike | Sequence[Any]]) 
 def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
     """Read header and rows of a CSV file, compressed if its name ends in ``.gz``.
 
-    Raises ValueError if it cannot be read or is empty.
+    Raises ValueError if it cannot be read, is empty, or has rows of another length than its header.
     """
     try:
         content = content_of(path)
@@ -67,9 +67,15 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "it is damaged"
         raise ValueError(f"{path}: cannot be read ({reason})") from None
-    lines = list(csv.reader(io.StringIO(text)))
+    try:
+        lines = list(csv.reader(io.StringIO(text)))
+    except csv.Error as error:
+        raise ValueError(f"{path}: is no table ({error})") from None
     if not lines:
         raise ValueError(f"{path}: is empty")
+    for number, row in enumerate(lines, 1):
+        if len(row) != len(lines[0]):
+            raise ValueError(f"{path}: line {number} is no row of the table; it must have {len(lines[0])} cells")
     return lines[0], lines[1:]
 
 
@@ -79,8 +85,6 @@ def read_records(path: Path) -> list[dict[str, Any]]:
     Raises ValueError if the file cannot be read, is empty, or has rows of another length than its header.
     """
     header, rows = read_table(path)
-    if any(len(row) != len(header) for row in rows):
-        raise ValueError(f"{path}: is no table; every row must have {len(header)} cells")
     return [dict(zip(header, map(_value, row), strict=True)) for row in rows]
 
 
@@ -89,7 +93,7 @@ def _value(cell: str) -> Any:
         return None
     try:
         return ast.literal_eval(cell)
-    except (ValueError, SyntaxError):
+    except (ValueError, SyntaxError, RecursionError, MemoryError):  # the last two of what is nested too deep
         return cell
 
 

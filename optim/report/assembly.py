@@ -25,7 +25,7 @@ from optim.report.markup import (
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun, files_of
 from optim.runs.comparison import Axis, check_comparable
-from optim.runs.history import read_history, runs_below
+from optim.runs.history import read_histories, runs_below
 from optim.studies.catalogue import REPORTS
 from optim.wording import spoken_size
 from robots.hardware import PneumaticRig
@@ -55,6 +55,7 @@ class Built:
     text: str  # of the file
     document: dict[str, Any]  # what it says, for machines
     notes: list[str] = field(default_factory=list)  # on what is not as asked for, a line each
+    left_out: list[str] = field(default_factory=list)  # why runs could not be read, a line each
 
 
 def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Built:
@@ -70,18 +71,25 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
                 raise ValueError(f"rig: {path} is a study, in which a rig plays no gait; leave it out")
             told = read(path)
             return Built(study_page(told, path, FOOT), {"kind": told.kind, **told.counts, **told.document})
-    histories = [read_history(folder) for folder in _runs(paths)]
+    histories, damaged = read_histories(_runs(paths))
     runs = [OneRun.of(history) for history in histories]
     if settings.rig and not runs[0].subject.plays_on_rigs:
         raise ValueError(f"rig: no rig plays designs of {runs[0].history.path}; leave it out")
     if len(runs) == 1:
-        return _page(runs[0], runs[0].title, runs[0].lead, ([], {}), settings, progress)
+        built = _page(runs[0], runs[0].title, [*runs[0].lead, *map(_left_out, damaged)], ([], {}), settings, progress)
+        return replace(built, left_out=damaged)
     check_comparable(histories)
     sections, document = comparison_sections(runs, settings.axis)
     best = max(runs, key=lambda run: (run.last.best is not None, run.last.best or 0))
     title = f"{len(runs)} runs: {best.subject.title}"
     lead = [paragraph(f"The best design is that of {best.history.path}, and the numbers here are that run's.", "lead")]
-    return _page(best, title, [*lead, *best.lead[1:]], (sections, {"comparison": document}), settings, progress)
+    lead += [*best.lead[1:], *map(_left_out, damaged)]
+    return replace(_page(best, title, lead, (sections, {"comparison": document}), settings, progress), left_out=damaged)
+
+
+def _left_out(reason: str) -> Html:
+    """What a page says of a run that cannot be read."""
+    return paragraph(f"{reason}; the run is left out", "note")
 
 
 def _runs(paths: Sequence[Path]) -> list[Path]:

@@ -36,7 +36,7 @@ from optim.report.robot_run import Best, Subject, subject_of
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.generation import Generation
 from optim.runs.history import History
-from optim.runs.robust import read_robust
+from optim.runs.robust import checked_robust, read_robust
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from taichi_sim.base import files
@@ -133,6 +133,10 @@ class OneRun:
             told.append(f"{ENVIRONMENT} is not as it was written; versions and machine may not be the run's")
         if np.isnan(history.seconds).any():
             told.append("timing.jsonl is not as it was written; not all times are known")
+        try:
+            checked_robust(history.path)
+        except ValueError as error:
+            told.append(f"{str(error).removeprefix(f'{history.path}/')}; it is left out")
         if best is not None and not history.running:  # else it may be newer than what was read
             only_its_file_saves = contextlib.suppress(NotImplementedError)  # a problem of the user's own
             with tempfile.TemporaryDirectory() as folder, only_its_file_saves:

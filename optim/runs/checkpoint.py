@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from optim.search.method import Method
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Arrays
-from taichi_sim.base.records import checked
+from taichi_sim.base.records import Count, checked
 
 State = Arrays
 
@@ -36,7 +37,7 @@ class Record:
         settings: checksum of the settings, made by ``config.identity``.
     """
 
-    lines: int
+    lines: Count
     log: str
     timing: str
     environment: str
@@ -65,12 +66,14 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
     reasons: dict[str, str] = {}
     for name in (CHECKPOINT, PREVIOUS):
         try:
-            state = files.unpack((folder / name).read_bytes())
+            state = files.unpack(files.content_of(folder / name, files.LARGEST_UNPACKED))
             record = checked(Record, json.loads(state.pop(_RECORD).tobytes()))
         except FileNotFoundError:
             reasons[name] = "missing"
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-            reasons[name] = str(error) if isinstance(error, OSError | ValueError) else "not a checkpoint of a run"
+        except (OSError, ValueError) as error:
+            reasons[name] = files.why_unread(error)
+        except (KeyError, RecursionError):
+            reasons[name] = f"not a checkpoint of a run; {_RECORD} is missing or no record"
         else:
             if (reason := _misfit(record, lines, settings)) is None:
                 return state, record, reasons
@@ -81,6 +84,20 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
         raise ValueError(f"{folder}: {LOG} has {len(lines)} lines, but no checkpoint is left; cannot resume")
     found = " and ".join(f"{name} ({reason})" for name, reason in reasons.items())
     raise ValueError(f"{folder}: {found} are unusable; cannot resume")
+
+
+def restore(folder: Path, method: Method, state: State) -> None:
+    """Give a method the state of a checkpoint.
+
+    Raises:
+        ValueError: if it is not that of such a method; names the folder and the array.
+    """
+    try:
+        method.restore(state)
+    except KeyError as missing:
+        raise ValueError(f"{folder}: {CHECKPOINT}: state: {missing} is missing") from None
+    except ValueError as error:
+        raise ValueError(f"{folder}: {CHECKPOINT}: {error}") from None
 
 
 def _misfit(record: Record, lines: list[bytes], settings: str) -> str | None:

@@ -4,15 +4,18 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tomli_w
 
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Objective, Problem, objectives_of, score_of
 from optim.search import METHODS, default_settings
 from taichi_sim.base import files
+from taichi_sim.base.checks import shown, whole_number
+from taichi_sim.base.records import checked
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
@@ -25,6 +28,17 @@ SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
     VEHICLE: Objective("score", "m"),
 }
 SEAL = "# sha256 of all lines above: "
+
+
+@dataclass(frozen=True)
+class _Config:
+    """What ``config.toml`` holds; the kinds of problems and the methods check what is theirs."""
+
+    format: Annotated[int, partial(whole_number, low=1, high=FORMAT)]
+    problem: dict[str, Any]
+    method: dict[str, Any]
+    generations: Annotated[int, partial(whole_number, low=0, high=2**31 - 1)]
+    objectives: list[Objective] = field(default_factory=list)
 
 
 def has_run(folder: Path) -> bool:
@@ -49,29 +63,26 @@ def read_config(folder: Path) -> dict[str, Any]:
     if not path.exists():
         raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing")
     try:
-        text = path.read_text(encoding="utf-8")
+        text = files.read_text(path)
         config = tomllib.loads(text)
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
-    version = config.pop("format", None)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{path}: cannot be read ({error})") from None
+    except RecursionError:
+        raise ValueError(f"{path}: cannot be read (its tables are too deep)") from None
+    version = config.get("format")
     if isinstance(version, int) and version > FORMAT:
         raise ValueError(f"{path}: was written by a newer morpholab (format {version}; this one reads {FORMAT})")
     above, seal, checksum = text.rpartition(SEAL)
     if not seal or checksum != files.sha256(above.encode()) + "\n":
         raise ValueError(f"{path}: is not as it was written; its checksum {'does not match' if seal else 'is missing'}")
-    for name, kind in SECTIONS.items():
-        if not isinstance(config.get(name), kind):
-            raise ValueError(f"{path}: {name} is missing or no {kind.__name__}")
-    objectives = config.get(OBJECTIVES, [])
-    if not (isinstance(objectives, list) and all(_is_objective(each) for each in objectives)):
-        raise ValueError(f"{path}: {OBJECTIVES} is no list of names and units")
+    try:
+        checked(_Config, config)
+        if not isinstance(name := config["method"].get("name"), str):
+            raise ValueError(f"method.name: {shown(name)} is not allowed; it must be a text")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    del config["format"]
     return config
-
-
-def _is_objective(entry: object) -> bool:
-    return (
-        isinstance(entry, dict) and set(entry) == {"name", "unit"} and all(isinstance(v, str) for v in entry.values())
-    )
 
 
 def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], generations: int) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 from optim.problem import Evaluation, Problem
 from optim.search.method import SearchResult
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.records import Count
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ class Generation:
         numbers: other numbers that the method reports.
     """
 
-    generation: int
-    evaluations: int
-    failed: int
+    generation: Count
+    evaluations: Count
+    failed: Count
     best: float | None
     mean: float | None
     median: float | None

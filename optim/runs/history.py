@@ -2,6 +2,7 @@
 
 import datetime
 import json
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,15 +18,16 @@ from optim.runs.generation import Generation
 from optim.search import build_method
 from optim.search.method import SearchResult
 from taichi_sim.base import files
-from taichi_sim.base.records import checked
+from taichi_sim.base.checks import shown
+from taichi_sim.base.records import Count, Duration, checked
 
 
 @dataclass(frozen=True)
 class _Time:
     """A line of ``timing.jsonl``."""
 
-    generation: int
-    seconds: float
+    generation: Count
+    seconds: Duration
     finished: str
 
 
@@ -75,14 +77,42 @@ def read_history(folder: Path) -> History:
     """Read the progress of the run in a folder.
 
     Raises:
-        ValueError: if there is no run, or its files do not fit each other.
+        ValueError: if there is no run, or its files cannot be read or do not fit each other.
     """
+    try:
+        return _read_history(folder)
+    except OSError as error:
+        raise ValueError(f"{error.filename or folder}: cannot be read ({error.strerror})") from None
+
+
+def read_histories(folders: Iterable[Path]) -> tuple[list[History], list[str]]:
+    """Read the runs in several folders, and tell in a line each why others cannot be read.
+
+    Raises:
+        ValueError: if none of them can be read; says why the first cannot.
+    """
+    found, damaged = [], []
+    for folder in folders:
+        try:
+            found.append(read_history(folder))
+        except ValueError as error:
+            damaged.append(str(error))
+    if damaged and not found:
+        raise ValueError(damaged[0])
+    for reason in damaged:
+        warnings.warn(f"{reason}; the run is left out", stacklevel=2)
+    return found, damaged
+
+
+def _read_history(folder: Path) -> History:
     config = read_config(folder)
     running = in_use(folder)  # before the files are read: what ends meanwhile is told as running, not as damaged
     found = checkpoint.load(folder, identity(config))
     lines = files.complete_lines(folder / checkpoint.LOG)[: found[1].lines if found else 0]
     try:
         generations = tuple(checked(Generation, json.loads(line)) for line in lines)
+        if (numbers := [each.generation for each in generations]) != list(range(len(lines))):
+            raise ValueError(f"generation: {shown(numbers)} is not allowed; lines are numbered from 0")
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     seconds, finished = _read_timing(folder, found[1] if found else None)
@@ -98,7 +128,7 @@ def read_result(history: History, problem: Problem) -> SearchResult | None:
         return None
     settings = dict(history.config["method"])
     method = build_method(settings.pop("name"), problem.space, settings)
-    method.restore(history.found[0])
+    checkpoint.restore(history.path, method, history.found[0])
     return method.result()
 
 

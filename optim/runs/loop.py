@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from optim.problem import Evaluate, Evaluation, Problem, Request, judge
+from optim.runs.checkpoint import restore
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
 from optim.search.method import Method, SearchResult
@@ -42,7 +43,7 @@ class FolderSearch:
         self._asked = 0.0
         if (known := folder.restore()) is not None:
             state, text = known
-            method.restore(state)
+            restore(folder.path, method, state)
             self.last = Generation(**json.loads(text))
             _write_designs(problem, method.result(), folder)
 

@@ -2,15 +2,26 @@
 
 import json
 import re
+import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from optim.runs.folder import RunFolder
 from optim.space import Space
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import read_json
+from taichi_sim.base.records import checked
 
 PRODUCTS = "products.json"  # checksums of design and file, by the file's name
+
+
+@dataclass(frozen=True)
+class _Products:
+    """What ``products.json`` holds."""
+
+    products: dict[str, list[str]]
 
 
 def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> None:
@@ -19,11 +30,7 @@ def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> 
     Raises:
         RuntimeError: if it cannot be written.
     """
-    try:
-        known = json.loads((run.path / PRODUCTS).read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # lost or damaged: all files are made again
-        known = None
-    known, path = known if isinstance(known, dict) else {}, run.path / name
+    known, path = _known(run.path), run.path / name
     with run.writing():
         design = files.sha256((run.path / "best.json").read_bytes())
         if path.is_file() and known.get(name) == [design, files.sha256(path.read_bytes())]:
@@ -32,6 +39,25 @@ def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> 
             write(aside)
         known[name] = [design, files.sha256(path.read_bytes())]
     run.update_text(PRODUCTS, json.dumps(known, indent=1, sort_keys=True) + "\n")
+
+
+def known_products(folder: Path) -> dict[str, list[str]]:
+    """Checksums of design and file of each product of a run; none if there is no such file.
+
+    Raises:
+        ValueError: if it is damaged; names the file and the field.
+    """
+    path = folder / PRODUCTS
+    return read_json(path, lambda found: checked(_Products, {"products": found}).products) if path.exists() else {}
+
+
+def _known(folder: Path) -> dict[str, list[str]]:
+    """The same; none if it is damaged, and a warning: all files are made again."""
+    try:
+        return known_products(folder)
+    except ValueError as error:
+        warnings.warn(f"{error}; files are made again", stacklevel=2)
+        return {}
 
 
 def save_failed(folder: RunFolder, space: Space, points: Floats, reason: str) -> Path:

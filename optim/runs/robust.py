@@ -1,16 +1,20 @@
 """What runs found of their best designs over draws that their searches never saw, as their ``robust.json`` says."""
 
-import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from optim.measures.statistics import mean_band
 from optim.problems.uncertain import ROBUST_FILE
 from robots.uncertainty import spoken
+from taichi_sim.base.checks import NotNegative, number, whole_number
+from taichi_sim.base.files import read_json
+from taichi_sim.base.records import checked
 
 NAMES = ("mean", "cvar", "worst")
 
@@ -38,15 +42,74 @@ class HeldOut:
     high: float
 
 
+Share = Annotated[float, partial(number, low=0.0, high=1.0)]
+Draws = Annotated[int, partial(whole_number, low=0, high=2**31 - 1)]
+
+
+@dataclass(frozen=True)
+class _Robust:
+    """What ``robust.json`` holds."""
+
+    risk: str
+    terrains: dict[str, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class _Failed:
+    """Judgement in a world where draws have failed."""
+
+    uncertain: str
+    draws: Draws
+    failed: Draws
+
+
+@dataclass(frozen=True)
+class _Judged(_Failed):
+    """Judgement in a world where none has."""
+
+    measure: str
+    unit: str
+    risk: str
+    share: Share
+    sd: NotNegative
+    mean: float
+    mean_low: float
+    mean_high: float
+    cvar: float
+    cvar_low: float
+    cvar_high: float
+    worst: float
+    worst_low: float
+    worst_high: float
+
+
 def read_robust(folder: Path) -> Mapping[str, Mapping[str, Any]]:
-    """Judgements of a run by world; none if nothing was uncertain, or the file is lost or damaged."""
+    """Judgements of a run by world; none if nothing was uncertain, or the file is lost.
+
+    A damaged file is as good as lost; a warning names the field.
+    """
     try:
-        found = json.loads((folder / ROBUST_FILE).read_text(encoding="utf-8"))["terrains"]
-        judged = {str(world): dict(each) for world, each in found.items()}
-        _ = [spoken(each) for each in judged.values()]  # what is damaged lacks something
-        return judged
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return checked_robust(folder)
+    except ValueError as error:
+        warnings.warn(f"{error}; it is left out", stacklevel=2)
         return {}
+
+
+def checked_robust(folder: Path) -> Mapping[str, Mapping[str, Any]]:
+    """Judgements of a run by world; none if there is no such file.
+
+    Raises:
+        ValueError: if it is damaged; names the file and the field.
+    """
+    path = folder / ROBUST_FILE
+    return read_json(path, _judgements) if path.exists() else {}
+
+
+def _judgements(found: object) -> Mapping[str, Mapping[str, Any]]:
+    judged = checked(_Robust, found).terrains
+    for world, each in judged.items():
+        checked(_Judged if each.get("failed") == 0 else _Failed, each, f"terrains.{world}")
+    return judged
 
 
 def told_of(folder: Path) -> list[str]:

@@ -82,13 +82,32 @@ class Search(Method):
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from :meth:`state`."""
-        expected = self.state()["points"].shape
-        if state["points"].shape != expected:
-            raise ValueError(f"state: points of shape {state['points'].shape}, expected {expected}")
+        self._check(state)
         for name in self._changing():
             setattr(self, name, state[name].copy() if state[name].ndim else state[name].item())
         for part, arrays in self._groups().items():
             arrays.update({name: state[f"{part}/{name}"].copy() for name in arrays})
+
+    def _check(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Raise a one-line ValueError unless these are the arrays of such a method, and their numbers are sound."""
+        own = self.state()
+        for name in [*own, *state]:
+            if name not in state:
+                raise ValueError(f"state: {name} is missing")
+            if name not in own:
+                raise ValueError(f"state: {checks.shown(name)} is unknown; arrays are {', '.join(own)}")
+        for name, known in own.items():
+            given = state[name]
+            if given.dtype.kind != known.dtype.kind:
+                raise ValueError(f"state: {name} of type {given.dtype} is not allowed; give {known.dtype}")
+            # What begins empty grows; how many points an archive holds changes, and so do objectives with the problem.
+            grows = not known.size or name.endswith("objectives")
+            fixed = slice(0) if grows else slice(0 if name == "points" else 1, None)
+            if given.ndim != known.ndim or given.shape[fixed] != known.shape[fixed]:
+                raise ValueError(f"state: {name} of shape {given.shape}, expected {known.shape}")
+        if np.isinf(state["points"]).any():  # a climber without any success has none: NaN
+            raise ValueError("state: points that are infinite are not allowed")
+        checks.whole_number("state: generation", state["generation"].item(), 0)
 
     @classmethod
     def _changing(cls) -> list[str]:

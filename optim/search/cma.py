@@ -81,8 +81,9 @@ class CMAESWithMargin(PopulationSearch):
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from :meth:`state`, with the kind of covariance that the search began with."""
-        if self.separable is None:
-            self.diagonal = state["strategy/C"].ndim == 1
+        if self.separable is None and self.diagonal != (state["strategy/C"].ndim == 1):
+            self.diagonal = not self.diagonal
+            self.strategy = to_arrays(self._build(np.full(self.space.size, 0.5)))  # its shapes
         super().restore(state)
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:

@@ -136,8 +136,8 @@ def read_sweep_settings(folder: Path) -> Sweep:
     """The settings of a sweep on disk; a ValueError if the folder holds none."""
     try:
         return Sweep(**read_settings(folder, KIND))
-    except TypeError:
-        raise ValueError(f"{folder}: holds no {KIND}") from None
+    except TypeError as error:
+        raise ValueError(f"{folder}: holds no {KIND} ({KIND}.json: {error})") from None
 
 
 def _images(body: VehicleBody) -> dict[VehicleBody, tuple[bool, bool]]:
@@ -165,7 +165,7 @@ def _orbits(bodies: Sequence[VehicleBody]) -> dict[VehicleBody, list[tuple[int, 
 
 def _load(folder: ResultsFolder) -> dict[VehicleBody, Overlap]:
     known: dict[VehicleBody, Overlap] = {}
-    for arrays in folder.load(OVERLAPS):
+    for arrays in folder.load(OVERLAPS, sites="f3", overlaps="u3"):
         known |= {VehicleBody(s): o for s, o in zip(arrays["sites"], arrays["overlaps"], strict=True)}
     return known
 

@@ -1,7 +1,7 @@
 """Properties of the inflatable robot that are tuned to a rig, and the robot that has them."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from os import PathLike
 from types import MappingProxyType
@@ -11,6 +11,7 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
 from taichi_sim.base.checks import check_fields, choice, positive
 from taichi_sim.base.files import read_record, write_record
+from taichi_sim.base.records import checked
 
 CALIBRATION_FORMAT = "morpholab-calibration-1"
 # Where a fit may go unless told otherwise. The stiffest body sets the time step of all, see ``Laboratory``.
@@ -116,6 +117,22 @@ class Properties:
 NAMES = tuple(field.name for field in fields(Properties))
 
 
+@dataclass(frozen=True)
+class _Calibration:
+    """What ``calibration.json`` holds; all but the first three is for people."""
+
+    format: str
+    geometry: str
+    properties: Properties
+    weight: str = "published"
+    fitted: dict[str, dict[str, Any]] = field(default_factory=dict)
+    correlation: list[list[float]] = field(default_factory=list)
+    misfit_before: float | None = None
+    misfit_after: float | None = None
+    noise: float | None = None
+    warnings: list[str] = field(default_factory=list)
+
+
 def robot_of(
     geometry: str, weight: str, properties: Properties | None = None
 ) -> tuple[InflatableGeometry, InflatableActuation]:
@@ -139,5 +156,5 @@ def save_properties(properties: Properties, geometry: str, path: str | PathLike[
 
 
 def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
-    geometry = choice("geometry", record["geometry"], NAMED_GEOMETRIES)
-    return Properties(**record["properties"]), geometry
+    found = checked(_Calibration, record)
+    return found.properties, choice("geometry", found.geometry, NAMED_GEOMETRIES)

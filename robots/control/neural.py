@@ -1,6 +1,5 @@
 """Controllers of rigid robots: weights from each sensor to each motor neuron, tried in several environments."""
 
-import io
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import numpy as np
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.base.files import UNREADABLE, content_of, read_text, why_unread
+from taichi_sim.base.files import UNREADABLE, array_of, content_of, read_text, why_unread
 
 if TYPE_CHECKING:
     from taichi_sim.rigid import RigidEngine, RigidResult
@@ -153,10 +152,7 @@ def load_weights(path: Path, sensors: int, motors: int) -> Floats:
         ValueError: if the file cannot be read, or holds no such table of finite numbers.
     """
     try:
-        if path.suffix == ".npy":
-            found = np.load(io.BytesIO(content_of(path)), allow_pickle=False)
-        else:
-            found = np.array(json.loads(read_text(path)))
+        found = array_of(content_of(path)) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))
         weights = np.asarray(found, float)
     except OSError as error:
         raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None

@@ -194,14 +194,14 @@ def needing(field: str, packages: str, extra: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def users_code(file: object) -> Iterator[None]:
-    """Run a user's file inside; whatever it raises, but for Ctrl-C, is told in one line that names the file.
+    """Run a user's file inside; what it raises is told in one line that names the file, but for Ctrl-C and lack of memory.
 
     Raises:
         ValueError: for any other exception, and for an exit.
     """
     try:
         yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, MemoryError):
         raise
     except BaseException as error:
         raise ValueError(f"{file}: {type(error).__name__}: {' '.join(str(error).split())}") from None

@@ -7,6 +7,7 @@ import gzip
 import hashlib
 import io
 import json
+import math
 import os
 import shutil
 import stat
@@ -16,20 +17,23 @@ import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.checks import shown
 
 Design = TypeVar("Design")
 ASIDE = ".aside-"  # names of unfinished files begin so; a kill may leave them, and any later run may remove them
 LARGEST = 200_000_000  # bytes of a file that is read at once
 LARGEST_UNPACKED = 2_000_000_000  # bytes of arrays, however small they were packed
 UNREADABLE = (  # what NumPy raises for a damaged file of arrays; its headers are read as Python's literals
-    *(OSError, ValueError, KeyError, EOFError, SyntaxError, MemoryError, NotImplementedError, RecursionError),
+    *(OSError, ValueError, KeyError, EOFError, SyntaxError, NotImplementedError, RecursionError),
     *(zipfile.BadZipFile, zlib.error, tokenize.TokenError, RuntimeError, TypeError),
 )
+MOST_PACKED = 1100  # bytes that a byte of a zip archive can stand for, a little above what deflation can do
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
 _DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)  # the machine's, not the user's
 
@@ -139,14 +143,27 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
     Raises:
         ValueError: if the file is unreadable, of another format, or refused by ``build``; names the file.
     """
+
+    def formed(record: Any) -> Design:
+        if not isinstance(record, dict) or record.get("format") != form:
+            raise ValueError(f"it is not of the format {form!r}")
+        return build(record)
+
+    return read_json(path, formed, f" of the format {form!r}")
+
+
+def read_json(path: str | os.PathLike[str], build: Callable[[Any], Design], what: str = "") -> Design:
+    """Read a file of JSON, and return what ``build`` makes of it; ``what`` it should hold is told where it is none.
+
+    Raises:
+        ValueError: if the file is unreadable, no JSON, or refused by ``build``; names the file.
+    """
     text = read_text(path)
     try:
         record = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: it is no JSON of the format {form!r} ({error})") from None
+        raise ValueError(f"{path}: it is no JSON{what} ({error})") from None
     try:
-        if not isinstance(record, dict) or record.get("format") != form:
-            raise ValueError(f"it is not of the format {form!r}")
         return build(record)
     except KeyError as missing:
         raise ValueError(f"{path}: {missing} is missing") from None
@@ -203,10 +220,41 @@ def arrays_of(content: bytes) -> Arrays:
     """
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         size = sum(each.file_size for each in archive.infolist())
-    if size > LARGEST_UNPACKED:
-        raise ValueError(f"{size} bytes of arrays are not allowed, at most {LARGEST_UNPACKED} are")
+        if size > LARGEST_UNPACKED:
+            raise ValueError(f"{size} bytes of arrays are not allowed, at most {LARGEST_UNPACKED} are")
+        for each in archive.infolist():
+            name, fits = each.filename.removesuffix(".npy"), each.file_size <= MOST_PACKED * each.compress_size
+            if name == each.filename or not fits or each.compress_size > len(content):
+                raise ValueError(f"{name} is no array, or has not the {each.file_size} bytes that it tells")
+            with archive.open(each) as file:
+                _check_header(file, name, each.file_size)
     with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
         return dict(arrays)
+
+
+def array_of(content: bytes) -> NDArray[Any]:
+    """Unpack an array from the content of a file that NumPy wrote (``.npy``), but no pickle.
+
+    Raises:
+        UNREADABLE: one of these if it is damaged.
+    """
+    _check_header(io.BytesIO(content), "array", len(content))
+    return np.load(io.BytesIO(content), allow_pickle=False)
+
+
+def _check_header(file: IO[bytes], name: str, size: int) -> None:
+    """Refuse an array that is not as large as its header tells, before any memory is taken for it."""
+    try:
+        version = np.lib.format.read_magic(file)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read(file)
+    except MemoryError:  # what Python says of literals that are too deep
+        raise ValueError(f"{name}: its header cannot be read") from None
+    if dtype.hasobject:
+        raise ValueError(f"{name}: objects are not allowed, give numbers")
+    told, found = math.prod(shape) * dtype.itemsize, size - file.tell()
+    if min(shape, default=0) < 0 or told != found:
+        raise ValueError(f"{name}: its header tells of shape {shown(shape)}, {shown(told)} bytes; it has {found}")
 
 
 def append_line(path: Path, line: str) -> None:

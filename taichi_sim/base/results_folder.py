@@ -19,7 +19,9 @@ from taichi_sim.base.files import (
     arrays_of,
     content_of,
     make_folder,
+    read_record,
     read_text,
+    why_unread,
     write_bytes,
     write_text,
 )
@@ -64,28 +66,39 @@ class ResultsFolder:
         np.savez_compressed(content, allow_pickle=False, **arrays)
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
 
-    def load(self, name: str) -> Iterator[Arrays]:
-        """Load the arrays of every file of that name; damaged files are skipped with a warning."""
+    def load(self, name: str, **kinds: str) -> Iterator[Arrays]:
+        """Load the arrays of every file of that name; damaged files are skipped with a warning.
+
+        Args:
+            name: of the part.
+            kinds: kind of type and number of axes of each array that a file must have, such as ``solved="b2"``.
+        """
         for path in sorted(self.path.glob(f"{name}-*.npz")):
             try:
-                yield arrays_of(content_of(path))  # archives have checksums of their own
-            except UNREADABLE:
-                warnings.warn(f"{path}: is damaged, and as good as missing", stacklevel=2)
+                found = arrays_of(content_of(path))  # archives have checksums of their own
+                for each, kind in kinds.items():
+                    if each not in found:
+                        raise ValueError(f"{each} is missing")
+                    if f"{found[each].dtype.kind}{found[each].ndim}" != kind:
+                        told = f"{found[each].dtype} of shape {found[each].shape}"
+                        raise ValueError(f"{each}: {told} is not allowed; give type and axes {kind}")
+            except UNREADABLE as error:
+                reason = why_unread(error)
+                warnings.warn(f"{path}: is damaged, and as good as missing ({reason})", stacklevel=2)
+            else:
+                yield found
 
 
 def read_settings(path: Path, kind: str) -> dict[str, Any]:
     """Read the settings of the work whose results a folder holds.
 
     Raises:
-        ValueError: if it holds none.
+        ValueError: if it holds none, or the file of settings is damaged.
     """
-    try:
-        record = json.loads(read_text(path / f"{kind}.json"))
-        if record.pop("format") != _form(kind):
-            raise ValueError
-    except (ValueError, KeyError, TypeError, AttributeError):
-        raise ValueError(f"{path}: holds no {kind}") from None
-    return record
+    file = path / f"{kind}.json"
+    if not file.is_file():
+        raise ValueError(f"{path}: holds no {kind}")
+    return read_record(file, _form(kind), lambda record: {n: v for n, v in record.items() if n != "format"})
 
 
 def _difference(before: str, now: str) -> str:

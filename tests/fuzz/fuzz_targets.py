@@ -10,13 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
+from optim.experiments.tables import read_records
 from optim.pipeline.task import read_task
 from optim.runs import checkpoint
 from optim.runs.config import CONFIG, SEAL, identity, read_config
 from optim.runs.folder import TIMING
 from optim.runs.generation import Generation
 from optim.runs.history import read_history
-from optim.runs.robust import ROBUST_FILE, told_of
+from optim.runs.products import PRODUCTS, known_products
+from optim.runs.robust import ROBUST_FILE, checked_robust
+from optim.search import build_method
+from optim.space import Space, Variable
+from robots.calibration import load_calibration
 from robots.calibration.measurements import read_measurements
 from robots.control.neural import load_weights
 from robots.ground import Ground
@@ -26,7 +31,7 @@ from robots.inflatable.design import load_design as load_gait
 from robots.lattice_robot.record import load_saved_robot
 from robots.tasks import find_task
 from taichi_sim.base import files
-from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.results_folder import ResultsFolder, read_settings
 from taichi_sim.lattice import Material
 from taichi_sim.lattice.files import load_voxel_file
 from taichi_sim.lattice.files.mesh import body_from_mesh
@@ -99,7 +104,20 @@ def _history(path: Path) -> object:
 
 
 def _robust(path: Path) -> object:
-    return told_of(path.parent)
+    return checked_robust(path.parent)
+
+
+def _products(path: Path) -> object:
+    return known_products(path.parent)
+
+
+def _state(path: Path) -> object:
+    method = build_method("hill-climb", Space((Variable("x", -1.0, 1.0, step=0.1),)), {"climbers": 2})
+    return checkpoint.restore(path.parent, method, files.unpack(path.read_bytes()))
+
+
+def _study(path: Path) -> object:
+    return read_settings(path.parent, "study")
 
 
 def _package(path: Path) -> object:
@@ -141,6 +159,11 @@ TARGETS = {
     "run-log": Target(checkpoint.LOG, _history),
     "run-timing": Target(TIMING, _history),
     "run-robust": Target(ROBUST_FILE, _robust),
+    "run-products": Target(PRODUCTS, _products, ("tests/data/v1_runs/*/products.json",)),
+    "run-state": Target("state.npz", _state, seal=_with_digest),
+    "calibration": Target("calibration.json", load_calibration, ("tests/data/v1_files/calibration.json",)),
+    "table": Target("table.csv", read_records, ("tests/data/v1_files/sweep/table.csv", "docs/data/bench-history.csv")),
+    "study-settings": Target("study.json", _study),
     "package": Target("package.npz", _package, seal=_with_digest),
     "study-part": Target("part-0.npz", _part),
 }

@@ -153,7 +153,7 @@ def train(
     known: dict[str, dict[int, _Outcome]] = {method: {} for method in methods}
     chunks = []
     for method in methods:
-        for arrays in folder.load(f"runs-{method}") if folder else ():
+        for arrays in folder.load(f"runs-{method}", designs="i1", evaluations="i2", solved="b2") if folder else ():
             known[method] |= _by_design(arrays)
         missing = [design for design in bodies if design not in known[method]]
         chunks += [(method, missing[n : n + BODIES_PER_FILE]) for n in range(0, len(missing), BODIES_PER_FILE)]

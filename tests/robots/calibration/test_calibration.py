@@ -404,7 +404,10 @@ BAD_LINES = [
 def test_bad_lines_are_one_line(morpholab, tmp_path, line, message):
     (tmp_path / "a.toml").write_text(DRAGS)
     (tmp_path / "empty.toml").write_text("")
-    (tmp_path / "wrong.json").write_text('{"format": "morpholab-calibration-1", "geometry": "large"}')
+    (tmp_path / "wrong.json").write_text(
+        '{"format": "morpholab-calibration-1", "geometry": "large", '
+        '"properties": {"friction": 1, "low_friction": 1, "modulus": 1, "inflation_rate": 1}}'
+    )
     code, out, error = morpholab(line)
     assert (code, out) == (2, "") and error.count("\n") == 1 and f"error: {message}" in error
 
