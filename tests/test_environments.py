@@ -126,8 +126,7 @@ def same_run(found, expected):
     }
 
 
-QUICK_LIMITS = (400, 1590)  # MB: Taichi asks for 1 GB of address space at once when it starts
-LIMITS = (160, 400, 1000, 1560, 1580, 1600, 1650, 1800)
+LIMITS = (160, 400, 1000, 1560, 1580, 1600, 1650, 1800)  # MB: Taichi asks for 1 GB of addresses when it starts
 REPORT = ("report", "run", "--out", "page.html", "--quiet")
 VIEW = ("view", "vehicle", "--out", "page.html", "--quiet")
 MEASURE = ("measure", "--robot", "vehicle", "--controllers", "4", "--success", "closest<=1", "--quiet", "--out", "m")
@@ -148,23 +147,18 @@ def files_of(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
-@pytest.mark.parametrize(
-    ("name", "limits"),
-    [
-        *((name, QUICK_LIMITS) for name in ("simulate", "codesign")),
-        *(pytest.param(name, LIMITS, marks=SLOW) for name in SEVERAL),
-    ],
-)
-def test_too_little_memory_is_told_and_costs_nothing_else(name, limits, tmp_path):
+@SLOW
+@pytest.mark.parametrize("name", SEVERAL)
+def test_too_little_memory_is_told_and_costs_nothing_else(name, tmp_path):
     command, again = SEVERAL[name]
     (tmp_path / "whole").mkdir()
     run = [*SEARCH[:-1], "run"]
     assert name != "report" or told(tmp_path / "whole", command=run)[0] == 0
-    for mb in limits:
+    for mb in LIMITS:
         shutil.copytree(tmp_path / "whole", tmp_path / str(mb))
     assert told(tmp_path / "whole", command=command)[0] == 0
     whole, failed = files_of(tmp_path / "whole"), 0
-    for mb in limits:
+    for mb in LIMITS:
         folder = tmp_path / str(mb)
         code, _, error = told(folder, command=command, aborts=ABORTS, before=limited(resource.RLIMIT_AS, mb << 20))
         assert code in (0, 1) or code < 0, f"{mb} MB: {error}"

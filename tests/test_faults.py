@@ -98,6 +98,7 @@ class Memory(Disk):
 
 
 FAULTS = {"disk": Disk, "memory": Memory}
+QUICK = ("simulate", "codesign")  # of memory, in every run of the tests
 
 
 def contents(folder):
@@ -106,9 +107,19 @@ def contents(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.slow)], ids=["one", "all"])
-@pytest.mark.parametrize("name", COMMANDS)
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    ("fault", "name", "every"),
+    [
+        pytest.param(
+            *(fault, name, every),
+            marks=pytest.mark.slow if every or (fault == "memory" and name not in QUICK) else (),
+            id=f"{fault}-{name}-{'all' if every else 'one'}",
+        )
+        for fault in FAULTS
+        for name in COMMANDS
+        for every in (False, True)
+    ],
+)
 def test_a_fault_costs_nothing_but_the_command(fault, name, every, morpholab, tmp_path, monkeypatch):
     prepare, line, after = COMMANDS[name]
     root = Path(__file__).resolve().parents[1]
@@ -123,8 +134,9 @@ def test_a_fault_costs_nothing_but_the_command(fault, name, every, morpholab, tm
     shutil.copy(root / "examples/starfish.py", ".")
     assert not prepare or morpholab(prepare)[0] == 0
     disk = FAULTS[fault](monkeypatch)
-    fresh(tmp_path / "first")
-    assert morpholab(line)[0] == 0  # so that what is made once a process is there
+    if fault == "memory":
+        fresh(tmp_path / "first")
+        assert morpholab(line)[0] == 0  # so that what is made once a process is there
     before = fresh(tmp_path / "whole")
     disk.begin(0)
     code, _, error = morpholab(line)

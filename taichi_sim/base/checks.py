@@ -194,7 +194,7 @@ def needing(field: str, packages: str, extra: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def users_code(file: object) -> Iterator[None]:
-    """Run a user's file inside; what it raises is told in one line that names the file, but for Ctrl-C and lack of memory.
+    """Run a user's file inside; what it raises, but for Ctrl-C and lack of memory, is told by its name.
 
     Raises:
         ValueError: for any other exception, and for an exit.
