@@ -20,6 +20,8 @@ from physics_bits import differences  # noqa: E402
 from physics_cases import make_case  # noqa: E402
 from physics_gradients import AGREES, STEPS, check_gradients  # noqa: E402
 
+from taichi_sim.base.files import append_line, complete_lines, keep_lines  # noqa: E402
+
 SOURCES = ("taichi_sim/lattice", "taichi_sim/ground", "taichi_sim/autodiff")  # with the cases, what results depend on
 FIRST_GRADIENT = 1_000_000  # cases of gradients are others than those of bits
 
@@ -48,31 +50,30 @@ def backwards(number: int) -> dict:
     return {"features": case.features, "directions": check_gradients(case)}
 
 
+TASKS = {"forwards": forwards, "gradients": backwards}
+
+
 def do(name: str, first: int, count: int, seconds: float) -> list[dict]:
     """The lines of all cases, those in the log and those still to do; no more once the time is over."""
-    task, path = (forwards if name == "forwards" else backwards), folder() / f"{name}.jsonl"
+    path = folder() / f"{name}.jsonl"
     path.parent.mkdir(parents=True, exist_ok=True)
-    whole = (
-        [line for line in path.read_text().splitlines(keepends=True) if line.endswith("\n")] if path.exists() else []
-    )
+    whole = complete_lines(path)
+    keep_lines(path, len(whole))  # the last may be cut off
     lines = {line["case"]: line for line in map(json.loads, whole)}
-    wanted, started = range(first, first + count), time.monotonic()
-    with path.open("w") as log:
-        log.writelines(whole)
-        for number in wanted:
-            if number in lines:
-                continue
-            if time.monotonic() - started > seconds:
-                break
-            try:
-                line = {"case": number} | task(number)
-            except Exception as error:  # a case that cannot be computed is a finding
-                line = {"case": number, "features": [], "raised": f"{type(error).__name__}: {error}"}
-            lines[number] = json.loads(json.dumps(line))
-            log.write(json.dumps(line) + "\n")
-            log.flush()
-            if number % 100 == 99:
-                print(f"{name}: {number - first + 1} of {count}", file=sys.stderr, flush=True)
+    wanted, started, task = range(first, first + count), time.monotonic(), TASKS[name]
+    for number in wanted:
+        if number in lines:
+            continue
+        if time.monotonic() - started > seconds:
+            break
+        try:
+            line = {"case": number} | task(number)
+        except Exception as error:  # a case that cannot be computed is a finding
+            line = {"case": number, "features": [], "raised": f"{type(error).__name__}: {error}"}
+        append_line(path, json.dumps(line))
+        lines[number] = json.loads(json.dumps(line))
+        if number % 100 == 99:
+            print(f"{name}: {number - first + 1} of {count}", file=sys.stderr, flush=True)
     return [lines[number] for number in wanted if number in lines]
 
 
@@ -110,7 +111,7 @@ def report_gradients(lines: list[dict]) -> list[str]:
             ["all", *["depends"] * (one["usual"] > 0), *["beyond"] * bool(because)]
             + ["unexplained"] * because.startswith("unexplained")
         )
-        why.update([because.split(" with steps")[0].split(": with")[0]] if because else [])
+        why.update([because.split(": with")[0]] if because else [])
         if because.startswith("unexplained"):
             odd.append(f"case {line['case']}: {one['kind']}, errors {one['errors']}, {because}")
     drivers = [(line["case"], one["differs"]) for line in whole for one in line["directions"] if one.get("differs")]
@@ -139,8 +140,8 @@ def main() -> int:
         found = (backwards if args.case >= FIRST_GRADIENT else forwards)(args.case)
         print(json.dumps(found, indent=1))
         return 0
-    gradients = do("gradients", FIRST_GRADIENT, args.gradients, args.seconds)
-    bits = do("forwards", 0, args.cases, args.seconds)
+    gradients = do("gradients", FIRST_GRADIENT, args.gradients, args.seconds) if args.gradients else []
+    bits = do("forwards", 0, args.cases, args.seconds) if args.cases else []
     print("\n".join(report(bits, gradients)), flush=True)
     odd = any(one.get("because", "").startswith("unexplained") or one.get("differs")
               for line in gradients for one in line.get("directions") or ())  # fmt: skip

@@ -240,11 +240,11 @@ def check_gradients(case: Case) -> list[dict] | None:
 def explain(direction: Direction, cost: Cost, steps: int) -> str:
     """Why central differences do not agree: another step does, or what happened in one of the runs only."""
     further = errors_of([direction], central([direction], MORE_STEPS, cost))[0]
-    events = sorted({name for step in (STEPS[1], STEPS[2]) for name in events_between(direction, step, steps)})
-    if events:
-        return "events: " + ", ".join(events)
     if further.min() <= AGREES:
-        return f"agrees with steps of {MORE_STEPS[int(further.argmin())]:g}"
+        return f"another step: {MORE_STEPS[int(further.argmin())]:g}"
+    events = sorted({name for step in STEPS[1:] for name in events_between(direction, step, steps)})
+    if events:
+        return f"events: {', '.join(events)}"
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"
 
 
