@@ -241,13 +241,13 @@ def explain(direction: Direction, cost: Cost, steps: int) -> str:
     """Why central differences do not agree: another step does, or what happened in one of the runs only."""
     further = errors_of([direction], central([direction], MORE_STEPS, cost))[0]
     events = sorted({name for step in STEPS[1:] for name in events_between(direction, step, steps)})
+    if not events and held_in_part_on_sand(direction.moved(0.0)):
+        return "known: a voxel held in part on ground that yields"
     told = f"events: {', '.join(events)}" if events else "no events"
     if further.min() <= AGREES:
         return f"{told}; agrees with steps of {MORE_STEPS[int(further.argmin())]:g}"
     if events:
         return told
-    if held_in_part_on_sand(direction.moved(0.0)):
-        return "known: a voxel held in part on ground that yields"
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"
 
 
