@@ -5,6 +5,7 @@
 # make validate   run the slow validations, of minutes to hours
 # make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
 # make fuzz       give random bytes to the readers of files; FUZZ="--seconds 600 vxa" or other options
+# make fuzz-physics  compute random robots by all drivers, and gradients by differences; CASES=10000 GRADIENTS=500; resumes
 # make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make site       build the documentation as a site that works without a network, in build/site
@@ -16,6 +17,8 @@
 # package index for torch (this one has small builds without CUDA), OUT=folder where the demo writes.
 
 PYTHON ?= python3.11 python3.12 python3.13 python3
+CASES ?= 1000
+GRADIENTS ?= 50
 DEMO ?= --geometry small --terrain flat --free orientation,shape,control --repeats 1 --climbers 16 --generations 4
 
 venv := .venv
@@ -25,7 +28,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo fuzz test test-fast test-vulkan test-browser coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
+.PHONY: demo fuzz fuzz-physics test test-fast test-vulkan test-browser coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -45,6 +48,9 @@ test-browser: $(venv)/browser
 
 fuzz: $(venv)/fuzz
 	nice -n 19 $(python) tests/fuzz/fuzz.py $(FUZZ)
+
+fuzz-physics: $(venv)/dev
+	OMP_NUM_THREADS=1 nice -n 19 $(python) tests/fuzz/fuzz_physics.py --cases $(CASES) --gradients $(GRADIENTS)
 
 coverage: $(venv)/dev
 	$(test) --cov --cov-report=term-missing
