@@ -233,7 +233,7 @@ class LatticeEngine:
         link[:, :, memory.REGIME] = beams.NEW
         self._driver.write(memory.LINK, link)
         self._driver.write(memory.STRAIN, np.zeros((self.batch, self.tables.gauges, memory.STRAIN_WIDTH)))
-        self._driver.write(memory.PRINT, np.zeros((self.batch, self.tables.prints, 1)))
+        self._driver.write(memory.PRINT, np.zeros((self.batch, self.tables.prints, memory.PRINT_WIDTH)))
         self._driver.forget_neighbours()
         self._diverged[:] = False
 

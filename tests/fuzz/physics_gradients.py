@@ -241,21 +241,12 @@ def explain(direction: Direction, cost: Cost, steps: int) -> str:
     """Why central differences do not agree: another step does, or what happened in one of the runs only."""
     further = errors_of([direction], central([direction], MORE_STEPS, cost))[0]
     events = sorted({name for step in STEPS[1:] for name in events_between(direction, step, steps)})
-    if not events and held_in_part_on_sand(direction.moved(0.0)):
-        return "known: a voxel held in part on ground that yields"
     told = f"events: {', '.join(events)}" if events else "no events"
     if further.min() <= AGREES:
         return f"{told}; agrees with steps of {MORE_STEPS[int(further.argmin())]:g}"
     if events:
         return told
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"
-
-
-def held_in_part_on_sand(case: Case) -> bool:
-    """Whether the gradient is known to be wrong, see docs/faults.md: the force along the ground is lost by the hold."""
-    floor, held = case.floors[0], np.asarray(case.bodies[0].fixed)[:, :3].sum(axis=1)
-    yields = isinstance(floor, Relief) and floor.yield_per_depth is not None
-    return yields and bool(((held > 0) & (held < 3)).any())
 
 
 def events_between(direction: Direction, step: float, steps: int) -> set[str]:

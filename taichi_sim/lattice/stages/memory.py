@@ -5,7 +5,7 @@ The sections of the state come first, so that a robot can be copied away and bac
     VOXEL     14 a voxel   position 3, orientation 4, momentum 3, angular momentum 3, sticking to the floor
     LINK      7 a link     damping memory (offset and rotations of the last step) 6, regime
     STRAIN    6 a gauge    strain per axis of a gauged voxel, and with Poisson's effect
-    PRINT     1 a voxel    how deep it has pressed granular ground, where that yields
+    PRINT     3 a voxel    where granular ground yields: how deep it has pressed it, momentum 2 along it after friction
     CHANNEL   4 a channel  base, rate, age, value of the 25 channels of every group
     LISTED    3 a surface voxel: its position when the neighbour list was built
     MONITOR   2            largest squared distance from there; 1 once diverged
@@ -31,7 +31,7 @@ import numpy as np
 SECTION_COUNT = 14
 MOST_SLOTS = 2**31 - 1  # of an array in a kernel, which counts them in 32 bits
 
-VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 4, 9, 2
+VOXEL_WIDTH, LINK_WIDTH, STRAIN_WIDTH, PRINT_WIDTH, CHANNEL_WIDTH, CURRENT_WIDTH, REST_WIDTH = 14, 7, 6, 3, 4, 9, 2
 PRESSED_WIDTH = 12
 ORIENTATION, MOMENTUM, ANGULAR_MOMENTUM, STICKS = 3, 7, 10, 13  # places in a voxel
 MOTION = {

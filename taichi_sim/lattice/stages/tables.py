@@ -103,7 +103,7 @@ class Tables:
             (len(self.group), memory.VOXEL_WIDTH),
             (len(self.link_ends), memory.LINK_WIDTH),
             (self.gauges, memory.STRAIN_WIDTH),
-            (self.prints, 1),
+            (self.prints, memory.PRINT_WIDTH),
             (groups * QUANTITY_COUNT, memory.CHANNEL_WIDTH),
             (surface, 3),
             (1, 2),

@@ -89,8 +89,8 @@ def volume_slots(g: ti.template()):
 
 @ti.func
 def print_slot(v, t: ti.template()):
-    """Slot of how deep voxel v has pressed the ground."""
-    return t.plan[memory.PRINT] + v
+    """Slot of how deep voxel v has pressed the ground; its momentum along the ground follows, in axes of that."""
+    return t.plan[memory.PRINT] + v * memory.PRINT_WIDTH
 
 
 @primitive
@@ -240,6 +240,9 @@ def touch(
     if ti.static(t.medium.granular):
         qx, qy = qx + fx * dt, qy + fy * dt
         px, py, stuck = uneven.slid(px, py, stuck, qx, qy, friction * dt, relief.yield_of(k, t))
+        # For the way back: a hold may take it from the voxel's momentum.
+        store(m, k, print_slot(v, t) + 1, select(depth >= 0.0, px, 0.0))
+        store(m, k, print_slot(v, t) + 2, select(depth >= 0.0, py, 0.0))
     stuck = select(depth >= 0.0, stuck, 0.0)
     px, py = floor.stopped(px, py, stuck)
     return px, py, pz, stuck

@@ -257,7 +257,7 @@ def force_sideways(
     dt,
     t: ti.template(),
 ):
-    """Force along ground that yields [N] of all but it and drag, from the momenta before and after the step.
+    """Force along ground that yields [N] of all but it and drag, from the momentum before the step and what it left.
 
     ``values`` are inverse mass, drag, size, stiffness, damping and friction; ``plane`` is the normal of the ground and
     its factor of friction. Of what came to rest it is that which would have stopped it without the ground.
@@ -268,8 +268,7 @@ def force_sideways(
     limit = relief.yield_of(u.k, t)
     bears, _, _ = uneven.giving_way(size, depth, pressed, stiffness, limit)
     holds = uneven.granular_hold(factor * friction * bears, size, depth, limit)
-    left = after(u, consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3))
-    ax, ay, _ = uneven.into_plane(*left, nx, ny, nz)
+    ax, ay = after(u, consecutive(stage.print_slot(v, t) + 1, 2))
     qx, qy = uneven.without_friction(ax, ay, holds * dt)
     px, py, _ = uneven.into_plane(*momentum, nx, ny, nz)
     slowing = drag * inverse_mass
