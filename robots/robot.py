@@ -34,6 +34,7 @@ from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, read_text, write_record
 from taichi_sim.base.options import Option as Option
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.base.variables import Variable
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ class Trial:
     sharpness: float = math.inf
 
 
-class Robot:
+class Robot(ShortText):
     """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
 
     Points are arrays of shape (N, P): N designs, each a value for every parameter. A robot of which nothing is free

@@ -32,7 +32,7 @@ LONGEST = 3600.0  # s
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArticulatedRobot(Robot):
     """A robot of an MJCF or URDF file, a tree of hinges on ground, and what commands its drives.
 

@@ -27,7 +27,7 @@ STEP = 0.1  # of a mutation, part of a parameter's range
 WEIGHTS = 41  # of a success matrix, along each side
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class VehicleRobot(Robot):
     """A vehicle's controller, alone or with the places of its sensors.
 

@@ -64,7 +64,7 @@ class FreeformActuation:
             whole_number("channels", self.channels, 1)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FreeformRobot(Robot):
     """A grid whose cells a search may fill, mix and move; it travels along x.
 

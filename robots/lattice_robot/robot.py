@@ -44,7 +44,7 @@ AT_REST = 1e-9  # of its largest swing: how far from rest a wave may begin
 SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LatticeRobot(OutOfTheLab):
     """A soft robot of the user's own, which repeats a cycle.
 

@@ -19,6 +19,7 @@ from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import LatticeBody, Quantity
 from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
@@ -29,8 +30,8 @@ BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
 MEMORY = 1e9  # of a differentiation's record [B]
 
 
-@dataclass(frozen=True, eq=False)
-class LatticeRobotResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class LatticeRobotResult(ShortText):
     """What a robot did at N points.
 
     Attributes:

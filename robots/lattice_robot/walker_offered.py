@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 KIND_COLOURS = ("#f3f1ec", "#b9b4a8", "#0072B2", "#D55E00")  # in the order of KINDS
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class WalkerRobot(Robot):
     """A lattice in which a search puts bodies together; or one body, of which nothing is free.
 

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_mass
 from taichi_sim.lattice.topology import Topology, build_topology
 
@@ -25,8 +26,8 @@ def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class LatticeBody:
+@dataclass(frozen=True, eq=False, repr=False)
+class LatticeBody(ShortText):
     """A body of cubic voxels whose neighbours are joined by beams.
 
     Attributes:

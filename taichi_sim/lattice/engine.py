@@ -9,6 +9,7 @@ import numpy as np
 
 from taichi_sim import runtime
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.ground.relief import GroundTables, Relief, ground_tables
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.drivers.driver import Driver, Run
@@ -27,8 +28,8 @@ DRIVERS = ("auto", "packed", "stepped")
 FLOATING = 1.2  # largest stable time step over that where links are balanced, as bodies may float
 
 
-@dataclass(frozen=True, eq=False)
-class LatticeState:
+@dataclass(frozen=True, eq=False, repr=False)
+class LatticeState(ShortText):
     """Motion of the voxels of a batch, world frame, in the body's voxel order.
 
     Attributes:
@@ -44,8 +45,8 @@ class LatticeState:
     angular_velocities: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class LatticeResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class LatticeResult(ShortText):
     """How the run of a program ended.
 
     Attributes:

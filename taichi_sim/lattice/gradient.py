@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sim import runtime
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice.checkpoints import FORWARD, make_plan
 from taichi_sim.lattice.feedback import Feedback
 from taichi_sim.lattice.material_gradient import material_gradients
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 ROBOTS_PER_THREAD = 8
 
 
-@dataclass(frozen=True, eq=False)
-class LatticeGradient:
+@dataclass(frozen=True, eq=False, repr=False)
+class LatticeGradient(ShortText):
     """Derivatives of a cost, at the values that the run had.
 
     Attributes:

@@ -1,0 +1,35 @@
+"""Short texts of descriptions and results that hold arrays, for notebooks and the Python prompt."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+LONGEST = 80  # characters of a field
+FEW = 4  # entries of an array or a sequence that are written out
+
+
+class ShortText:
+    """A dataclass whose text tells the shapes of its arrays instead of what is in them; declare it ``repr=False``."""
+
+    def __repr__(self) -> str:
+        if not is_dataclass(self):
+            return super().__repr__()
+        told = (f"{each.name}={_short(getattr(self, each.name))}" for each in fields(self) if each.repr)
+        return f"{type(self).__name__}({', '.join(told)})"
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.size > FEW:
+        return f"<{value.dtype} of shape {value.shape}>"
+    if isinstance(value, Mapping) and len(value) > FEW:
+        return f"<{len(value)} by name>"
+    if isinstance(value, list | tuple) and len(value) > FEW:
+        return f"<{len(value)} of {type(value[0]).__name__}>"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key!r}: {_short(each)}' for key, each in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"({', '.join(map(_short, value))})"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST or isinstance(value, ShortText) else f"{text[: LONGEST - 3]}..."
