@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> Report:
     """Group, compare, draw."""
     from optim.runs import comparison
     from optim.runs.config import score_in
-    from optim.runs.history import read_histories, runs_below
+    from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
     from taichi_sim.base.files import replacing
 
@@ -49,9 +49,12 @@ def run(args: argparse.Namespace) -> Report:
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
-    histories, damaged = read_histories(runs_below((*labels, *args.runs)))
+    histories, damaged = read_histories(runs_below((*labels, *args.runs)), begun)
     comparison.check_comparable(histories)
-    curves = _named(comparison.curves(histories, args.by, labels), args.names)
+    try:
+        curves = _named(comparison.curves(histories, args.by, labels), args.names)
+    except ValueError as error:
+        raise (ValueError(f"{error}; left out: {damaged[0]}") if damaged else error) from None
     score = score_in(histories[0].config)
     end = comparison.shared_end(curves, args.by)
     differences = comparison.differences(curves, end)

@@ -32,7 +32,9 @@ def run(args: argparse.Namespace) -> Report:
     wanted = [name for name in WAYS if getattr(args, name) is not None]
     if not wanted:
         raise ValueError(f"track: no tracker is given; give {', '.join('--' + name for name in WAYS[:-1])} or --mlflow")
-    histories, damaged = read_histories(runs_below(args.runs))
+    histories, damaged = read_histories(runs_below(args.runs), lambda history: history)
+    if damaged and args.parquet is not None and args.parquet.exists():
+        raise ValueError(f"parquet: {args.parquet} keeps what it has while a run cannot be read: {damaged[0]}")
     runs = trackers.labels(histories)
     send: dict[str, Callable[[Any, Any], None]] = {
         "tensorboard": trackers.to_tensorboard,

@@ -71,11 +71,13 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
         lines = list(csv.reader(io.StringIO(text)))
     except csv.Error as error:
         raise ValueError(f"{path}: is no table ({error})") from None
+    while lines and not lines[-1]:  # empty lines at the end
+        lines.pop()
     if not lines:
         raise ValueError(f"{path}: is empty")
     for number, row in enumerate(lines, 1):
         if len(row) != len(lines[0]):
-            raise ValueError(f"{path}: line {number} is no row of the table; it must have {len(lines[0])} cells")
+            raise ValueError(f"{path}: row {number} is none of the table; it must have {len(lines[0])} cells")
     return lines[0], lines[1:]
 
 

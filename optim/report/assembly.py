@@ -71,14 +71,13 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
                 raise ValueError(f"rig: {path} is a study, in which a rig plays no gait; leave it out")
             told = read(path)
             return Built(study_page(told, path, FOOT), {"kind": told.kind, **told.counts, **told.document})
-    histories, damaged = read_histories(_runs(paths))
-    runs = [OneRun.of(history) for history in histories]
+    runs, damaged = read_histories(_runs(paths), OneRun.of)
     if settings.rig and not runs[0].subject.plays_on_rigs:
         raise ValueError(f"rig: no rig plays designs of {runs[0].history.path}; leave it out")
     if len(runs) == 1:
         built = _page(runs[0], runs[0].title, [*runs[0].lead, *map(_left_out, damaged)], ([], {}), settings, progress)
         return replace(built, left_out=damaged)
-    check_comparable(histories)
+    check_comparable([run.history for run in runs])
     sections, document = comparison_sections(runs, settings.axis)
     best = max(runs, key=lambda run: (run.last.best is not None, run.last.best or 0))
     title = f"{len(runs)} runs: {best.subject.title}"

@@ -35,7 +35,7 @@ from optim.report.markup import (
 from optim.report.robot_run import Best, Subject, subject_of
 from optim.runs.folder import ENVIRONMENT
 from optim.runs.generation import Generation
-from optim.runs.history import History
+from optim.runs.history import History, begun
 from optim.runs.robust import checked_robust, read_robust
 from optim.space import Variable
 from optim.wording import counted, spoken_duration
@@ -68,8 +68,7 @@ class OneRun:
     @classmethod
     def of(cls, history: History) -> "OneRun":
         """The run of a history; raises ValueError if it has no complete generation, or an unknown problem."""
-        if not history.generations:
-            raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
+        begun(history)
         return cls(history, subject_of(history.path, history.config))
 
     @property

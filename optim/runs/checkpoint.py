@@ -96,7 +96,7 @@ def restore(folder: Path, method: Method, state: State) -> None:
         method.restore(state)
     except KeyError as missing:
         raise ValueError(f"{folder}: {CHECKPOINT}: state: {missing} is missing") from None
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         raise ValueError(f"{folder}: {CHECKPOINT}: {error}") from None
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
 from optim.runs.config import identity, usual_settings
-from optim.runs.history import History
+from optim.runs.history import History, begun
 from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
@@ -189,8 +189,7 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
     """
     labels = labels or {}
     for history in histories:
-        if not history.generations:
-            raise ValueError(f"run: {history.path} has no complete generation yet")
+        begun(history)
         if axis == "seconds" and np.isnan(history.seconds).any():
             raise ValueError(f"by: the times of {history.path} are not known; compare by evaluations")
     groups: dict[tuple[str | None, str], list[History]] = {}

@@ -19,7 +19,7 @@ from taichi_sim.base.records import checked
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
-SECTIONS = {"problem": dict, "method": dict, "generations": int}
+SECTIONS = "problem", "method", "generations"
 OBJECTIVES = "objectives"  # names and units, for readers; version 1.0 did not write them, and no result depends on them
 SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
     GAIT: Objective("speed", "BL/s"),
@@ -62,10 +62,10 @@ def read_config(folder: Path) -> dict[str, Any]:
     path = folder / CONFIG
     if not path.exists():
         raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing")
+    text = files.read_text(path)
     try:
-        text = files.read_text(path)
         config = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # TOML's, or Python's of numbers of thousands of digits
         raise ValueError(f"{path}: cannot be read ({error})") from None
     except RecursionError:
         raise ValueError(f"{path}: cannot be read (its tables are too deep)") from None

@@ -3,10 +3,10 @@
 import datetime
 import json
 import warnings
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from optim.search.method import SearchResult
 from taichi_sim.base import files
 from taichi_sim.base.checks import shown
 from taichi_sim.base.records import Count, Duration, checked
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True)
@@ -85,16 +87,20 @@ def read_history(folder: Path) -> History:
         raise ValueError(f"{error.filename or folder}: cannot be read ({error.strerror})") from None
 
 
-def read_histories(folders: Iterable[Path]) -> tuple[list[History], list[str]]:
+def read_histories(folders: Iterable[Path], build: Callable[["History"], Found]) -> tuple[list[Found], list[str]]:
     """Read the runs in several folders, and tell in a line each why others cannot be read.
+
+    Args:
+        folders: of the runs.
+        build: makes of a history what is wanted of it; may refuse it by a ValueError.
 
     Raises:
         ValueError: if none of them can be read; says why the first cannot.
     """
-    found, damaged = [], []
+    found, damaged = list[Found](), list[str]()
     for folder in folders:
         try:
-            found.append(read_history(folder))
+            found.append(build(read_history(folder)))
         except ValueError as error:
             damaged.append(str(error))
     if damaged and not found:
@@ -102,6 +108,13 @@ def read_histories(folders: Iterable[Path]) -> tuple[list[History], list[str]]:
     for reason in damaged:
         warnings.warn(f"{reason}; the run is left out", stacklevel=2)
     return found, damaged
+
+
+def begun(history: History) -> History:
+    """The same history; a ValueError if it has no complete generation."""
+    if not history.generations:
+        raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
+    return history
 
 
 def _read_history(folder: Path) -> History:
@@ -155,9 +168,17 @@ def runs_below(paths: Iterable[Path]) -> list[Path]:
     """
     found: dict[Path, Path] = {}
     for path in paths:
-        inside = [path] if has_run(path) else sorted(p for p in path.glob("*/") if has_run(p))
+        inside = [path] if _may_have_run(path) else sorted(p for p in path.glob("*/") if _may_have_run(p))
         if not inside:
             raise ValueError(f"run: {path} holds no run" if path.exists() else f"run: {path} does not exist")
         for run in inside:
             found.setdefault(run.resolve(), run)
     return list(found.values())
+
+
+def _may_have_run(folder: Path) -> bool:
+    """Whether there is a run, or what may be one but is forbidden: who reads it tells."""
+    try:
+        return has_run(folder)
+    except OSError:
+        return True

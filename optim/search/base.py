@@ -98,14 +98,16 @@ class Search(Method):
                 raise ValueError(f"state: {checks.shown(name)} is unknown; arrays are {', '.join(own)}")
         for name, known in own.items():
             given = state[name]
-            if given.dtype.kind != known.dtype.kind:
+            # A number that a method begins with as a whole one may become another.
+            alike = {given.dtype.kind, known.dtype.kind} <= set("iuf") and name != "points"
+            if given.dtype.kind != known.dtype.kind and not alike:
                 raise ValueError(f"state: {name} of type {given.dtype} is not allowed; give {known.dtype}")
             # What begins empty grows; how many points an archive holds changes, and so do objectives with the problem.
-            grows = not known.size or name.endswith("objectives")
-            fixed = slice(0) if grows else slice(0 if name == "points" else 1, None)
-            if given.ndim != known.ndim or given.shape[fixed] != known.shape[fixed]:
+            fixed = slice(known.ndim if name.endswith("objectives") else 0 if name == "points" else 1, None)
+            sizes = zip(given.shape[fixed], known.shape[fixed], strict=False)
+            if given.ndim != known.ndim or any(size != usual for size, usual in sizes if usual):
                 raise ValueError(f"state: {name} of shape {given.shape}, expected {known.shape}")
-        if np.isinf(state["points"]).any():  # a climber without any success has none: NaN
+        if np.isinf(state.get("points", 0.0)).any():  # a climber without any success has none: NaN
             raise ValueError("state: points that are infinite are not allowed")
         checks.whole_number("state: generation", state["generation"].item(), 0)
 

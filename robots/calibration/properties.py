@@ -1,7 +1,7 @@
 """Properties of the inflatable robot that are tuned to a rig, and the robot that has them."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from os import PathLike
 from types import MappingProxyType
@@ -119,18 +119,11 @@ NAMES = tuple(field.name for field in fields(Properties))
 
 @dataclass(frozen=True)
 class _Calibration:
-    """What ``calibration.json`` holds; all but the first three is for people."""
+    """What is read of ``calibration.json``; all else in it is for people."""
 
     format: str
     geometry: str
     properties: Properties
-    weight: str = "published"
-    fitted: dict[str, dict[str, Any]] = field(default_factory=dict)
-    correlation: list[list[float]] = field(default_factory=list)
-    misfit_before: float | None = None
-    misfit_after: float | None = None
-    noise: float | None = None
-    warnings: list[str] = field(default_factory=list)
 
 
 def robot_of(
@@ -156,5 +149,6 @@ def save_properties(properties: Properties, geometry: str, path: str | PathLike[
 
 
 def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
-    found = checked(_Calibration, record)
+    read = [each.name for each in fields(_Calibration)]
+    found = checked(_Calibration, {name: value for name, value in record.items() if name in read})
     return found.properties, choice("geometry", found.geometry, NAMED_GEOMETRIES)

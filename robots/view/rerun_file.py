@@ -108,7 +108,12 @@ def _content(motion: Motion) -> bytes:
 def _identity(motion: Motion) -> str:
     """Name of the recording, from what is in it."""
     digest = hashlib.sha256(motion.name.encode())
-    for values in (motion.times, motion.translation, motion.rotation, motion.scale):
+    looks = repr([node.colour for node in motion.nodes]), repr(motion.ground), *(each.name for each in motion.channels)
+    digest.update("/".join(looks).encode())
+    for values in (
+        *(motion.times, motion.translation, motion.rotation, motion.scale, motion.lights),
+        *(each.values for each in motion.channels),
+    ):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()[:32]
 

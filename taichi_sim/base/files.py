@@ -250,8 +250,8 @@ def _check_header(file: IO[bytes], name: str, size: int) -> None:
         shape, _, dtype = read(file)
     except MemoryError:  # what Python says of literals that are too deep
         raise ValueError(f"{name}: its header cannot be read") from None
-    if dtype.hasobject:
-        raise ValueError(f"{name}: objects are not allowed, give numbers")
+    if dtype.hasobject or not dtype.itemsize:
+        raise ValueError(f"{name}: {dtype} is not allowed, give numbers")
     told, found = math.prod(shape) * dtype.itemsize, size - file.tell()
     if min(shape, default=0) < 0 or told != found:
         raise ValueError(f"{name}: its header tells of shape {shown(shape)}, {shown(told)} bytes; it has {found}")

@@ -82,6 +82,8 @@ class ResultsFolder:
                     if f"{found[each].dtype.kind}{found[each].ndim}" != kind:
                         told = f"{found[each].dtype} of shape {found[each].shape}"
                         raise ValueError(f"{each}: {told} is not allowed; give type and axes {kind}")
+                if len({len(found[each]) for each in kinds}) > 1:
+                    raise ValueError(f"{', '.join(kinds)}: have different lengths")
             except UNREADABLE as error:
                 reason = why_unread(error)
                 warnings.warn(f"{path}: is damaged, and as good as missing ({reason})", stacklevel=2)

@@ -44,6 +44,19 @@ def test_status_tells_how_far_runs_are(morpholab, simulator, tmp_path):
     assert out.endswith("runs/none: stopped, hill-climb, no complete generation yet of 201\n")
 
 
+def test_runs_that_have_just_begun_are_left_out_of_comparisons(morpholab, simulator, tmp_path):
+    design(morpholab, "runs/done")
+    simulator.calls, simulator.interrupt_at = [], 1
+    assert morpholab(f"codesign {SIZE} --climbers 5 --out runs/none")[0] == 130
+    for command in ("compare runs --json", "report runs --out page.html --no-player --quiet --json"):
+        code, out, error = morpholab(command)
+        (reason,) = json.loads(out)["left_out"]
+        assert code == 1 and "runs/none has no complete generation yet" in reason and reason in error
+    assert "runs/none has no complete generation yet" in (tmp_path / "page.html").read_text()
+    code, _, error = morpholab("compare runs --names A,B")
+    assert code == 2 and "names: 'A,B' is not allowed" in error and "left out: run: runs/none" in error
+
+
 def test_a_run_is_ended_politely_by_sigterm(morpholab, simulator, tmp_path):
     evaluate, handler = simulator.diverges, signal.getsignal(signal.SIGTERM)
 
