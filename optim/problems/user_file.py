@@ -44,20 +44,14 @@ class FileProblem(PlainProblem):
         self._problem = _defined(_run(file, source, folder), file)
         super().__init__(self._problem.space, objectives_of(self._problem))
         if hasattr(self._problem, "evaluate_relaxed"):
-            self.evaluate_relaxed = self._relaxed
+            self.evaluate_relaxed = self._problem.evaluate_relaxed
 
     def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
         return FileProblem, (self.file, self.source, self._folder)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Judge points, shape (N, D)."""
-        with users_code(f"problem: {self.file}", but=(ValueError,)):
-            return self._problem.evaluate(points)
-
-    def _relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        with users_code(f"problem: {self.file}", but=(ValueError,)):
-            evaluation: Evaluation = self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
-            return evaluation
+        return self._problem.evaluate(points)
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write a point as the problem does; as values by name if it says nothing else."""

@@ -193,21 +193,17 @@ def needing(field: str, packages: str, extra: str) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def users_code(file: object, but: tuple[type[Exception], ...] = ()) -> Iterator[None]:
-    """Run a user's code inside; what it raises, but for Ctrl-C and lack of memory, is told with the name of its file.
-
-    Args:
-        file: how messages begin.
-        but: errors that pass as they are.
+def users_code(file: object) -> Iterator[None]:
+    """Run a user's file inside; what it raises, but for Ctrl-C and lack of memory, is told by its name.
 
     Raises:
         ValueError: for any other exception, and for an exit.
     """
     try:
         yield
+    except (KeyboardInterrupt, MemoryError):
+        raise
     except BaseException as error:
-        if isinstance(error, (KeyboardInterrupt, MemoryError, *but)):
-            raise
         raise ValueError(f"{file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
 
 

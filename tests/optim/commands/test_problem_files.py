@@ -181,13 +181,3 @@ def test_a_run_of_a_robot_takes_no_file(rocket, morpholab, simulator):
     assert morpholab("codesign --terrain flat --geometry small --climbers 2 --generations 0 --quiet --out a")[0] == 0
     code, _, error = morpholab("codesign --resume --problem rocket.py --out a")
     assert code == 2 and "problem: the run in a is of no file; leave --problem out" in error
-
-
-def test_what_a_file_s_function_raises_is_told_as_the_file_s(tmp_path, morpholab):
-    """A search that it ends goes on once the function is what it was; here it never is."""
-    (tmp_path / "own.py").write_text("bounds = {'x': (0, 1), 'y': (0, 1)}\ndef evaluate(x, y): ...\n")
-    code, _, error = morpholab("codesign --problem own.py --method random --out a --quiet")
-    assert code == 2 and "error: problem: own.py: TypeError: evaluate() missing 1 required positional argument" in error
-    (tmp_path / "two.py").write_text("bounds = {'x': (0, 1)}\ndef evaluate(points): return points[1:, 0]\n")
-    code, _, error = morpholab("codesign --problem two.py --method random --out b --quiet")
-    assert code == 2 and "error: function: it gave objectives of shape" in error
