@@ -40,6 +40,7 @@ from optim.commands import (
 )
 from optim.commands.robots import RobotOptions
 from optim.notes import notes, say
+from taichi_sim.base.checks import lacks_memory
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -47,8 +48,6 @@ if TYPE_CHECKING:
 CLOSED_PIPE = 141  # as shells report SIGPIPE
 BUG = 70  # EX_SOFTWARE of sysexits.h
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
-# What loaders, compilers and C++ say where memory ends.
-NO_MEMORY = ("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory")
 
 
 class _Parser(RobotOptions):
@@ -161,7 +160,7 @@ def _refuse(command: str, error: Exception) -> int:
     """Tell in one line why a command could not do its work."""
     if os.environ.get("MORPHOLAB_DEBUG") == "1":
         traceback.print_exception(error)
-    if _lacks_memory(error):
+    if lacks_memory(error):
         advice = "give it more, or ask for less: fewer points or draws at a time, frames or threads"
         return _fail(command, f"failed: there is not enough memory for this ({_reason(error)}); {advice}", FAILED)
     if isinstance(error, ValueError):
@@ -179,14 +178,6 @@ def _refuse(command: str, error: Exception) -> int:
         place = "set MORPHOLAB_DEBUG=1 to see where"
     summary = "".join(traceback.format_exception_only(error))[:LONGEST_SUMMARY]
     return _fail(command, f"this is a bug in morpholab ({summary.strip()}); {place}", BUG)
-
-
-def _lacks_memory(error: Exception) -> bool:
-    """Whether memory is the reason of an error, be it Python's, the system's, a loader's or a compiler's."""
-    if isinstance(error, OSError) and error.errno == errno.ENOMEM:
-        return True
-    told = isinstance(error, RuntimeError | ImportError) and any(words in str(error) for words in NO_MEMORY)
-    return told or isinstance(error, MemoryError)
 
 
 def _reason(error: Exception) -> str:

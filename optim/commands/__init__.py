@@ -31,6 +31,11 @@ class Report:
     text: str
     code: int = 0
 
+    def but_for(self, left_out: list[str]) -> "Report":
+        """The same report, which says what was left out and why; the exit code is ``FAILED`` if anything was."""
+        assert isinstance(self.document, dict)
+        return Report(self.document | {"left_out": left_out}, self.text, FAILED) if left_out else self
+
 
 def goes_on(run: Callable[[Namespace], Report]) -> Callable[[Namespace], Report]:
     """Let a command that goes on in its folder, when it is given again, say so when it is interrupted."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import FAILED, Report, options
+from optim.commands import Report, options
 from optim.commands.options import Command, Option, path_to
 from optim.wording import counted
 
@@ -75,10 +75,8 @@ def run(args: argparse.Namespace) -> Report:
         "maps": [dataclasses.asdict(one) for one in comparison.map_standings(curves, histories, args.by, end)],
         "held_out": [dataclasses.asdict(one) for one in held_out({curve.label: curve.folders for curve in curves})],
         "picture": str(args.out) if args.out else None,
-        **({"left_out": damaged} if damaged else {}),
     }
-    text = "\n".join(_lines(score.label, document, differences))
-    return Report(document, text, FAILED if damaged else 0)
+    return Report(document, "\n".join(_lines(score.label, document, differences))).but_for(damaged)
 
 
 def _labelled(given: Sequence[str]) -> dict[Path, str]:

@@ -5,7 +5,7 @@ import contextlib
 import sys
 from pathlib import Path
 
-from optim.commands import FAILED, Report, options
+from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
 from optim.progress import shown_progress
 from optim.wording import counted, spoken_size
@@ -60,9 +60,7 @@ def run(args: argparse.Namespace) -> Report:
     write_text(out, built.text)
     size = len(built.text.encode())
     document = {"out": str(out), "bytes": size, **built.document, "notes": built.notes}
-    if built.left_out:
-        document["left_out"] = built.left_out
-    return Report(document, f"{out}: {spoken_size(size)}", FAILED if built.left_out else 0)
+    return Report(document, f"{out}: {spoken_size(size)}").but_for(built.left_out)
 
 
 def _watch(args: argparse.Namespace) -> Report:

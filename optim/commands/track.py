@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from optim.commands import FAILED, Report, options
+from optim.commands import Report, options
 from optim.commands.options import Command, Option, path_to
 from optim.wording import counted
 
@@ -48,5 +48,4 @@ def run(args: argparse.Namespace) -> Report:
     where = {name: str(getattr(args, name)) for name in wanted}
     told = ", ".join(f"{name} {place}" for name, place in where.items())
     text = f"{counted(len(runs), 'run')}, {counted(generations, 'generation')}: {told}"
-    document = {"runs": list(runs), "generations": generations, **where, **({"left_out": damaged} if damaged else {})}
-    return Report(document, text, FAILED if damaged else 0)
+    return Report({"runs": list(runs), "generations": generations, **where}, text).but_for(damaged)

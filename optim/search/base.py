@@ -96,8 +96,8 @@ class Search(Method):
                 raise ValueError(f"state: {name} is missing")
             if name not in own:
                 raise ValueError(f"state: {checks.shown(name)} is unknown; arrays are {', '.join(own)}")
-        for name, known in own.items():
-            given = state[name]
+        for name in sorted(own, key=lambda name: name != "points"):  # what people know comes first
+            known, given = own[name], state[name]
             # A number that a method begins with as a whole one may become another.
             alike = {given.dtype.kind, known.dtype.kind} <= set("iuf") and name != "points"
             if given.dtype.kind != known.dtype.kind and not alike:

@@ -35,7 +35,7 @@ WORLD, SCENE, SERIES = "world", "world/scene", "series"  # in the scene the grou
 AT_ONCE = 4_000_000  # bytes of vertices in a block of frames
 SHADES = 64.0  # steps of a normal; rounded numbers compress, and light does not show it
 MARGIN = 0.5  # of ground around all places, in lengths of the robot
-EYE = np.array([-0.5, -1.0, 0.6])  # from what is seen to the viewer: along the way, to its left, up
+EYE = 0.68 * np.array([-0.5, -1.0, 0.6])  # from what is seen to the viewer, in its length: along the way, left, up
 VOXEL = re.compile(r"voxel \d+(, )?")
 LINE, DARK = (0.65, 0.65, 0.65), 0.4  # colour of lines that would not be seen on the viewer's dark plots
 Places = NDArray[np.float32]
@@ -301,7 +301,7 @@ def _blueprint(motion: Motion, channels: dict[str, list[Channel]]) -> "rerun.blu
     middle, reach = ends.mean(axis=0), float(np.linalg.norm(ends[1] - ends[0]))
     turn = np.deg2rad(motion.ground.heading)
     frame = np.array([[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    middle, eye = rotate(upright, np.stack([middle, middle + 0.68 * reach * EYE @ frame]))
+    middle, eye = rotate(upright, np.stack([middle, middle + reach * EYE @ frame]))
     space = layout.Spatial3DView(
         origin=WORLD,
         name=motion.name,

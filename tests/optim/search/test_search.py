@@ -141,7 +141,7 @@ def test_wrong_shapes_are_refused(name):
         message = rf"objectives of shape \({count}, 2\) are not allowed; give \({count}, 1\)"
         with pytest.raises(ValueError, match=message):
             method.tell(points, Evaluation(np.zeros((count, 2))))
-    with pytest.raises(ValueError, match=r"state: \w+ of shape"):
+    with pytest.raises(ValueError, match="state: points of shape"):
         method.restore(build(name, 9).state())
 
 
