@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,6 +78,12 @@ class Trial:
     gradients: tuple[str, ...] = ()
     sharpness: float = math.inf
 
+    def parts(self, worlds: Sequence[World]) -> "list[Trial]":
+        """How they are tried in each of several worlds, one after the other."""
+        told = (part_of(self.progress, number, len(worlds)) for number in range(len(worlds)))
+        pairs = zip(worlds, told, strict=True)
+        return [dataclasses.replace(self, world=world, progress=part) for world, part in pairs]
+
 
 class Robot(ShortText):
     """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
@@ -123,18 +129,24 @@ class Robot(ShortText):
         """What it is judged by in all of some worlds; the same everywhere by default."""
         return self.measures
 
-    def run_in(self, points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: "Sequence[Perturbation]" = ()
+    ) -> list[Outcome]:
         """What N designs do in several worlds; a kind may make one batch of them, with the same results.
 
         Args:
             points: shape (N, P), checked.
             worlds: where.
             trial: computation, and what is asked for.
+            draws: by which the robot is :meth:`perturbed`, one for each world; as it is by default.
         """
-        count = len(worlds)
-        parts = (part_of(trial.progress, number, count) for number in range(count))
-        each = zip(worlds, parts, strict=True)
-        return [self.run(points, dataclasses.replace(trial, world=world, progress=part)) for world, part in each]
+        each = zip(self.variants(draws, len(worlds)), trial.parts(worlds), strict=True)
+        return [robot.run(points, part) for robot, part in each]
+
+    def variants(self, draws: "Sequence[Perturbation]", count: int) -> "list[Self]":
+        """This robot so many times; as it is in each of so many draws, if there are any."""
+        distinct = {id(drawn): self.perturbed(drawn) for drawn in {id(drawn): drawn for drawn in draws}.values()}
+        return [distinct[id(drawn)] for drawn in draws] or [self] * count
 
     def simulate(
         self,
@@ -184,18 +196,13 @@ class Robot(ShortText):
         compute: Compute = HERE,
         progress: Progress | None = None,
     ) -> list[Outcome]:
-        """Try a robot of which nothing is free in several worlds; kinds that can make one batch of them.
+        """Try a robot of which nothing is free in several worlds.
 
         With draws, one for each world, the robot is :meth:`perturbed` by them.
         """
-        count = len(worlds)
-        robots = [self.perturbed(drawn) for drawn in draws] if draws else [self] * count
-        return [
-            robot.simulate((), world, compute=compute, progress=part_of(progress, number, count))
-            for number, (robot, world) in enumerate(zip(robots, worlds, strict=True))
-        ]
+        return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), draws)
 
-    def perturbed(self, drawn: "Perturbation") -> "Robot":
+    def perturbed(self, drawn: "Perturbation") -> Self:
         """This robot with what a draw says of itself, such as the levels of its actuators; the world is another's."""
         return self
 

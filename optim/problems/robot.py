@@ -18,15 +18,15 @@ from optim.problems.goals import Goals, Names, named, objective_of
 from optim.problems.objectives import RobotObjective
 from optim.problems.robot_designing import RobotDesigning, subject_of
 from optim.problems.uncertain import (
+    Trials,
     check_drawn,
     checked_uncertain,
     held_out_products,
     mean_outcome,
-    trials_of,
     under_risk,
 )
 from optim.space import Space
-from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World, part_of
+from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World
 from robots.uncertainty import Risk
 from taichi_sim.base.arrays import Floats
 
@@ -127,10 +127,8 @@ class JudgedRobot(RobotDesigning):
     def _scored(self, points: ArrayLike, trial: Trial) -> Evaluation:
         """Judge points by what the robot does in every world; over draws, if something is uncertain."""
         points = self.space.relaxed().validate(np.atleast_2d(points))
-        trials, gradients, outcomes = self._trials, bool(trial.gradients), []
-        for draw, (robot, worlds) in enumerate(trials):
-            told = dataclasses.replace(trial, progress=part_of(self.progress, draw, len(trials)))
-            outcomes.append(robot.run_in(robot.points(points), worlds, told))
+        gradients, told = bool(trial.gradients), dataclasses.replace(trial, progress=self.progress)
+        outcomes = self._trials.outcomes(self.offered, points, told)
         values = [self._objective.values(each, self.judged_by) for each in outcomes]
         slopes = [self._objective.gradients(each, self.judged_by) for each in outcomes] if gradients else []
         if not self.uncertain:
@@ -139,9 +137,9 @@ class JudgedRobot(RobotDesigning):
         return self._judged([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found)
 
     @cached_property
-    def _trials(self) -> list[tuple[Robot, Sequence[World]]]:
-        """The robot and its worlds; as they are in each draw, if something is uncertain."""
-        return trials_of(self.offered, self.tried_in, self.uncertain, self.draws)
+    def _trials(self) -> Trials:
+        """Its worlds; as they are in each draw, if something is uncertain."""
+        return Trials.of(self.offered, self.tried_in, self.uncertain, self.draws)
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
         """How the best robot does over draws that the search has not seen, where something is uncertain."""

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from robots.robot import OK, Outcome, Robot, World
-from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
+from robots.robot import OK, Outcome, Robot, Trial, World
+from robots.uncertainty import JUDGED_DRAWS, Perturbation, Risk, Uncertainty, judge_uncertain
 from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
@@ -60,12 +61,33 @@ def check_drawn(robot: Robot, worlds: Sequence[World], uncertain: str, draws: in
         Uncertainty.parse(uncertain).check(robot, world)
 
 
-def trials_of(robot: Robot, worlds: Sequence[World], uncertain: str, draws: int) -> list[tuple[Robot, Sequence[World]]]:
-    """A robot and its worlds; as they are in each of so many draws, if something is uncertain."""
-    if not uncertain:
-        return [(robot, worlds)]
-    drawn, terrains = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators), list(map(terrain_of, worlds))
-    return [(robot.perturbed(one), [one.around(robot, terrain) for terrain in terrains]) for one in drawn]
+@dataclass(frozen=True, eq=False)
+class Trials:
+    """Where a robot is tried: in its worlds; as they are in each of K draws, if something is uncertain.
+
+    Attributes:
+        worlds: W of them for each draw, draw by draw.
+        draws: of each of those; empty if nothing is uncertain.
+        count: W.
+    """
+
+    worlds: Sequence[World]
+    draws: Sequence[Perturbation]
+    count: int
+
+    @classmethod
+    def of(cls, robot: Robot, worlds: Sequence[World], uncertain: str, draws: int) -> Self:
+        """Those of a robot in worlds, with so many draws of what is uncertain as a text says."""
+        if not uncertain:
+            return cls(worlds, (), len(worlds))
+        drawn = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators)
+        around = [one.around(robot, terrain_of(world)) for one in drawn for world in worlds]
+        return cls(around, [one for one in drawn for _ in worlds], len(worlds))
+
+    def outcomes(self, robot: Robot, points: Floats, trial: Trial) -> list[list[Outcome]]:
+        """What a robot does at points, shape (N, P), in each world, draw by draw."""
+        found = robot.run_in(robot.points(points), self.worlds, trial, self.draws)
+        return [found[first : first + self.count] for first in range(0, len(found), self.count)]
 
 
 def mean_outcome(outcomes: Sequence[Outcome]) -> Outcome:

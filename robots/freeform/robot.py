@@ -1,11 +1,11 @@
 """Freeform robots: grids of cells, each of which may be there or not, of any tissue, with a muscle of its own."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,20 +15,17 @@ from robots.freeform.fields import PARAMETRISATIONS, RESOLUTION, Fields, Paramet
 from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
-from robots.freeform.trials import try_designs
+from robots.freeform.trials import try_variants
 from robots.lattice_robot.measures import checked_target, measures_of
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
-from robots.outcome import recorded
-from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, counted
+from robots.lattice_robot.simulation import outcome_of
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
-
-if TYPE_CHECKING:
-    pass
 
 LARGEST_AMPLITUDE = 0.5
 DETAILS = {"filtered": "radius", "blobs": "balls", "network": "hidden", "pattern": "hidden"}
@@ -248,9 +245,14 @@ class FreeformRobot(Robot):
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robots of N points move."""
-        found = try_designs(self, points, trial)
-        frames = recorded(found.frames[0])
-        return Outcome(found.measures, found.status, found.reason, found.steps, found.gradients, frames, found)
+        return self.run_in(points, (trial.world,), trial)[0]
+
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: Sequence[Perturbation] = ()
+    ) -> list[Outcome]:
+        """Let the robots of N points move in several worlds; those with the same cells share a batch."""
+        robots = self.variants(draws, len(worlds))
+        return [outcome_of(found) for found in try_variants(robots, points, worlds, trial)]
 
     @property
     def steps(self) -> int:

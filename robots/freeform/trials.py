@@ -1,22 +1,27 @@
 """How freeform robots are tried: designs that can be built, each as its own lattice, and mixtures between designs."""
 
-import dataclasses
 import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robots.batches import around, grouped, of_each
 from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.rollout import Channels, Rollout
+from robots.lattice_robot.scenes import Scenes
+from robots.lattice_robot.simulation import AT_ONCE as MOST
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled, result_of
-from robots.robot import Progress, Trial, part_of
-from robots.world import terrain_of, without_props
+from robots.robot import Trial, World, part_of
+from robots.world import Terrain, terrain_of, without_props
 from taichi_sim.autodiff.arrays import trace, value_of
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeBody, Quantity
 
 if TYPE_CHECKING:
@@ -26,116 +31,167 @@ MEMORY = 1e9  # of a differentiation's record [B]
 AT_ONCE = 2  # robots a thread in a record: more share the memory, and so compute more again
 REST = 1.0  # size of a cell that no muscle moves [edges]
 ANGLES = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS  # of the nodes of a cycle [rad]
+WAVE = np.stack([np.sin(ANGLES), np.cos(ANGLES)], axis=1)  # of the components of a swing, at the nodes
 CHOICE = 4.0  # how sharply the heaviest tissue prevails, where nothing is sharpened yet
 
 
-def try_designs(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobotResult:
-    """Try points, shape (N, P): as robots that can be built, or between designs if the trial's sharpness is finite.
+Case = tuple["FreeformRobot", Terrain]
 
-    Of robots that can be built it also tells the numbers of ``cells`` and ``channels``.
+
+@dataclass(frozen=True, eq=False)
+class Cases:
+    """Variants of one robot, each in its world, that can share a batch; they differ as draws of it do.
+
+    Attributes:
+        robots: W of them.
+        terrains: of each.
+        trial: how they are tried; its world is that of the first.
     """
-    if math.isfinite(trial.sharpness) and robot.relaxable:
-        return _between(robot, points, trial)
+
+    robots: "Sequence[FreeformRobot]"
+    terrains: Sequence[Terrain]
+    trial: Trial
+
+    @property
+    def first(self) -> "FreeformRobot":
+        """The first robot, for what all of them share."""
+        return self.robots[0]
+
+    def of(self, which: Ints) -> list[Case]:
+        """Robot and terrain of cases, shape (N,); the same object for the same case."""
+        pairs = list(zip(self.robots, self.terrains, strict=True))
+        return [pairs[case] for case in which.tolist()]
+
+    def parts(self, cases: Ints, done: int, count: int) -> "Iterator[tuple[Ints, Cases]]":
+        """Numbers of cases, of N a world, in groups small enough for a record, and how each group is tried."""
+        size = AT_ONCE * self.trial.compute.thread_count if self.trial.gradients else MOST
+        groups = [cases[first : first + size] for first in range(0, len(cases), size)]
+        outer = part_of(self.trial.progress, done, count)
+        for number, group in enumerate(groups):
+            tick = part_of(outer, number, len(groups))
+            yield group, replace(self, trial=replace(self.trial, progress=tick))
+
+
+def try_variants(
+    robots: "Sequence[FreeformRobot]", points: Floats, worlds: Sequence[World], trial: Trial
+) -> list[LatticeRobotResult]:
+    """Try points, shape (N, P), with each of several variants of a robot in its world; those that can share a batch.
+
+    As robots that can be built, or between designs if the trial's sharpness is finite. Of robots that can be built
+    the results also tell the numbers of ``cells`` and ``channels``.
+    """
+    terrains, count = [terrain_of(world) for world in worlds], len(points)
+    pairs = zip(robots, terrains, strict=True)
+    groups = grouped((r.actuation.frequency, around(terrain, r.palette.materials)) for r, terrain in pairs)
+    found, done = dict[int, LatticeRobotResult](), 0
+    for group in groups:
+        told = replace(trial, progress=part_of(trial.progress, done, len(worlds), len(group)))
+        cases = Cases([robots[number] for number in group], [terrains[number] for number in group], told)
+        between = math.isfinite(trial.sharpness) and cases.first.relaxable
+        batch = (_between if between else _true)(cases, points)
+        for place, number in enumerate(group):
+            found[number] = batch.rows(slice(place * count, (place + 1) * count))
+        done += len(group)
+    return [found[number] for number in range(len(worlds))]
+
+
+def _true(cases: Cases, points: Floats) -> LatticeRobotResult:
+    """What the robots do that can be built of N points, in each of W cases, as W N points."""
+    robot, count = cases.first, len(points)
     fields = robot.parametrisation(points)
-    solids = [robot.solid_at(fields, row) for row in range(len(points))]
-    alike: dict[tuple[bytes, ...], list[int]] = {}
-    for row, solid in enumerate(solids):
-        if not solid.fault:
-            alike.setdefault((solid.cells.tobytes(), solid.tissues.tobytes(), solid.channels.tobytes()), []).append(row)
-    size = AT_ONCE * trial.compute.thread_count if trial.gradients else len(points)
-    groups = [rows[first : first + size] for rows in alike.values() for first in range(0, len(rows), size)]
-    parts = []
-    for done, rows in enumerate(groups):
-        tick = part_of(trial.progress, done, len(groups))
-        parts.append((np.array(rows), _built(robot, solids[rows[0]], points[rows], trial, tick)))
-    found = _assembled(robot, parts, np.array([solid.fault for solid in solids]), points, trial)
+    solids = [robot.solid_at(fields, row) for row in range(count)]
+    alike = grouped((s.cells.tobytes(), s.tissues.tobytes(), s.channels.tobytes()) for s in solids)
+    alike = [rows for rows in alike if not solids[rows[0]].fault]
+    worlds, parts = count * np.arange(len(cases.robots))[:, None], []
+    for done, rows in enumerate(alike):
+        for each, told in cases.parts((worlds + rows).ravel(), done, len(alike)):
+            parts.append((each, _built(told, solids[rows[0]], points[each % count], each // count)))
+    found = _assembled(cases, parts, np.array([solid.fault for solid in solids]), points.shape[1])
     counts = {"cells": [len(solid.cells) for solid in solids], "channels": [solid.count for solid in solids]}
-    told = {name: np.where(found.status == "ok", each, np.nan) for name, each in counts.items()}
-    return dataclasses.replace(found, measures={**found.measures, **told})
+    tiled = {name: np.tile(each, len(cases.robots)) for name, each in counts.items()}
+    ours = {name: np.where(found.status == "ok", each, np.nan) for name, each in tiled.items()}
+    return replace(found, measures={**found.measures, **ours})
 
 
 def _assembled(
-    robot: "FreeformRobot",
-    parts: list[tuple[NDArray[Any], LatticeRobotResult]],
-    reason: NDArray[np.str_],
-    points: Floats,
-    trial: Trial,
+    cases: Cases, parts: list[tuple[NDArray[Any], LatticeRobotResult]], reason: NDArray[np.str_], free: int
 ) -> LatticeRobotResult:
-    names, slopes = [m.name for m in robot.measures], {name: points.shape[1] for name in trial.gradients}
-    return assembled(parts, reason, robot.cycle.time_step, names, slopes)
+    names, slopes = [m.name for m in cases.first.measures], dict.fromkeys(cases.trial.gradients, free)
+    return assembled(parts, np.tile(reason, len(cases.robots)), cases.first.cycle.time_step, names, slopes)
 
 
-def _built(
-    robot: "FreeformRobot", solid: Solid, points: Floats, trial: Trial, progress: Progress | None
-) -> LatticeRobotResult:
-    """What robots with the same cells, tissues and channels do."""
-    terrain, still = terrain_of(trial.world), np.zeros(solid.count)
-    shell = robot.built(solid, still, still).on(terrain)
+def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRobotResult:
+    """What robots with the same cells do: that of each point, shape (N, P), in one of the cases, shape (N,)."""
+    trial, owners, still = cases.trial, cases.of(which), np.zeros(solid.count)
+    distinct = {id(robot): robot for robot, _ in owners}
+    shells = {number: robot.built(solid, still, still) for number, robot in distinct.items()}
+    where = [terrain for _, terrain in owners]
+    scenes = Scenes.of([shells[id(robot)] for robot, _ in owners], where)
     regions, places = np.arange(solid.count), np.arange(SEGMENTS) / SEGMENTS
 
     def swing(points: Any) -> Any:
         """What the cycle adds to the sizes, shape (N, 3 count, 16); with the bits of a ``Drive``."""
-        amplitude, phase = robot.waves(solid, points)
+        amplitude, phase = of_each(owners, lambda case, own: case[0].waves(solid, own), points)
         wave = amplitude[..., None] * np.sin(2 * np.pi * (places + phase[..., None]))
         return np.tile((REST + wave) - REST, (1, 3, 1))
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    bodies = [shell.body] * len(points)
-    every, starts = trial.record_every, shell.starts(len(points))
-    aim = dataclasses.replace(robot.aim, placed=shell.placed)
-    rollout = Rollout(bodies, _sizes(regions), swung, robot.cycle, terrain, aim, trial.compute, every, starts)
+    bodies, cycle = [robot.body for robot in scenes.robots], cases.first.cycle
+    aim, every = replace(cases.first.aim, placed=scenes.first.placed), trial.record_every
+    rollout = Rollout(bodies, _sizes(regions), swung, cycle, where, aim, trial.compute, every, scenes.starts)
     if pull_back is None:
-        return result_of(rollout, rollout.run(progress), {})
-    moved = rollout.differentiate(trial.gradients, MEMORY, progress)
+        return result_of(rollout, rollout.run(trial.progress), {})
+    moved = rollout.differentiate(trial.gradients, MEMORY, trial.progress)
     return result_of(rollout, moved, {name: pull_back(each.swing)[0] for name, each in moved.slopes.items()})
 
 
-def _between(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobotResult:
-    """What mixtures of all tissues and of nothing do, in groups."""
-    size = AT_ONCE * trial.compute.thread_count if trial.gradients else len(points)
-    groups = [np.arange(first, min(first + size, len(points))) for first in range(0, len(points), size)]
-    parts = []
-    for done, rows in enumerate(groups):
-        part = dataclasses.replace(trial, progress=part_of(trial.progress, done, len(groups)))
-        parts.append((rows, _mixed(robot, points[rows], part)))
-    return _assembled(robot, parts, np.full(len(points), ""), points, trial)
+def _between(cases: Cases, points: Floats) -> LatticeRobotResult:
+    """What mixtures of all tissues and of nothing do, at N points in each of W cases, as W N points."""
+    count, parts = len(points), []
+    for each, told in cases.parts(np.arange(count * len(cases.robots)), 0, 1):
+        parts.append((each, _mixed(told, points[each % count], each // count)))
+    return _assembled(cases, parts, np.full(count, ""), points.shape[1])
 
 
-def _mixed(robot: "FreeformRobot", points: Floats, trial: Trial) -> LatticeRobotResult:
-    grid, palette, terrain = robot.grid, robot.palette, terrain_of(trial.world)
-    without_props(terrain)  # which mixtures do not meet
-    wave = np.stack([np.sin(ANGLES), np.cos(ANGLES)], axis=1)  # of the components of a swing
+def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
+    """What mixtures do: that of each point, shape (N, P), in one of the cases, shape (N,)."""
+    robot, trial, grid = cases.first, cases.trial, cases.first.grid
+    terrains = [cases.terrains[case] for case in which.tolist()]
+    without_props(terrains[0])  # which mixtures do not meet
 
-    def mixture(points: Any) -> tuple[Any, ...]:
-        """Swing of the sizes, how much each cell is driven, and the numbers of the materials."""
-        fields = robot.parametrisation(points)
-        weights = chosen(fields.tissue, CHOICE * (1.0 + trial.sharpness))
-        muscle = (weights * palette.muscles).sum(axis=2)
-        swing = fields.swing * (muscle * robot.actuation.amplitude)[..., None]
-        if robot.gains:
-            swing = swing * np.array(robot.gains)[:, None]
-        moved = (swing[..., None, :] * wave).sum(axis=3)
-        numbers = palette.mixtures(projected(fields.presence, trial.sharpness), weights)
-        return np.tile(moved, (1, 3, 1)), muscle, *(numbers[name] for name in MIXED)
+    def mixture(case: Case, points: Any) -> tuple[Any, ...]:
+        return _mixture(*case, points, trial.sharpness)
 
-    (swung, driven, *values), pull_back = trace(mixture, points)
-    numbers = dict(zip(MIXED, values, strict=True))
-    ground = material_friction(terrain)
-    numbers |= {name: np.full_like(driven, friction) for name, friction in ground.items()}
-    each = np.arange(grid.count)
-    plain = LatticeBody(grid.places, palette.materials[:1] * grid.count, each, grid.voxel_size, each)
-    bodies = [palette.body(plain, {name: found[row] for name, found in numbers.items()}) for row in range(len(points))]
+    owners = cases.of(which)
+    (swung, driven, *values), pull_back = trace(partial(of_each, owners, mixture), points)
+    numbers, each = dict(zip(MIXED, values, strict=True)), np.arange(grid.count)
+    plain = LatticeBody(grid.places, robot.palette.materials[:1] * grid.count, each, grid.voxel_size, each)
+    rows = ({name: found[row] for name, found in numbers.items()} for row in range(len(points)))
+    bodies = [robot.palette.body(plain, row) for row in rows]
     rollout = Rollout(
-        bodies, _sizes(each), swung, robot.cycle, terrain, robot.aim, trial.compute, trial.record_every, None, driven
+        bodies, _sizes(each), swung, robot.cycle, terrains, robot.aim, trial.compute, trial.record_every, None, driven
     )
     if not trial.gradients:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved, gradients = rollout.differentiate(trial.gradients, MEMORY, trial.progress), {}
     for name, slopes in moved.slopes.items():
-        by = {field: slopes.materials[field] for field in MIXED}
-        by |= {field: np.zeros_like(driven) for field in ground}
-        gradients[name] = pull_back(slopes.swing, slopes.driven, *by.values())[0]
+        by = (slopes.materials[field] for field in MIXED)
+        gradients[name] = pull_back(slopes.swing, slopes.driven, *by)[0]
     return result_of(rollout, moved, gradients)
+
+
+def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: float) -> tuple[Any, ...]:
+    """Swing of the sizes of mixtures, how much each cell is driven, and the numbers of the materials."""
+    fields, palette = robot.parametrisation(points), robot.palette
+    weights = chosen(fields.tissue, CHOICE * (1.0 + sharpness))
+    muscle = (weights * palette.muscles).sum(axis=2)
+    swing = fields.swing * (muscle * robot.actuation.amplitude)[..., None]
+    if robot.gains:
+        swing = swing * np.array(robot.gains)[:, None]
+    moved = (swing[..., None, :] * WAVE).sum(axis=3)
+    numbers = palette.mixtures(projected(fields.presence, sharpness), weights)
+    numbers |= {name: 0.0 * muscle + friction for name, friction in material_friction(terrain).items()}
+    return np.tile(moved, (1, 3, 1)), muscle, *(numbers[name] for name in MIXED)
 
 
 def _sizes(regions: NDArray[Any]) -> Channels:

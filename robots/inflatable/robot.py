@@ -13,11 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.design import (
-    InflatableDesign,
-    common_pressure,
-    save_design,
-)
+from robots.batches import around, grouped
+from robots.inflatable.design import InflatableDesign, common_pressure, save_design
 from robots.inflatable.schedule import BLADDERS
 from robots.outcome import recorded
 from robots.robot import (
@@ -33,6 +30,7 @@ from robots.robot import (
     Robot,
     Trial,
     World,
+    part_of,
 )
 from robots.uncertainty import QUANTITIES
 from robots.world import Terrain, terrain_of
@@ -136,56 +134,65 @@ class InflatableRobot(Robot):
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Play the gait, as often as there are points."""
-        return self._play(terrain_of(trial.world), len(points), trial)
+        return self.run_in(points, (trial.world,), trial)[0]
 
-    def simulate_in(
-        self,
-        worlds: Sequence[World],
-        *,
-        draws: "Sequence[Perturbation]" = (),
-        compute: Compute = HERE,
-        progress: Progress | None = None,
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: "Sequence[Perturbation]" = ()
     ) -> list[Outcome]:
-        """Play the gait on several terrains, as one batch; with draws, as bladders then play it."""
-        terrains = [terrain_of(world) for world in worlds]
-        found = self._play(terrains, len(worlds), Trial(worlds[0], compute, progress=progress), draws)
-        return [
-            Outcome({name: values[n : n + 1] for name, values in found.measures.items()}, found.status[n : n + 1])
-            for n in range(len(worlds))
-        ]
-
-    def _play(
-        self,
-        terrain: Terrain | Sequence[Terrain],
-        count: int,
-        trial: Trial,
-        draws: "Sequence[Perturbation]" = (),
-    ) -> Outcome:
-        """Play the gait so often, on a terrain or one each; or the table on the rig, once."""
-        from robots.inflatable import simulation
-        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
-
-        more: dict[str, Floats] = {}
+        """Play the gait in several worlds, in each as often as there are points, as one batch; with draws, as bladders
+        then play it. A rig plays its table in each world, once."""
         if self.rig is not None:
-            from robots.inflatable.on_rig import played_by_rig
+            return [self._on_rig(part) for part in trial.parts(worlds)]
+        terrains, found, done = [terrain_of(world) for world in worlds], dict[int, Outcome](), 0
+        noisy = self.perturbation > 0 and len(points) > 1  # each of several has noise of its own, the same everywhere
+        for group in grouped((around(terrain), number * noisy) for number, terrain in enumerate(terrains)):
+            told = dataclasses.replace(trial, progress=part_of(trial.progress, done, len(worlds), len(group)))
+            drawn = [draws[number] for number in group] if draws else []
+            played = self._played([terrains[number] for number in group], len(points), told, drawn)
+            found |= dict(zip(group, played, strict=True))
+            done += len(group)
+        return [found[number] for number in range(len(worlds))]
 
-            result, more = played_by_rig(self, trial)
-        else:
-            geometry, actuation = self.parts
-            result = simulation.simulate(
-                [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * count,
-                terrain,
-                geometry=geometry,
-                actuation=[perturbed_drive(actuation, drawn) for drawn in draws] or actuation,
-                **trial.compute.options,
-                record_every=trial.record_every,
-                perturbation=self.perturbation,
-                seed=self.seed,
-                progress=trial.progress,
-            )
+    def _played(
+        self, terrains: Sequence[Terrain], count: int, trial: Trial, draws: "Sequence[Perturbation]"
+    ) -> list[Outcome]:
+        """What the gait does so often on each of several terrains, in one batch."""
+        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
+        from robots.inflatable.simulation import reordered, simulate
+
+        geometry, actuation = self.parts
+        gaits = [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * len(terrains)
+        drives = [perturbed_drive(actuation, drawn) for drawn in draws] or [actuation] * len(terrains)
+        rows = np.arange(len(terrains)).repeat(count).tolist()
+        result = simulate(
+            [gaits[row] for row in rows],
+            [terrains[row] for row in rows],
+            geometry=geometry,
+            actuation=[drives[row] for row in rows],
+            **trial.compute.options,
+            record_every=trial.record_every,
+            perturbation=self.perturbation,
+            seed=self.seed if len(terrains) == 1 else (self.seed,) * len(rows),
+            progress=trial.progress,
+        )
+        if len(terrains) == 1:
+            return [self._outcome(result)]
+        parts = np.arange(len(rows)).reshape(len(terrains), count)
+        return [self._outcome(reordered(result, part)) for part in parts]
+
+    def _on_rig(self, trial: Trial) -> Outcome:
+        """What becomes of the table on the rig."""
+        from robots.inflatable.on_rig import played_by_rig
+
+        return self._outcome(*played_by_rig(self, trial))
+
+    def _outcome(self, result: "InflatableResult", more: Mapping[str, Floats] | None = None) -> Outcome:
+        """A result as commands and searches see it."""
+        from robots.inflatable.simulation import sideways
+
         measures = {name: getattr(result, name) for name in ("speed", "distance", "speed_simulated")}
-        measures["sideways"] = simulation.sideways(result.displacement, [self.gait.orientation] * len(result.status))
-        measures |= more
+        measures["sideways"] = sideways(result.displacement, [self.gait.orientation] * len(result.status))
+        measures |= more or {}
         if self.speeds is not None:
             measures["speed"] = self.speeds(result)
         return Outcome(measures, result.status, steps=result.steps, frames=recorded(result.frames), result=result)

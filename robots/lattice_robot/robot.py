@@ -22,7 +22,7 @@ from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, turned
-from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_worlds
+from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_variants
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
@@ -412,11 +412,11 @@ class LatticeRobot(OutOfTheLab):
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
         return outcome_of(try_points(self, points, trial))
 
-    def run_in(self, points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
-        """Let the robot move at N points in several worlds, in one batch where ground, slope and light alone differ."""
-        if trial.record_every:
-            return super().run_in(points, worlds, trial)
-        return try_worlds(self, points, worlds, trial)
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: Sequence[Perturbation] = ()
+    ) -> list[Outcome]:
+        """Let the robot move at N points in several worlds, in one batch where little enough differs."""
+        return try_variants(self.variants(draws, len(worlds)), points, worlds, trial)
 
     @property
     def feels(self) -> bool:  # type: ignore[override]

@@ -10,8 +10,9 @@ import numpy as np
 
 from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY
 from robots.lattice_robot.ground import without_friction
+from robots.lattice_robot.simulation import try_variants
 from robots.outcome import Judgement
-from robots.robot import Progress, part_of
+from robots.robot import Progress, Trial
 from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
@@ -82,15 +83,11 @@ def trust_in(
     if not terrain.is_fluid:
         trials += [(f"{part:g} of the friction", _slippery(noisy, part)) for part in FRICTIONS]
     trials.append(("half the time step", replace(noisy, time_step_safety=2 * robot.time_step_safety)))
-    starts, changed = [], {}
-    for done, (name, each) in enumerate(trials):
-        outcome = each.simulate((), terrain, compute=compute, progress=part_of(progress, done, len(trials)))
-        speed = float(np.nan_to_num(outcome.measures["speed"][0]))
-        if name:
-            changed[name] = speed
-        else:
-            starts.append(speed)
-    return Trust(np.array(starts), changed)
+    names, robots = zip(*trials, strict=True)
+    told = Trial(terrain, compute, progress=progress)
+    outcomes = try_variants(robots, robot.points(()), [terrain] * len(trials), told)
+    speeds = [float(np.nan_to_num(outcome.measures["speed"][0])) for outcome in outcomes]
+    return Trust(np.array(speeds[:STARTS]), dict(zip(names[STARTS:], speeds[STARTS:], strict=True)))
 
 
 def _slippery(robot: "LatticeRobot", part: float) -> "LatticeRobot":

@@ -1,65 +1,94 @@
-"""Where the robots of a batch move: worlds that differ in ground, slope and light alone share one."""
+"""The robots of a batch, each in its world: variants of one robot that differ in little enough share one."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from robots.ground import Ground
-from robots.world import Terrain
+from robots.batches import around, grouped, of_each
+from robots.world import MATERIAL_FRICTION, Terrain
 from taichi_sim.base.arrays import Floats, Ints
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
-_OF_EACH = ("slope", "ground", "light")  # what may differ between robots of a batch
-_OF_ALL = tuple(each.name for each in fields(Terrain) if each.name not in _OF_EACH)
+_SMOOTH = dict.fromkeys(MATERIAL_FRICTION, 0.0)
+_LATTICE = ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals", "chambers")
+_SETTINGS = ("frequency", "settling", "cycles", "heading", "target", "reference_length", "perturbation", "reflexes")
 
 
 @dataclass(frozen=True, eq=False)
 class Scenes:
-    """Where each of N robots of a batch moves.
+    """Which robot each of N robots of a batch is, and where it moves.
 
     Attributes:
-        terrains: of each; those of one of the groups of :func:`sharing`.
+        robots: each as it is on its terrain; those of one of the groups of :func:`sharing`.
+        terrains: of each.
         lights: where the light of each is, from where its centre starts [m], shape (N, 2); None without lights.
         aimed: whether its light is what each should come near.
     """
 
+    robots: "tuple[LatticeRobot, ...]"
     terrains: tuple[Terrain, ...]
     lights: Floats | None
     aimed: bool
 
     @classmethod
-    def of(cls, robot: "LatticeRobot", terrains: Sequence[Terrain]) -> Self:
-        """The scenes of robots on terrains."""
-        places = [robot.light_in(terrain) for terrain in terrains]
+    def of(cls, robots: "Sequence[LatticeRobot]", terrains: Sequence[Terrain]) -> Self:
+        """The scenes of robots, each on its terrain; of the same one on the same terrain they keep one."""
+        pairs = list(zip(robots, terrains, strict=True))
+        places = [robot.light_in(terrain) for robot, terrain in pairs]
         lights = None if not places or None in places else np.array(places, float)
-        return cls(tuple(terrains), lights, lights is not None and robot.target is None)
+        distinct = {(id(robot), id(terrain)): (robot, terrain) for robot, terrain in pairs}
+        there = {which: robot.on(terrain) for which, (robot, terrain) in distinct.items()}
+        every = tuple(there[id(robot), id(terrain)] for robot, terrain in pairs)
+        return cls(every, tuple(terrains), lights, lights is not None and robots[0].target is None)
 
     def rows(self, which: Ints) -> "Scenes":
         """Those of some of the robots."""
         lights = None if self.lights is None else self.lights[which]
-        return Scenes(tuple(self.terrains[n] for n in which.tolist()), lights, self.aimed)
+        numbers = which.tolist()
+        robots, terrains = (tuple(each[n] for n in numbers) for each in (self.robots, self.terrains))
+        return Scenes(robots, terrains, lights, self.aimed)
+
+    @property
+    def first(self) -> "LatticeRobot":
+        """The first robot, for what all of them share."""
+        return self.robots[0]
+
+    @property
+    def starts(self) -> Floats | None:
+        """Voxel centres at the start, with noise and among props [m], shape (N, V, 3); None as the body has them."""
+        if self.first.starts(1) is None:
+            return None
+        found: Floats = of_each(self.robots, lambda robot, rows: robot.starts(len(rows)), self.robots)
+        return found
 
 
-def sharing(robot: "LatticeRobot", terrains: Sequence[Terrain]) -> list[list[int]]:
-    """Numbers of the terrains that can share a batch, group by group.
+def sharing(robots: "Sequence[LatticeRobot]", terrains: Sequence[Terrain]) -> list[list[int]]:
+    """Numbers of the robots on their terrains that can share a batch, group by group.
 
-    They agree in all but slope, ground and light, and in whether there is water and whether the ground yields. Level
-    and uneven ground share one: the laws of either give robots on level ground the same bits, in about the same time.
+    Robots agree in all but the friction of their materials, the gains of their drives and the seed of the noise where
+    they start; terrains in all but slope, ground, light and friction, and in whether there is water and whether the
+    ground yields. Level and uneven ground share one: the laws of either give robots on level ground the same bits, in
+    about the same time. Among props, friction agrees, too.
     """
-    groups: dict[Any, list[int]] = {}
-    for number, terrain in enumerate(terrains):
-        same = tuple(getattr(terrain, name) for name in _OF_ALL)
-        groups.setdefault((same, robot.light_in(terrain) is None, _laws(terrain)), []).append(number)
-    return list(groups.values())
+    distinct = {id(robot): robot for robot in robots}
+    known = {number: _shared(robot) for number, robot in distinct.items()} if len(distinct) > 1 else {}
+    pairs = zip(robots, terrains, strict=True)
+    return grouped(
+        (known.get(id(robot)), robot.light_in(terrain) is None, around(terrain, robot.body.materials))
+        for robot, terrain in pairs
+    )
 
 
-def _laws(terrain: Terrain) -> tuple[bool, bool]:
-    """Whether there is water on a terrain's ground, and whether it yields."""
-    if terrain.ground is None:
-        return False, False
-    ground = Ground(terrain.ground)
-    return ground.water is not None, ground.yield_per_depth is not None
+def _shared(robot: "LatticeRobot") -> Hashable:
+    """What the robots of a batch agree in, to be compared."""
+    body = robot.body
+    materials = tuple(replace(material, **_SMOOTH) for material in body.materials)  # type: ignore[arg-type]
+    drives = tuple(replace(drive, gains=()) for drive in robot.drives)
+    lattice = tuple(np.asarray(getattr(body, name)).tobytes() for name in _LATTICE)
+    noise = None if robot.reflexes is None else robot.seed  # that of senses is one for all
+    moduli, settings = tuple(robot.free_moduli.items()), tuple(getattr(robot, name) for name in _SETTINGS)
+    return materials, drives, lattice, body.voxel_size, noise, moduli, robot.cycle.time_step, settings

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robots.batches import of_each, runs_of
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
 from robots.lattice_robot.reflexes import Feeling
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
 MEMORY = 1e9  # of a differentiation's record [B]
+AT_ONCE = 256  # robots of a batch, at most, where several worlds share it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -131,23 +133,43 @@ def differentiate(
     return try_points(robot, robot.start if points is None else points, trial, memory)
 
 
-def try_points(
-    robot: "LatticeRobot",
-    points: ArrayLike,
-    trial: Trial,
-    memory: float = MEMORY,
-    terrains: Sequence[Terrain] | None = None,
-) -> LatticeRobotResult:
-    """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`.
+def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: float = MEMORY) -> LatticeRobotResult:
+    """What a robot does at N points, shape (N, P), in a trial; with gradients in groups, see :func:`differentiate`."""
+    points = robot.points(points)
+    scenes = Scenes.of([robot] * len(points), [terrain_of(trial.world)] * len(points))
+    return _try_scenes(scenes, points, trial, memory)
 
-    Each of the points may have a terrain of its own, of those that can share a batch with the trial's (``sharing``).
-    """
-    compute = trial.compute
+
+def try_variants(
+    robots: Sequence["LatticeRobot"], points: Floats, worlds: Sequence[World], trial: Trial
+) -> list[Outcome]:
+    """What robots with the same free values do at N points, shape (N, P), each in its world; those that can do so
+    share a batch."""
+    terrains, count = [terrain_of(world) for world in worlds], len(points)
+    most = max(AT_ONCE // count, 1)
+    groups = [
+        group[first : first + most] for group in sharing(robots, terrains) for first in range(0, len(group), most)
+    ]
+    found, done = dict[int, Outcome](), 0
+    for group in groups:
+        tick = part_of(trial.progress, done, len(worlds), len(group))
+        there = replace(trial, world=terrains[group[0]], progress=tick)
+        rows = [number for number in group for _ in range(count)]
+        scenes = Scenes.of([robots[row] for row in rows], [terrains[row] for row in rows])
+        memory = MEMORY * (1 if trial.compute.device == "cpu" else len(group))  # a CPU takes a few robots at a time
+        batch = _try_scenes(scenes, np.tile(points, (len(group), 1)), there, memory)
+        for place, number in enumerate(group):
+            found[number] = outcome_of(batch.rows(slice(place * count, (place + 1) * count)))
+        done += len(group)
+    return [found[number] for number in range(len(worlds))]
+
+
+def _try_scenes(scenes: Scenes, points: Floats, trial: Trial, memory: float) -> LatticeRobotResult:
+    """What the robots of scenes do at a point each, shape (N, P), in a trial whose world is that of the first."""
+    compute, robot = trial.compute, scenes.first
     if trial.record_every is not None:
         trial = replace(trial, record_every=whole_number("record_every", trial.record_every, 1))
-    where, points = terrain_of(trial.world), robot.points(points)
-    scenes, robot = Scenes.of(robot, terrains or [where] * len(points)), robot.on(where)
-    reason = np.array([robot.fault(point) for point in points])
+    reason = of_each(scenes.robots, lambda robot, own: np.array([robot.fault(point) for point in own]), points)
     size = len(points)
     if trial.gradients and compute.device == "cpu":
         size = ROBOTS_PER_THREAD * compute.thread_count
@@ -157,57 +179,35 @@ def try_points(
         rows, tick = group[reason[group] == ""], part_of(trial.progress, done, len(groups))
         if len(rows):
             told = replace(trial, progress=tick)
-            parts.append((rows, _try_group(robot, points[rows], told, memory, scenes.rows(rows))))
+            parts.append((rows, _try_group(scenes.rows(rows), points[rows], told, memory)))
     measures, slopes = robot.measures_in((trial.world,)), {name: points.shape[1] for name in trial.gradients}
     return assembled(parts, reason, robot.cycle.time_step, [m.name for m in measures], slopes)
 
 
-def try_worlds(robot: "LatticeRobot", points: Floats, worlds: Sequence[World], trial: Trial) -> list[Outcome]:
-    """What a robot does at N points, shape (N, P), in each of several worlds; those that can share a batch do."""
-    terrains, count = [terrain_of(world) for world in worlds], len(points)
-    found, done = dict[int, Outcome](), 0
-    for group in sharing(robot, terrains):
-        tick = part_of(trial.progress, done, len(worlds), len(group))
-        there = replace(trial, world=terrains[group[0]], progress=tick)
-        rows = [terrains[number] for number in group for _ in range(count)]
-        memory = MEMORY * (1 if trial.compute.device == "cpu" else len(group))  # a CPU takes a few robots at a time
-        batch = try_points(robot, np.tile(points, (len(group), 1)), there, memory, rows)
-        for place, number in enumerate(group):
-            found[number] = outcome_of(batch.rows(slice(place * count, (place + 1) * count)))
-        done += len(group)
-    return [found[number] for number in range(len(worlds))]
-
-
-def _try_group(
-    robot: "LatticeRobot", points: Floats, trial: Trial, memory: float, scenes: Scenes
-) -> LatticeRobotResult:
-    """What a robot does at points that all are robots; gradients at points that settle to a tie come from beside it."""
-    tied = robot.settles_at_rest(points)
+def _try_group(scenes: Scenes, points: Floats, trial: Trial, memory: float) -> LatticeRobotResult:
+    """What robots do at points that all are robots; gradients at points that settle to a tie come from beside it."""
+    tied = of_each(scenes.robots, lambda robot, own: robot.settles_at_rest(own), points)
     if not trial.gradients or not tied.any():
-        return _moved(robot, points, trial, scenes, memory)
+        return _moved(scenes, points, trial, memory)
     told = trial.progress or (lambda _: None)
     beside = replace(trial, progress=lambda fraction: told(0.9 * fraction))
-    found = _moved(robot, points, beside, scenes, memory, BESIDE * tied)
-    plain = _moved(robot, points, replace(trial, gradients=(), progress=None), scenes)
+    found = _moved(scenes, points, beside, memory, BESIDE * tied)
+    plain = _moved(scenes, points, replace(trial, gradients=(), progress=None))
     failed = (plain.status != "ok")[:, None]
     return replace(plain, gradients={name: np.where(failed, np.nan, g) for name, g in found.gradients.items()})
 
 
 def _moved(
-    robot: "LatticeRobot",
-    points: Floats,
-    trial: Trial,
-    scenes: Scenes,
-    memory: float = MEMORY,
-    later: ArrayLike = 0.0,
+    scenes: Scenes, points: Floats, trial: Trial, memory: float = MEMORY, later: ArrayLike = 0.0
 ) -> LatticeRobotResult:
-    """What a robot does in one batch, with waves that are later by parts of a cycle, shape (N,)."""
+    """What robots do in one batch, with waves that are later by parts of a cycle, shape (N,)."""
+    delays, robot = np.broadcast_to(np.asarray(later, float), len(points)), scenes.first
 
     def swing(points: Any) -> Any:
-        return swing_of(robot, points, later)
+        return of_each(scenes.robots, swing_of, points, delays)
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    rollout = _rollout(robot, points, swung, trial, scenes)
+    rollout = _rollout(scenes, points, swung, trial)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, memory, trial.progress)
@@ -222,19 +222,21 @@ def _moved(
     return result_of(rollout, moved, gradients)
 
 
-def _rollout(robot: "LatticeRobot", points: Floats, swung: Floats, trial: Trial, scenes: Scenes) -> Rollout:
-    """A robot at N points, with what waves add to its channels, shape (N, C, 16), ready to move."""
-    channels = channels_of(robot)
-    channels = replace(channels, feeling=_feeling(robot, points, channels, scenes.lights))
+def _rollout(scenes: Scenes, points: Floats, swung: Floats, trial: Trial) -> Rollout:
+    """Robots at a point each, with what waves add to their channels, shape (N, C, 16), ready to move."""
+    robot, channels = scenes.first, channels_of(scenes.first)
+    rest = of_each(scenes.robots, lambda own, points: np.tile(channels_of(own).rest, (len(points), 1)), points)
+    channels = replace(channels, rest=rest, feeling=_feeling(robot, points, channels, scenes.lights))
     aim = replace(robot.aim, target=scenes.lights) if scenes.aimed else robot.aim
-    where, every, starts = scenes.terrains, trial.record_every, robot.starts(len(points))
-    return Rollout(robot.bodies(points), channels, swung, robot.cycle, where, aim, trial.compute, every, starts)
+    bodies = [body for own, rows in runs_of(scenes.robots) for body in own.bodies(points[rows])]
+    every, where, starts = trial.record_every, scenes.terrains, scenes.starts
+    return Rollout(bodies, channels, swung, robot.cycle, where, aim, trial.compute, every, starts)
 
 
 def felt_over_time(robot: "LatticeRobot", points: Floats, terrain: Terrain, compute: Compute) -> Floats:
     """What a robot with reflexes feels at N points, shape (N, P), sixteen times a cycle, shape (N, S, T)."""
-    scenes, robot = Scenes.of(robot, [terrain] * len(points)), robot.on(terrain)
-    rollout = _rollout(robot, points, swing_of(robot, points), Trial(terrain, compute), scenes)
+    scenes = Scenes.of([robot] * len(points), [terrain] * len(points))
+    rollout = _rollout(scenes, points, of_each(scenes.robots, swing_of, points), Trial(terrain, compute))
     rollout.run()
     return rollout.felt
 

@@ -1,5 +1,7 @@
 """Freeform robots whose friction, muscles and period are not known exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from robots.freeform import FreeformActuation, FreeformRobot, Grid
 from robots.robot import Trial
 from robots.uncertainty import Perturbation
 from robots.world import Terrain
+from taichi_sim.base.compute import Compute
 
 HILL = Terrain(5.0)
 
@@ -49,3 +52,23 @@ def test_levels_are_those_of_the_actuation_multiplied_by_hand(full):
     # Amplitudes are told in edges: the same change of one is a larger change of what muscles do.
     by_hand = [1.5 if "amplitude" in parameter.name else 1.0 for parameter in robot(full=full).parameters]
     assert found.gradients["speed"] == pytest.approx(expected.gradients["speed"] * by_hand, rel=1e-9)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("gradients", [(), ("speed",)])
+@pytest.mark.parametrize("sharpness", [np.inf, 2.0])
+def test_draws_in_several_worlds_share_a_batch_with_the_bits_of_one_after_the_other(sharpness, gradients):
+    """Of two designs of other cells, and of mixtures; on a hill, and on ground with a friction of its own."""
+    free, generator = robot(full=False), np.random.default_rng(2)
+    ends = np.array([(each.low, each.high) for each in free.parameters]).T
+    points = generator.uniform(*ends, (2, len(free.parameters)))
+    draws = [drawn(0.8, gripping=0.7, slope=1.0), drawn(1.2), drawn(1.1, timing=0.8)]
+    grounds = [HILL, Terrain(static_friction=0.6, kinetic_friction=0.4), HILL]
+    worlds = [draw.around(free, ground) for draw, ground in zip(draws, grounds, strict=True)]
+    trial = Trial(HILL, Compute(threads=1), gradients=gradients, sharpness=sharpness)
+    for draw, world, found in zip(draws, worlds, free.run_in(points, worlds, trial, draws), strict=True):
+        alone = free.perturbed(draw).run(points, replace(trial, world=world))
+        assert found.status.tolist() == alone.status.tolist() and "ok" in found.status
+        for mine, other in ((found.measures, alone.measures), (found.gradients, alone.gradients)):
+            assert mine.keys() == other.keys()
+            assert all(np.array_equal(mine[name], other[name], equal_nan=True) for name in mine)

@@ -10,6 +10,7 @@ from robots.lattice_robot import simulation as trying
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.scenes import sharing
 from robots.robot import Compute, Trial
+from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.lattice import Material, body_from_array
 
@@ -32,11 +33,11 @@ def lit(*grounds: str) -> list[Terrain]:
     return [Terrain.parse(f"{ground}+{light}") for ground, light in zip(grounds, LIGHTS, strict=False)]
 
 
-def test_worlds_share_a_batch_unless_water_sand_friction_or_a_light_part_them():
-    """Flat, sloping and uneven ground do; so do two kinds of sand."""
+def test_worlds_share_a_batch_unless_water_sand_or_a_light_part_them():
+    """Flat, sloping, uneven and slippery ground do; so do two kinds of sand."""
     names = "flat", "hill:5", "sand:2e5", "rough:0.01", "water:0.01", "rough:0.01+sand:1e5", "water:0.02", "water"
     worlds = [*map(Terrain.parse, names), Terrain(static_friction=0.5, kinetic_friction=0.4), Terrain(light=(1, 0))]
-    assert sharing(crawler(reflexes=None), worlds) == [[0, 1, 3], [2, 5], [4, 6], [7], [8], [9]]
+    assert sharing([crawler(reflexes=None)] * len(worlds), worlds) == [[0, 1, 3, 8], [2, 5], [4, 6], [7], [9]]
 
 
 FIRM = "flat", "hill:3", "rough:0.002,0.03", "patches:0.5,1,0.01"
@@ -81,3 +82,36 @@ def test_measures_are_in_the_order_of_the_worlds_whatever_shares_a_batch():
     found = robot.run_in(robot.start[None], worlds, Trial(worlds[0], Compute(threads=1)))
     for world, outcome in zip(worlds, found, strict=True):
         assert outcome.measures["distance"][0] == robot.simulate(robot.start[None], world).measures["distance"][0]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("gradients", [(), pytest.param(("speed",), marks=pytest.mark.slow)])
+def test_draws_share_a_batch_with_the_bits_of_one_after_the_other(gradients, monkeypatch):
+    """Other friction, other amplitudes of each muscle, other slopes; another period has a batch of its own."""
+    robot, point = crawler(reflexes=None), crawler(reflexes=None).start[None]
+    draws = [
+        Perturbation(gripping=0.8, sliding=0.8, levels=(0.9, 1.1)),
+        Perturbation(slope=1.5, levels=(1.1, 0.9)),
+        Perturbation(gripping=1.2, sliding=1.2, timing=0.8),
+    ]
+    worlds = [draw.around(robot, Terrain()) for draw in draws]
+    trial, sizes, moved = Trial(worlds[0], Compute(threads=1), gradients=gradients), [], trying._moved
+    monkeypatch.setattr(trying, "_moved", lambda *given: sizes.append(len(given[1])) or moved(*given))
+    together = robot.run_in(point, worlds, trial, draws)
+    assert sizes == [2, 1]
+    for draw, world, found in zip(draws, worlds, together, strict=True):
+        alone = robot.perturbed(draw).run(point, dataclasses.replace(trial, world=world))
+        for mine, other in ((found.measures, alone.measures), (found.gradients, alone.gradients)):
+            assert mine.keys() == other.keys() and all(np.array_equal(mine[name], other[name]) for name in mine)
+    assert len({float(found.measures["distance"][0]) for found in together}) == 3
+
+
+@pytest.mark.kernels
+def test_recorded_worlds_share_a_batch_with_the_frames_of_one_after_the_other():
+    """Of a robot with reflexes on level and on uneven ground."""
+    robot, worlds = crawler(), lit(*FIRM[:3])
+    trial = Trial(worlds[0], Compute(threads=1), record_every=20)
+    for world, found in zip(worlds, robot.run_in(robot.start[None], worlds, trial), strict=True):
+        alone = robot.run(robot.start[None], dataclasses.replace(trial, world=world))
+        assert found.frames.keys() == alone.frames.keys() and found.frames
+        assert all(np.array_equal(found.frames[name], alone.frames[name]) for name in found.frames)

@@ -1,0 +1,64 @@
+"""Which robots in different worlds can share a batch, and how what belongs to each of them becomes one array."""
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from dataclasses import fields
+from itertools import groupby
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from robots.ground import Ground
+from robots.world import FRICTION_FIELDS, MATERIAL_FRICTION, Terrain
+
+if TYPE_CHECKING:
+    from taichi_sim.lattice import Material
+
+Owner = TypeVar("Owner")
+_OF_EACH = ("slope", "ground", "light")  # what may differ between the terrains of a batch
+_RUBBING = (*FRICTION_FIELDS, *MATERIAL_FRICTION)  # and this, too, where there are no props
+_OF_ALL = tuple(each.name for each in fields(Terrain) if each.name not in (*_OF_EACH, *_RUBBING))
+
+
+def runs_of(owners: Sequence[Owner]) -> Iterator[tuple[Owner, slice]]:
+    """Owners of rows, each with the rows that follow one another and are its own."""
+    begin = 0
+    for _, rows in groupby(owners, key=id):
+        alike = list(rows)
+        yield alike[0], slice(begin, begin + len(alike))
+        begin += len(alike)
+
+
+def of_each(owners: Sequence[Owner], function: Callable[..., Any], *arrays: Any) -> Any:
+    """What a function gives of each owner and of its rows of arrays, which may be traced, one below the other.
+
+    The function gives an array, or several as a tuple.
+    """
+    parts = [function(owner, *(each[rows] for each in arrays)) for owner, rows in runs_of(owners)]
+    if len(parts) == 1:
+        return parts[0]
+    if isinstance(parts[0], tuple):
+        return tuple(np.concatenate(each) for each in zip(*parts, strict=True))
+    return np.concatenate(parts)
+
+
+def grouped(keys: Iterable[Hashable]) -> list[list[int]]:
+    """Numbers of the keys that are equal, group by group, in the order in which they come."""
+    groups: dict[Hashable, list[int]] = {}
+    for number, key in enumerate(keys):
+        groups.setdefault(key, []).append(number)
+    return list(groups.values())
+
+
+def around(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:
+    """What robots of these materials on the terrains of a batch find alike, to be compared; among props, friction."""
+    named = (*_OF_ALL, *_RUBBING) if terrain.props else _OF_ALL
+    pairs = tuple((m.static_friction, m.kinetic_friction) for m in materials) if terrain.props else ()
+    return tuple(getattr(terrain, name) for name in named), pairs, _laws(terrain)
+
+
+def _laws(terrain: Terrain) -> tuple[bool, bool]:
+    """Whether there is water on a terrain's ground, and whether it yields."""
+    if terrain.ground is None:
+        return False, False
+    ground = Ground(terrain.ground)
+    return ground.water is not None, ground.yield_per_depth is not None
