@@ -40,7 +40,7 @@ from optim.commands import (
 )
 from optim.commands.robots import RobotOptions
 from optim.notes import notes, say
-from taichi_sim.base.checks import lacks_memory
+from taichi_sim.base.foreign import blame, lacks_memory
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -163,6 +163,8 @@ def _refuse(command: str, error: Exception) -> int:
     if lacks_memory(error):
         advice = "give it more, or ask for less: fewer points or draws at a time, frames or threads"
         return _fail(command, f"failed: there is not enough memory for this ({_reason(error)}); {advice}", FAILED)
+    if told := blame(error):
+        return _fail(command, f"failed: {told}", FAILED)
     if isinstance(error, ValueError):
         return _fail(command, f"error: {error}", 2)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:

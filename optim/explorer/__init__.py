@@ -6,7 +6,8 @@
 from typing import TYPE_CHECKING
 
 from optim.explorer.exploration import Choice, Exploration, Source
-from taichi_sim.base.checks import install_extra, whole_number
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.foreign import install_extra
 
 if TYPE_CHECKING:
     from optim.explorer.widget import Explorer

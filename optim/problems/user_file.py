@@ -14,8 +14,8 @@ from optim.problem import FILE, Evaluation, Objective, Problem, check_kind, obje
 from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
 from optim.wording import counted
-from taichi_sim.base.checks import users_code
 from taichi_sim.base.files import content_of, sha256, why_unread
+from taichi_sim.base.foreign import blamed, users_code
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
 
@@ -44,14 +44,19 @@ class FileProblem(PlainProblem):
         self._problem = _defined(_run(file, source, folder), file)
         super().__init__(self._problem.space, objectives_of(self._problem))
         if hasattr(self._problem, "evaluate_relaxed"):
-            self.evaluate_relaxed = self._problem.evaluate_relaxed
+            self.evaluate_relaxed = self._evaluate_relaxed
 
     def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
         return FileProblem, (self.file, self.source, self._folder)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Judge points, shape (N, D)."""
-        return self._problem.evaluate(points)
+        with blamed(self.file):
+            return self._problem.evaluate(points)
+
+    def _evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
+        with blamed(self.file):
+            return self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write a point as the problem does; as values by name if it says nothing else."""
@@ -59,7 +64,8 @@ class FileProblem(PlainProblem):
         if save is None:
             super().save(point, path)
         else:
-            save(point, path)
+            with blamed(self.file):
+                save(point, path)
 
     def describe(self) -> dict[str, Any]:
         """The file's name and checksum, variables and objectives; neither its source nor where it is."""

@@ -15,8 +15,8 @@ import numpy as np
 
 from optim.runs.config import identity, score_in
 from optim.runs.history import History
-from taichi_sim.base.checks import needing
 from taichi_sim.base.files import make_folder, read_bytes, write_bytes
+from taichi_sim.base.foreign import needing
 
 EVENTS = "events.out.tfevents.0.morpholab"
 MLFLOW_AT_ONCE = 1000  # metrics of a request

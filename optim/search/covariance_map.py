@@ -17,8 +17,8 @@ from optim.search.base import hidden, number, positive, whole
 from optim.search.map_elites import MapElites
 from optim.search.method import LARGEST, generator
 from optim.search.unit_cube import into_cube, out_of_cube
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.foreign import needing
 
 
 @dataclass(eq=False, kw_only=True)
@@ -44,7 +44,7 @@ class CovarianceMapElites(MapElites):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        with checks.needing("method", "pyribs", "qd"):
+        with needing("method", "pyribs", "qd"):
             import ribs  # noqa: F401
         axes = len(self.axes)
         self.first_elites, self.first_scores = np.empty((0, self.space.size)), np.empty(0)

@@ -17,8 +17,8 @@ from optim.search.base import number
 from optim.search.method import Kept
 from optim.search.population import PopulationSearch
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
-from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.foreign import needing
 
 LAST = 1_000_000  # rank of a failure
 
@@ -51,7 +51,7 @@ class NSGA2(PopulationSearch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        with checks.needing("method", "pymoo, which nsga2 needs,", "moo"):
+        with needing("method", "pymoo, which nsga2 needs,", "moo"):
             from pymoo.util import default_random_state  # noqa: F401  older ones take no generators
         self.ranks, self.crowding = np.zeros(self.population, int), np.zeros(self.population)
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from robots.tasks import Task, builtin_tasks
-from taichi_sim.base.checks import install_extra
+from taichi_sim.base.foreign import install_extra
 
 try:
     import gymnasium

@@ -15,7 +15,7 @@ from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
 from robots.robot import Robot
 from robots.world import STANDARD_GRAVITY
-from taichi_sim.base.checks import users_code
+from taichi_sim.base.foreign import users_code
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
 
 AnyRobot = TypeVar("AnyRobot", bound=Robot)

@@ -21,8 +21,9 @@ from robots.view.motion import Motion
 from robots.view.scene import INK, Polygons
 from robots.view.still import Setting, arrange, draw_ground, draw_key, draw_motion, limits, save_figure, setting
 from taichi_sim.base.arrays import Bytes, Floats
-from taichi_sim.base.checks import install_extra, number, whole_number
+from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.files import new_path, replacing, write_bytes
+from taichi_sim.base.foreign import install_extra
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,8 @@ from robots.view.motion import BALL, LIGHT_COLOUR, Channel, Motion
 from robots.view.scene import GROUND, INK, PAIRS, Colour
 from robots.view.uneven import around, node_tints, nodes, triangles
 from taichi_sim.base.arrays import Bytes, Floats, Ints
-from taichi_sim.base.checks import needing
 from taichi_sim.base.files import new_path, write_bytes
+from taichi_sim.base.foreign import needing
 from taichi_sim.lattice.faces import FACE_CORNERS, rotate
 
 if TYPE_CHECKING:

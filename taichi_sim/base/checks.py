@@ -2,9 +2,8 @@
 
 import contextlib
 import difflib
-import errno
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields
 from functools import partial
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -14,8 +13,6 @@ import numpy as np
 from taichi_sim.base.arrays import Floats
 
 LONGEST_SHOWN = 100  # characters of a value in a message
-# What loaders, compilers and C++ say where memory ends.
-NO_MEMORY = ("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory")
 
 
 def number(field: str, value: object, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
@@ -180,51 +177,6 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """End of a message about an unknown name: ``; did you mean ...?`` if a known name is close, else nothing."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {close[0]}?" if close else ""
-
-
-@contextlib.contextmanager
-def needing(field: str, packages: str, extra: str) -> Iterator[None]:
-    """Import optional packages inside; if one is missing, ``field`` says how to install the extra that has them.
-
-    Raises:
-        ValueError: if one is missing.
-    """
-    try:
-        yield
-    except ImportError as error:
-        if lacks_memory(error):
-            raise
-        raise ValueError(f"{field}: {packages} is missing; {install_extra(extra)}") from None
-
-
-@contextlib.contextmanager
-def users_code(file: object) -> Iterator[None]:
-    """Run a user's file inside; an exception that leaves it is told in one line, with the name of the file.
-
-    Raises:
-        ValueError: for any exception and for an exit, but for Ctrl-C and lack of memory, which pass.
-    """
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise
-    except BaseException as error:
-        if lacks_memory(error):
-            raise
-        raise ValueError(f"{file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
-
-
-def lacks_memory(error: BaseException) -> bool:
-    """Whether memory is the reason of an error, be it Python's, the system's, a loader's or a compiler's."""
-    if isinstance(error, OSError) and error.errno == errno.ENOMEM:
-        return True
-    told = isinstance(error, RuntimeError | ImportError) and any(words in str(error) for words in NO_MEMORY)
-    return told or isinstance(error, MemoryError)
-
-
-def install_extra(name: str) -> str:
-    """Text for messages: how to install an optional dependency group of morpholab."""
-    return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"
 
 
 def shown(value: object) -> str:

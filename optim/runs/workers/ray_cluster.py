@@ -18,8 +18,8 @@ from optim.problem import Problem, Request
 from optim.runs.environment import cpu_model, other_version, versions
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
-from taichi_sim.base.checks import needing
 from taichi_sim.base.compiler import VARIABLE, compiler
+from taichi_sim.base.foreign import needing
 
 NOTE_AFTER = 30.0  # seconds in which actors should have found a place
 GIVE_UP_AFTER = 120.0

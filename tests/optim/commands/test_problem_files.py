@@ -181,3 +181,14 @@ def test_a_run_of_a_robot_takes_no_file(rocket, morpholab, simulator):
     assert morpholab("codesign --terrain flat --geometry small --climbers 2 --generations 0 --quiet --out a")[0] == 0
     code, _, error = morpholab("codesign --resume --problem rocket.py --out a")
     assert code == 2 and "problem: the run in a is of no file; leave --problem out" in error
+
+
+FAULTY = "bounds = {'x': (0, 1)}\n\ndef evaluate(point):\n    raise ZeroDivisionError('division by zero')\n"
+
+
+@pytest.mark.parametrize("workers", ["", "--workers 2"])
+def test_what_a_function_raises_while_it_judges_is_told_as_the_files_own(tmp_path, morpholab, workers):
+    (tmp_path / "own.py").write_text(FAULTY)
+    code, _, error = morpholab(f"codesign --problem own.py --out a --climbers 2 --quiet {workers}")
+    assert code == 1 and error.splitlines()[-1].endswith("failed: own.py, line 4: ZeroDivisionError: division by zero")
+    assert "bug" not in error

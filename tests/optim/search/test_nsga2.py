@@ -23,7 +23,7 @@ from optim.problem import Evaluation
 from optim.search import NSGA2, build_method
 from optim.search.unit_cube import into_cube, mutate_in_cube, out_of_cube
 from optim.space import Space, Variable
-from taichi_sim.base.checks import install_extra
+from taichi_sim.base.foreign import install_extra
 
 
 @pytest.mark.long

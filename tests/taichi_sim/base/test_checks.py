@@ -1,6 +1,5 @@
 """Checks of what comes from outside."""
 
-import errno
 import re
 from dataclasses import dataclass
 from functools import partial
@@ -136,31 +135,3 @@ def test_names_that_only_commands_know_are_refused(options, message):
 def test_a_pressure_of_too_many_digits_is_refused():
     with pytest.raises(ValueError, match=r"^pressure: 1000"):
         InflatableDesign(10**400, 0.0, ROLLING.schedule)
-
-
-@pytest.mark.parametrize(
-    "error",
-    [
-        MemoryError("no room"),
-        OSError(errno.ENOMEM, "Cannot allocate memory"),
-        ImportError("lib.so: failed to map segment from shared object"),
-        RuntimeError("std::bad_alloc"),
-    ],
-)
-def test_lack_of_memory_is_no_fault_of_a_package_or_a_file(error):
-    with pytest.raises(type(error)), checks.users_code("own.py"):
-        raise error
-    if isinstance(error, ImportError):
-        with pytest.raises(ImportError), checks.needing("video", "imageio", "video"):
-            raise error
-
-
-def test_what_a_package_or_a_file_is_at_fault_for_is_one_line():
-    missing = pytest.raises(ValueError, match=r"^video: imageio is missing; install the extra video")
-    with missing, checks.needing("video", "imageio", "video"):
-        raise ImportError("No module named imageio")
-    for error in (SystemExit("no"), OSError(errno.ENOENT, "gone"), RuntimeError("a\nb")):
-        with pytest.raises(ValueError, match=r"^own.py: .*(no|gone|a b)"), checks.users_code("own.py"):
-            raise error
-    with pytest.raises(KeyboardInterrupt), checks.users_code("own.py"):
-        raise KeyboardInterrupt

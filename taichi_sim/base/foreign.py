@@ -1,0 +1,83 @@
+"""Code that is not morpholab's, a user's file or a package that may be missing: whose fault an exception is."""
+
+import contextlib
+import errno
+import os
+import traceback
+from collections.abc import Iterator
+
+# What loaders, compilers and C++ say where memory ends.
+NO_MEMORY = ("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory")
+BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault they are
+
+
+@contextlib.contextmanager
+def needing(field: str, packages: str, extra: str) -> Iterator[None]:
+    """Import optional packages inside; if one is missing, ``field`` says how to install the extra that has them.
+
+    Raises:
+        ValueError: if one is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if lacks_memory(error):
+            raise
+        raise ValueError(f"{field}: {packages} is missing; {install_extra(extra)}") from None
+
+
+@contextlib.contextmanager
+def users_code(file: object) -> Iterator[None]:
+    """Run a user's file inside; an exception that leaves it is told in one line, with the name of the file.
+
+    Raises:
+        ValueError: for any exception and for an exit, but for Ctrl-C and lack of memory, which pass.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        if lacks_memory(error):
+            raise
+        raise ValueError(f"{file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
+
+
+@contextlib.contextmanager
+def blamed(file: str) -> Iterator[None]:
+    """Run a function of a user's file inside; an exception that leaves it passes, and notes whose it is.
+
+    The note survives workers, which pass exceptions on; :func:`blame` finds it.
+    """
+    try:
+        yield
+    except Exception as error:
+        if not lacks_memory(error) and not blame(error):
+            lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if _named(frame, file)]
+            place = f"{BLAMED}{file}, line {lines[-1]}" if lines else f"{BLAMED}{file}"
+            error.add_note(f"{place}: {type(error).__name__}: {' '.join(str(error).split())}".rstrip(": "))
+        raise
+
+
+def _named(frame: traceback.FrameSummary, file: str) -> bool:
+    """Whether a line of a traceback is in a file of this name."""
+    return os.path.basename(frame.filename) == file
+
+
+def blame(error: BaseException) -> str:
+    """In which file and line of a user's an exception was raised, and what it says; empty if it is not a user's."""
+    notes = getattr(error, "__notes__", [])
+    return next((note.removeprefix(BLAMED) for note in notes if note.startswith(BLAMED)), "")
+
+
+def lacks_memory(error: BaseException) -> bool:
+    """Whether memory is the reason of an error, be it Python's, the system's, a loader's or a compiler's."""
+    if isinstance(error, OSError) and error.errno == errno.ENOMEM:
+        return True
+    told = isinstance(error, RuntimeError | ImportError) and any(words in str(error) for words in NO_MEMORY)
+    return told or isinstance(error, MemoryError)
+
+
+def install_extra(name: str) -> str:
+    """Text for messages: how to install an optional dependency group of morpholab."""
+    return f"install the extra {name} (pip install -e '.[{name}]' in a clone)"

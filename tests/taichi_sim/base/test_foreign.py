@@ -1,0 +1,61 @@
+"""Whose fault an exception is, where code runs that is not morpholab's."""
+
+import errno
+import pickle
+
+import pytest
+
+from taichi_sim.base import foreign
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError("no room"),
+        OSError(errno.ENOMEM, "Cannot allocate memory"),
+        ImportError("lib.so: failed to map segment from shared object"),
+        RuntimeError("std::bad_alloc"),
+    ],
+)
+def test_lack_of_memory_is_no_fault_of_a_package_or_a_file(error):
+    with pytest.raises(type(error)), foreign.users_code("own.py"):
+        raise error
+    if isinstance(error, ImportError):
+        with pytest.raises(ImportError), foreign.needing("video", "imageio", "video"):
+            raise error
+
+
+def test_what_a_package_or_a_file_is_at_fault_for_is_one_line():
+    missing = pytest.raises(ValueError, match=r"^video: imageio is missing; install the extra video")
+    with missing, foreign.needing("video", "imageio", "video"):
+        raise ImportError("No module named imageio")
+    for error in (SystemExit("no"), OSError(errno.ENOENT, "gone"), RuntimeError("a\nb")):
+        with pytest.raises(ValueError, match=r"^own.py: .*(no|gone|a b)"), foreign.users_code("own.py"):
+            raise error
+    with pytest.raises(KeyboardInterrupt), foreign.users_code("own.py"):
+        raise KeyboardInterrupt
+
+
+def own(tmp_path, text: str):
+    """A function of a file of that text, and the file's name."""
+    path = tmp_path / "own.py"
+    path.write_text(text)
+    names: dict = {}
+    exec(compile(text, str(path), "exec"), names)
+    return names["judge"], path.name
+
+
+@pytest.mark.parametrize("kind", [ZeroDivisionError, ValueError, OSError])
+def test_an_exception_of_a_users_function_passes_and_tells_whose_it_is(kind, tmp_path):
+    judge, file = own(tmp_path, f"def judge():\n    helper()\ndef helper():\n    raise {kind.__name__}('a\\nb')\n")
+    with pytest.raises(kind) as found, foreign.blamed("outer.py"), foreign.blamed(file):
+        judge()
+    for error in (found.value, pickle.loads(pickle.dumps(found.value))):
+        assert foreign.blame(error) == f"own.py, line 4: {kind.__name__}: a b"
+
+
+def test_nobody_is_blamed_for_lack_of_memory_or_an_error_of_no_file():
+    assert foreign.blame(ValueError("of morpholab")) == ""
+    with pytest.raises(MemoryError) as found, foreign.blamed("own.py"):
+        raise MemoryError
+    assert foreign.blame(found.value) == ""
