@@ -6,7 +6,7 @@
 # make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
 # make fuzz       give random bytes to the readers of files; FUZZ="--seconds 600 vxa" or other options
 # make fuzz-physics  compute random robots by all drivers, and gradients by differences; CASES=10000 GRADIENTS=500; resumes
-# make coverage   run the tests and report which lines of Python, outside kernels, none of them runs
+# make coverage   run the tests and report which lines of Python, and of kernels, none of them runs or compiles
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make site       build the documentation as a site that works without a network, in build/site
 # make wheel      build dist/          make clean     remove what make has made, results excepted
@@ -53,7 +53,7 @@ fuzz-physics: $(venv)/dev
 	OMP_NUM_THREADS=1 nice -n 19 $(python) tests/fuzz/fuzz_physics.py --cases $(CASES) --gradients $(GRADIENTS)
 
 coverage: $(venv)/dev
-	$(test) --cov --cov-report=term-missing
+	$(test) -p kernel_lines --cov --cov-branch --cov-report=term-missing
 
 validate: $(venv)/dev
 	$(python) -m pytest -q -m slow
