@@ -33,8 +33,6 @@ REST = 1.0  # size of a cell that no muscle moves [edges]
 ANGLES = 2 * np.pi * np.arange(SEGMENTS) / SEGMENTS  # of the nodes of a cycle [rad]
 WAVE = np.stack([np.sin(ANGLES), np.cos(ANGLES)], axis=1)  # of the components of a swing, at the nodes
 CHOICE = 4.0  # how sharply the heaviest tissue prevails, where nothing is sharpened yet
-
-
 Case = tuple["FreeformRobot", Terrain]
 
 
@@ -63,8 +61,11 @@ class Cases:
         return [pairs[case] for case in which.tolist()]
 
     def parts(self, cases: Ints, done: int, count: int) -> "Iterator[tuple[Ints, Cases]]":
-        """Numbers of cases, of N a world, in groups small enough for a record, and how each group is tried."""
-        size = AT_ONCE * self.trial.compute.thread_count if self.trial.gradients else MOST
+        """Numbers of cases, N for each world, in groups small enough for a record, and how each group is tried."""
+        compute = self.trial.compute
+        size = max(MOST, len(cases) // len(self.robots)) if compute.device == "cpu" else len(cases)
+        if self.trial.gradients:
+            size = AT_ONCE * compute.thread_count
         groups = [cases[first : first + size] for first in range(0, len(cases), size)]
         outer = part_of(self.trial.progress, done, count)
         for number, group in enumerate(groups):
@@ -123,10 +124,14 @@ def _assembled(
 def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRobotResult:
     """What robots with the same cells do: that of each point, shape (N, P), in one of the cases, shape (N,)."""
     trial, owners, still = cases.trial, cases.of(which), np.zeros(solid.count)
-    distinct = {id(robot): robot for robot, _ in owners}
-    shells = {number: robot.built(solid, still, still) for number, robot in distinct.items()}
+    shell = owners[0][0].built(solid, still, still)
+    # Variants differ in what rubs; all else of their shells is that of the first.
+    palettes = {id(robot.palette): robot.palette for robot, _ in owners}
+    shells = {
+        number: replace(shell, body=solid.body(cases.first.grid, palette)) for number, palette in palettes.items()
+    }
     where = [terrain for _, terrain in owners]
-    scenes = Scenes.of([shells[id(robot)] for robot, _ in owners], where)
+    scenes = Scenes.of([shells[id(robot.palette)] for robot, _ in owners], where)
     regions, places = np.arange(solid.count), np.arange(SEGMENTS) / SEGMENTS
 
     def swing(points: Any) -> Any:
