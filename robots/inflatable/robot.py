@@ -162,13 +162,13 @@ class InflatableRobot(Robot):
 
         geometry, actuation = self.parts
         gaits = [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * len(terrains)
-        drives = [perturbed_drive(actuation, drawn) for drawn in draws] or [actuation] * len(terrains)
+        drives = [perturbed_drive(actuation, drawn) for drawn in draws]
         rows = np.arange(len(terrains)).repeat(count).tolist()
         result = simulate(
             [gaits[row] for row in rows],
-            [terrains[row] for row in rows],
+            [terrains[row] for row in rows] if len(terrains) > 1 else terrains[0],
             geometry=geometry,
-            actuation=[drives[row] for row in rows],
+            actuation=[drives[row] for row in rows] if drives else actuation,
             **trial.compute.options,
             record_every=trial.record_every,
             perturbation=self.perturbation,

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from robots.inflatable import ACTUATION, PUBLISHED
-from robots.inflatable.simulation import travel_directions
+from robots.inflatable.simulation import InflatableResult, travel_directions
 from robots.inflatable.timing import gait_steps
 from robots.world import one_each
 
@@ -37,7 +37,7 @@ class Simulator:
         steps = np.array(begins) + [gait_steps(design.schedule) for design in designs]
         frames = SimpleNamespace(times=np.arange(3.0)) if options.get("record_every") else None
         status = np.where(failed, "diverged", "ok")
-        return SimpleNamespace(
+        return InflatableResult(
             distance=speed * 4,
             displacement=speed[:, None] * 4 * travel_directions(orientation * 90),
             speed=speed,
@@ -47,4 +47,5 @@ class Simulator:
             time_step=PUBLISHED.time_step,
             steps=steps,
             frames=frames,
+            body=None,
         )
