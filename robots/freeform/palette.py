@@ -103,8 +103,7 @@ class Palette:
         """A body each of whose voxels has a material of its own, of these numbers by name, shape (V,)."""
         each = np.stack([numbers[name] for name in MIXED], axis=1).tolist()
         first = self.materials[0]
-        materials = tuple(replace(first, **dict(zip(MIXED, row, strict=True))) for row in each)
-        return replace(body, materials=materials)
+        return body.with_materials(replace(first, **dict(zip(MIXED, row, strict=True))) for row in each)
 
 
 def palette_of(records: Sequence[dict[str, Any]]) -> Palette:

@@ -160,10 +160,15 @@ class FreeformRobot(Robot):
         return self.differentiable and not (self.full and len(self.palette) == 1)
 
     @cached_property
+    def _stable_step(self) -> float:
+        """Largest time step that is stable for all designs [s]."""
+        return self.palette.time_step(self.grid.voxel_size)
+
+    @cached_property
     def cycle(self) -> Cycle:
         """When what happens; the time step is one for all designs."""
         drive = self.actuation
-        largest = self.palette.time_step(self.grid.voxel_size) / drive.time_step_safety
+        largest = self._stable_step / drive.time_step_safety
         return Cycle(drive.frequency, drive.settling, drive.cycles, Cycle.fit(drive.frequency, largest))
 
     @property
@@ -220,9 +225,7 @@ class FreeformRobot(Robot):
             frequency=drive.frequency,
             cycles=drive.cycles,
             settling=drive.settling,
-            time_step_safety=drive.time_step_safety
-            * body.recommended_time_step
-            / self.palette.time_step(self.grid.voxel_size),
+            time_step_safety=drive.time_step_safety * body.recommended_time_step / self._stable_step,
             name="freeform robot",
             target=self.target,
             reference_length=self.length,

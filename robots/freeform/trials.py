@@ -128,7 +128,8 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
     # Variants differ in what rubs; all else of their shells is that of the first.
     palettes = {id(robot.palette): robot.palette for robot, _ in owners}
     shells = {
-        number: replace(shell, body=solid.body(cases.first.grid, palette)) for number, palette in palettes.items()
+        number: replace(shell, body=shell.body.with_materials(palette.materials))
+        for number, palette in palettes.items()
     }
     where = [terrain for _, terrain in owners]
     scenes = Scenes.of([shells[id(robot.palette)] for robot, _ in owners], where)
@@ -141,9 +142,9 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
         return np.tile((REST + wave) - REST, (1, 3, 1))
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    bodies, cycle = [robot.body for robot in scenes.robots], cases.first.cycle
+    every_body, cycle = [robot.body for robot in scenes.robots], cases.first.cycle
     aim, every = replace(cases.first.aim, placed=scenes.first.placed), trial.record_every
-    rollout = Rollout(bodies, _sizes(regions), swung, cycle, where, aim, trial.compute, every, scenes.starts)
+    rollout = Rollout(every_body, _sizes(regions), swung, cycle, where, aim, trial.compute, every, scenes.starts)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, MEMORY, trial.progress)

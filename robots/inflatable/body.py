@@ -14,7 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -270,14 +270,7 @@ def _by_region(geometry: InflatableGeometry) -> LatticeBody:
     """The body with a material of its own in every region."""
     body = geometry.body
     kinds = np.minimum(kinds_of(np.arange(geometry.region_count)), FIRST_BLADDER)
-    materials: Any = tuple(body.materials[kind] for kind in kinds)
-    return _of_materials(replace(body, materials=materials, material_index=np.array(body.regions)), body)
-
-
-def _of_materials(body: LatticeBody, like: LatticeBody) -> LatticeBody:
-    """The body, with the links and faces of one that differs in its materials alone, which are not derived again."""
-    vars(body)["topology"] = like.topology
-    return body
+    return body.with_materials((body.materials[kind] for kind in kinds), body.regions)
 
 
 def bodies_of(geometry: InflatableGeometry, moduli: Sequence[tuple[float, ...] | None]) -> list[LatticeBody]:
@@ -293,5 +286,5 @@ def bodies_of(geometry: InflatableGeometry, moduli: Sequence[tuple[float, ...] |
     for factors in set(moduli):
         each = zip(common.materials, factors or (1.0,) * geometry.region_count, strict=True)
         materials = tuple(replace(m, youngs_modulus=m.youngs_modulus * factor) for m, factor in each)
-        built[factors] = _of_materials(replace(common, materials=materials), common)
+        built[factors] = common.with_materials(materials)
     return [built[factors] for factors in moduli]

@@ -232,7 +232,7 @@ class LatticeRobot(OutOfTheLab):
         materials = list(self.body.materials)
         for index, modulus in zip(self.free_moduli, np.asarray(moduli, float).tolist(), strict=True):
             materials[index] = dataclasses.replace(materials[index], youngs_modulus=modulus)
-        return dataclasses.replace(self.body, materials=tuple(materials))
+        return self.body.with_materials(materials)
 
     @property
     def _stiffest(self) -> LatticeBody:
@@ -319,8 +319,8 @@ class LatticeRobot(OutOfTheLab):
         changed: dict[str, Any] = {}
         if friction := material_friction(terrain):
             given: Any = friction
-            materials = tuple(dataclasses.replace(material, **given) for material in self.body.materials)
-            changed["body"] = dataclasses.replace(self.body, materials=materials)
+            materials = (dataclasses.replace(material, **given) for material in self.body.materials)
+            changed["body"] = self.body.with_materials(materials)
         light = self.light_in(terrain)
         if self.reflexes is not None and self.feels_light:
             if light is None:

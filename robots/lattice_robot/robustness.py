@@ -92,8 +92,8 @@ def trust_in(
 
 def _slippery(robot: "LatticeRobot", part: float) -> "LatticeRobot":
     """The robot with a part of the friction of each of its materials."""
-    materials = tuple(Perturbation(part, part).rubbed(material) for material in robot.body.materials)
-    return replace(robot, body=replace(robot.body, materials=materials))
+    materials = (Perturbation(part, part).rubbed(material) for material in robot.body.materials)
+    return replace(robot, body=robot.body.with_materials(materials))
 
 
 def perturbed_robot(robot: "LatticeRobot", drawn: Perturbation) -> "LatticeRobot":

@@ -1,7 +1,7 @@
 """The description of a lattice body: voxels, materials, regions, cut links, fixed voxels, pressurised faces."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -135,6 +135,13 @@ class LatticeBody(ShortText):
     def topology(self) -> Topology:
         """Links, faces and contact exclusions, derived once."""
         return build_topology(self.voxels, self.cut_links)
+
+    def with_materials(self, materials: Iterable[Material], material_index: ArrayLike | None = None) -> "LatticeBody":
+        """The same voxels of other materials; what follows from their places alone is not derived again."""
+        index = self.material_index if material_index is None else np.asarray(material_index)
+        found = replace(self, materials=tuple(materials), material_index=index)
+        vars(found)["topology"] = self.topology
+        return found
 
     @cached_property
     def recommended_time_step(self) -> float:

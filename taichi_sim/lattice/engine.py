@@ -134,11 +134,12 @@ class LatticeEngine:
         bodies = bodies * batch if len(bodies) == 1 else bodies
         self._check_bodies(bodies, int(batch))
         self.body, self.batch, self.bodies = bodies[0], int(batch), tuple(bodies)
-        stable = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
         ground = self._ground(floor, bool(fluid))
-        if fluid or (ground is not None and ground.water):
-            stable /= FLOATING
-        self.time_step = stable if time_step is None else float(time_step)
+        if time_step is None:
+            time_step = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
+            if fluid or (ground is not None and ground.water):
+                time_step /= FLOATING
+        self.time_step = float(time_step)
         if not (math.isfinite(self.time_step) and self.time_step > 0):
             raise ValueError(f"time_step: {time_step!r} is not allowed; it must be positive")
         if not math.isfinite(gravity):

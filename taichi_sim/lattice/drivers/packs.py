@@ -73,10 +73,10 @@ _WELL_FILLED = 0.85  # so that no other layout is tried
 
 def lay_out(tables: Tables, places: np.ndarray, width: int) -> Packs:
     """Put the voxels of a body, at whole-numbered places of shape (V, 3) in engine order, into packs, cheaply."""
-    by_side = _side_links(tables)  # (V, 3, 2): link on the "-" and "+" side
-    best = _packed(tables, cut(places, by_side, width, _RUNS[0]), by_side)
+    by_side, cells = _side_links(tables), _cells(places, width)  # (V, 3, 2): link on the "-" and "+" side
+    best = _packed(tables, cut(cells, by_side, _RUNS[0]), by_side)
     if (best.voxel >= 0).mean() < _WELL_FILLED:
-        others = [_packed(tables, cut(places, by_side, width, parts), by_side) for parts in _RUNS[1:]]
+        others = [_packed(tables, cut(cells, by_side, parts), by_side) for parts in _RUNS[1:]]
         best = min([best, *others], key=_cost)
     return best
 
@@ -110,18 +110,66 @@ def _packed(tables: Tables, voxel: np.ndarray, by_side: np.ndarray) -> Packs:
     return Packs(width, voxel, link, np.column_stack([pack, axis]), voxel_place, link_place, plus, minus, last)
 
 
-def cut(places: np.ndarray, by_side: np.ndarray, width: int, parts: tuple[float, ...]) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """All ways to cut the rows of voxels along an axis into cells of as many places as a pack has lanes.
+
+    Attributes:
+        width: lanes of a pack.
+        order: voxels along each axis, shape (3, V).
+        number: cell of each voxel, shape (3 width, V): a row for every axis and place at which cells begin. No two
+            rows have a cell in common.
+        starts: first cell of each row, and the number of all, shape (3 width + 1,).
+    """
+
+    width: int
+    order: np.ndarray
+    number: np.ndarray
+    starts: np.ndarray
+
+    def fullest(self, left: np.ndarray, least: int) -> list[np.ndarray]:
+        """Of the voxels that are left, shape (V,), those in cells that hold at least so many of them, cell by cell.
+
+        Cells are those of the row whose cells hold most voxels, the first of several; without any such cell, nothing.
+        """
+        counts = np.bincount(self.number[:, left].ravel(), minlength=self.starts[-1])
+        sizes = np.add.reduceat(np.where(counts >= least, counts, 0), self.starts[:-1])
+        row = int(sizes.argmax())
+        if not sizes[row]:
+            return []
+        along = self.order[row // self.width]
+        along = along[left[along]]
+        cell = self.number[row, along]
+        chosen = along[counts[cell] >= least]
+        cell = self.number[row, chosen]
+        together = np.argsort(cell, kind="stable")
+        return np.split(chosen[together], np.flatnonzero(np.diff(cell[together])) + 1)
+
+
+def _cells(places: np.ndarray, width: int) -> Cells:
+    """The cells of voxels at places, shape (V, 3)."""
+    rows = []
+    for axis in range(3):
+        _, across = np.unique(np.delete(places, axis, axis=1), axis=0, return_inverse=True)
+        cell = (places[:, axis] - np.arange(width)[:, None]) // width
+        cell -= cell.min()
+        rows.append(across.reshape(-1) * (cell.max() + 1) + cell)
+    keys = np.concatenate(rows)
+    apart = np.arange(len(keys) + 1) * (keys.max() + 1)
+    known, number = np.unique(keys + apart[:-1, None], return_inverse=True)
+    starts = np.searchsorted(known, apart)
+    return Cells(width, np.argsort(places.T, axis=1, kind="stable"), number.reshape(keys.shape), starts)
+
+
+def cut(cells: Cells, by_side: np.ndarray, parts: tuple[float, ...]) -> np.ndarray:
     """Packs of voxels in the order of voxels, -1 for nobody, shape (P, width).
 
     First the fullest runs along an axis, cut at common places, as long as they fill the parts of a pack that are asked
     for; the rest by the sides on which voxels have links, so that packs of links are full.
     """
-    left, packs = np.ones(len(places), bool), []
+    width, left, packs = cells.width, np.ones(len(by_side), bool), []
     for part in parts:
-        least = max(int(part * width), 1)
-        while len(
-            runs := max((_runs(places, left, a, o, width, least) for a in range(3) for o in range(width)), key=_size)
-        ):
+        while runs := cells.fullest(left, max(int(part * width), 1)):
             packs += runs
             left[np.concatenate(runs)] = False
     rest = np.flatnonzero(left)
@@ -133,24 +181,6 @@ def cut(places: np.ndarray, by_side: np.ndarray, width: int, parts: tuple[float,
     for row, pack in zip(voxel, packs, strict=True):
         row[: len(pack)] = pack
     return voxel
-
-
-def _size(runs: list[np.ndarray]) -> int:
-    return sum(map(len, runs))
-
-
-def _runs(places: np.ndarray, left: np.ndarray, axis: int, offset: int, width: int, least: int) -> list[np.ndarray]:
-    """Cells of ``width`` places along an axis that hold at least so many of the voxels that are left."""
-    voxels = np.flatnonzero(left)
-    cell = (places[voxels, axis] - offset) // width
-    across = np.delete(places[voxels], axis, axis=1)
-    _, which, count = np.unique(np.column_stack([across, cell]), axis=0, return_inverse=True, return_counts=True)
-    which = which.reshape(-1)
-    order = np.lexsort((places[voxels, axis], which))
-    order = order[count[which[order]] >= least]
-    if not len(order):
-        return []
-    return np.split(voxels[order], np.flatnonzero(np.diff(which[order])) + 1)
 
 
 def _places(packs: np.ndarray, count: int) -> np.ndarray:
@@ -181,29 +211,20 @@ def _reach(wanted: np.ndarray, own: np.ndarray, step: int, valid: np.ndarray) ->
         valid: lane numbers that hold something, else -1, by pack: what an aligned load must not find where nothing is
             wanted, if a lane without a neighbour must find nothing there.
     """
-    count, width = wanted.shape
-    kind, target = np.full(count, NOTHING), np.zeros(count, int)
-    lane = np.arange(width)
-    for i, row in enumerate(wanted):
-        there = row >= 0
-        if not there.any():
-            continue
-        kind[i] = GATHER
-        first = row[there][0] // width
-        inner = slice(None, -1) if step > 0 else slice(1, None)
-        odd = -1 if step > 0 else 0
-        shifted = np.roll(own[i], -step)
-        if (row[there] == first * width + lane[there]).all() and _lacks(valid[first], there, step):
-            kind[i], target[i] = ALIGNED, first
-        elif (
-            own[i].max() >= 0
-            and (row[inner][there[inner]] == shifted[inner][there[inner]]).all()
-            and _lacks(np.roll(np.where(own[i] >= 0, valid.reshape(-1)[own[i]], -1), -step)[inner], there[inner], step)
-        ):
-            kind[i], target[i] = NEXT, row[odd]
+    there, lane = wanted >= 0, np.arange(wanted.shape[1])
+    asks = there.any(axis=1)
+    kind, target = np.where(asks, GATHER, NOTHING), np.zeros(len(wanted), int)
+    if not asks.any():
+        return Reach(kind, target, wanted)
+    first = np.where(asks, wanted[np.arange(len(wanted)), there.argmax(axis=1)] // len(lane), 0)
+    aligned = asks & ((wanted == first[:, None] * len(lane) + lane) | ~there).all(axis=1)
+    inner, odd = (slice(None, -1), -1) if step > 0 else (slice(1, None), 0)
+    beside = np.roll(own, -step, axis=1)[:, inner]
+    following = asks & (own.max(axis=1) >= 0) & ((wanted[:, inner] == beside) | ~there[:, inner]).all(axis=1)
+    if step < 0:  # nothing may be found where nothing is wanted; of "+" sides it does not matter
+        aligned &= ((valid[first] < 0) | there).all(axis=1)
+        held = np.where(own >= 0, valid.reshape(-1)[own], -1)
+        following &= ((np.roll(held, -step, axis=1)[:, inner] < 0) | there[:, inner]).all(axis=1)
+    kind[following], target[following] = NEXT, wanted[following, odd]
+    kind[aligned], target[aligned] = ALIGNED, first[aligned]
     return Reach(kind, target, wanted)
-
-
-def _lacks(found: np.ndarray, there: np.ndarray, step: int) -> bool:
-    """Whether nothing is found where nothing is wanted; of "+" sides it does not matter."""
-    return step > 0 or bool((found[~there] < 0).all())
