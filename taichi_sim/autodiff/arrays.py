@@ -29,12 +29,19 @@ from taichi_sim.base.arrays import Floats
 
 Array = Union[Floats, "TracedArray"]
 Cotangents = tuple[Floats, ...]
+_PLAIN = (int, np.integer, slice, type(Ellipsis))  # of an index that finds no element twice
 
 
 class TracedArray(NDArrayOperatorsMixin, Traced):
     """An array of numbers whose origin is remembered."""
 
     __array_priority__ = 100.0
+
+    def __init__(self, tape: list[Traced], value: Any, pull: Callable[[Any], Contributions] | None = None) -> None:
+        """Note an array, which is never part of a kernel; ``pull`` of a constant is None."""
+        self.tape, self.value, self.pull, self.cotangent = tape, value, pull, None
+        if pull is not None:
+            tape.append(self)
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or options:
@@ -56,7 +63,18 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
         return NotImplemented
 
     def __getitem__(self, index: Any) -> "TracedArray":
-        return _moved(lambda array: array[index], self)
+        if not all(
+            each is None or isinstance(each, _PLAIN) for each in (index if isinstance(index, tuple) else [index])
+        ):
+            return _moved(lambda array: array[index], self)
+        value = self.value
+
+        def pull(g: Any) -> Contributions:
+            whole = np.zeros(value.shape)
+            whole[index] += g  # no place occurs twice
+            return [(self, whole)]
+
+        return self.derived(value[index], pull)  # type: ignore[return-value]
 
     def __iter__(self) -> Iterator["TracedArray"]:
         return (self[i] for i in range(len(self)))
@@ -75,10 +93,11 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
 
     @property
     def T(self) -> "TracedArray":  # noqa: D102
-        return _moved(np.transpose, self)
+        return self.derived(self.value.T, lambda g: [(self, np.transpose(g))])  # type: ignore[return-value]
 
     def reshape(self, *shape: Any) -> "TracedArray":  # noqa: D102
-        return _moved(lambda array: array.reshape(*shape), self)
+        own = self.value.shape
+        return self.derived(self.value.reshape(*shape), lambda g: [(self, np.reshape(g, own))])  # type: ignore[return-value]
 
     def ravel(self) -> "TracedArray":  # noqa: D102
         return self.reshape(-1)
@@ -178,11 +197,12 @@ def _derived(value: Any, *operands: tuple[Any, Callable[[Any], Any]]) -> Any:
     traced = [(x, share) for x, share in operands if isinstance(x, TracedArray)]
     if not traced:
         return value
+    active = [(x, share) for x, share in traced if x.pull is not None]
 
     def pull(g: Any) -> Contributions:
-        return [(x, _gathered(share(g), x.shape)) for x, share in traced]
+        return [(x, _gathered(share(g), x.value.shape)) for x, share in active]
 
-    return traced[0][0].derived(value, pull, *(x for x, _ in traced))
+    return TracedArray(traced[0][0].tape, value, pull if active else None)
 
 
 def _pairs(results: Sequence[Any], cotangents: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
