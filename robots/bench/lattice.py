@@ -26,7 +26,7 @@ from robots.inflatable.schedule import ROWS
 from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.base.compute import available_threads
-from taichi_sim.lattice import LatticeEngine, LatticeProgram, Relief
+from taichi_sim.lattice import LatticeEngine, LatticeProgram, Material, ProgramBuilder, Relief, body_from_array
 from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
 
 COLUMN = 11_670  # steps of a moving column of the published gaits
@@ -36,6 +36,8 @@ SEVERAL = 16  # robots whose networks answer together
 CLIMBERS, COLUMNS, MAXIMUM_SEARCHED = 60, 8, 12e3  # of the published co-design; the core's pressure in Pa
 UNEVEN = "rough:0.005"  # hills under the robot [m]
 GROUNDS = {"uneven": UNEVEN, "sand": "sand:2e5", "shore": f"{UNEVEN}+water:0.02"}
+HOLED, BODIES = (10, 6, 4), 8  # cells of which a part is there, and how many such bodies are set up
+OWN_STEPS = 1000  # of each of them
 WARM_UP = 3000  # steps: the bladders have snapped to their thickness and contact is as usual
 
 
@@ -116,6 +118,7 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
     several[0].advance(WARM_UP - 1)
     found["network_of_several"] = beside(*several, max(steps // SEVERAL, 100))
     found["both"] = {"gradient_in_forward_runs": gradient_cost(precision, steps, UNEVEN, True)["in_forward_runs"]}
+    found["own_body"] = own_bodies(precision)
     found["generation"] = generation(precision, 0.02 if quick else 0.04)
     if available_threads() > 1:
         one, two = (rates(time.perf_counter, Batch(2, precision, threads), steps)["best"] for threads in (1, 2))
@@ -145,6 +148,25 @@ def generation(precision: str, part: float) -> dict[str, float]:
     steps = int(engine.run(LatticeProgram(lengths, events, lengths[:, None])).steps.sum())
     rate = steps / (time.process_time() - begun)
     return {"robot_steps_per_core_second": rate, "core_hours": float(program.lengths.sum()) / rate / 3600}
+
+
+def own_bodies(precision: str) -> dict[str, float]:
+    """Measure the CPU time that a body of its own takes until it moves, as each does in a search for bodies [s].
+
+    Bodies are blocks of random holes; the median of several, alone and in 1,000 of its own steps.
+    """
+    generator, rubber = np.random.default_rng(0), Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8)
+    ready, moving = [], []
+    for _ in range(BODIES + 1):  # the first one compiles
+        body = body_from_array((generator.random(HOLED) < 0.6).astype(int), rubber, 0.01)
+        program = ProgramBuilder(robot_count=1).build(lengths=OWN_STEPS)
+        begun = time.process_time()
+        engine = LatticeEngine(body, 1, floor=True, gravity=9.81, precision=precision, threads=1)
+        engine.run(ProgramBuilder(robot_count=1).build(lengths=1))
+        ready.append(time.process_time() - begun)
+        moving.append(_timed(time.process_time, engine.run, program)[0])
+    ratios = np.array(ready[1:]) / np.array(moving[1:])
+    return {"seconds": float(np.median(ready[1:])), "in_1000_steps": float(np.median(ratios))}
 
 
 def _prototype_rate(path: Path, precision: str) -> float:
@@ -180,8 +202,8 @@ def beside(plain: Batch, other: Batch, steps: int) -> dict[str, Any]:
     return {"in_plain_steps": float(np.median([after / before for before, after in pairs]))}
 
 
-def _timed(clock: Callable[[], float], work: Callable[[int], Any], steps: int) -> tuple[float, Any]:
-    """Time of ``work(steps)`` [s], and its result."""
+def _timed(clock: Callable[[], float], work: Callable[[Any], Any], steps: Any) -> tuple[float, Any]:
+    """Time of ``work(steps)``, or of a program, [s], and its result."""
     begun = clock()
     result = work(steps)
     return clock() - begun, result
@@ -229,6 +251,8 @@ def lines(figures: dict[str, Any], precision: str) -> list[str]:
         f"network of 16-16-8       {figures['network']['in_plain_steps']:>8.2f} steps without, read every 50 steps; "
         f"{SEVERAL} robots {figures['network_of_several']['in_plain_steps']:.2f}",
         f"gradient with both       {figures['both']['gradient_in_forward_runs']:>8.1f} forward runs",
+        f"a body of its own        {1000 * figures['own_body']['seconds']:>8.0f} ms until it moves "
+        f"({figures['own_body']['in_1000_steps']:.2f} of 1,000 of its steps)",
         f"first step               {figures['first_step_s']:>8.1f} s",
         f"memory per robot         {figures['kilobytes_per_robot']:>8.0f} KB",
     ]

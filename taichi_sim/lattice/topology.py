@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 # Voxels this many links apart or fewer never collide (Voxelyze: they are joined by the lattice itself).
 CONTACT_EXCLUSION_LINKS = 5
@@ -40,34 +39,39 @@ def build_topology(voxels: np.ndarray, cut_links: np.ndarray) -> Topology:
     """Derive the topology of voxels, shape (V, 3), without the links ``cut_links``, shape (C, 2)."""
     count = len(voxels)
     order = np.lexsort(voxels.T[::-1])
-    index = {tuple(place): i for i, place in enumerate(voxels.tolist())}
-    cut = {tuple(sorted(pair)) for pair in cut_links.tolist()}
-    links, axes = [], []
-    for minus in order.tolist():
-        for axis in range(3):
-            plus = index.get(tuple((voxels[minus] + SIDES[2 * axis + 1]).tolist()), -1)
-            if plus >= 0 and tuple(sorted((minus, plus))) not in cut:
-                links.append((minus, plus))
-                axes.append(axis)
-    link_array = np.array(links, np.int64).reshape(-1, 2)
-    axis_array = np.array(axes, np.int64)
+    minus, axes = (each.ravel() for each in np.meshgrid(order, np.arange(3), indexing="ij"))
+    plus = _voxels_at(voxels, voxels[minus] + SIDES[2 * axes + 1])
+    ends = np.column_stack([minus, plus])
+    joined = plus >= 0
+    if len(cut_links):
+        pairs, cut = (np.sort(each, axis=1) @ [count, 1] for each in (ends, cut_links))
+        joined &= ~np.isin(pairs, cut)
+    link_array, axis_array = ends[joined].astype(np.int64), axes[joined].astype(np.int64)
     sides = np.full((count, 6), -1, np.int64)
-    sides[link_array[:, 0], 2 * axis_array + 1] = np.arange(len(links))
-    sides[link_array[:, 1], 2 * axis_array] = np.arange(len(links))
+    sides[link_array[:, 0], 2 * axis_array + 1] = np.arange(len(link_array))
+    sides[link_array[:, 1], 2 * axis_array] = np.arange(len(link_array))
     is_surface: np.ndarray = np.any(sides < 0, axis=1)
     surface = order[is_surface[order]]
-    return Topology(
-        order, link_array, axis_array, sides, surface, np.argwhere(sides < 0), _near(link_array, count, surface)
-    )
+    near = _near(link_array, axis_array, surface, count)
+    return Topology(order, link_array, axis_array, sides, surface, np.argwhere(sides < 0), near)
 
 
-def _near(links: np.ndarray, count: int, surface: np.ndarray) -> np.ndarray:
+def _voxels_at(voxels: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Voxels at places, shape (N, 3), -1 where there is none."""
+    _, number = np.unique(np.concatenate([voxels, places]), axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    found = np.full(number.max() + 1, -1)
+    found[number[: len(voxels)]] = np.arange(len(voxels))
+    return found[number[len(voxels) :]]
+
+
+def _near(links: np.ndarray, axes: np.ndarray, surface: np.ndarray, count: int) -> np.ndarray:
     """Pairs of surface voxels at most ``CONTACT_EXCLUSION_LINKS`` links apart, shape (S, S)."""
-    ones = np.ones(len(links), np.int32)
-    adjacent = sparse.csr_matrix((ones, (links[:, 0], links[:, 1])), shape=(count, count))
-    one_step = adjacent + adjacent.T + sparse.identity(count, np.int32, format="csr")
-    reached = sparse.identity(count, np.int32, format="csr")
+    neighbours = np.tile(np.arange(count)[:, None], (1, 6))  # a voxel itself where there is none
+    neighbours[links[:, 0], 2 * axes + 1], neighbours[links[:, 1], 2 * axes] = links[:, 1], links[:, 0]
+    reached = np.zeros((count, len(surface)), bool)
+    reached[surface, np.arange(len(surface))] = True
+    bits = np.packbits(reached, axis=1)
     for _ in range(CONTACT_EXCLUSION_LINKS):
-        reached = reached @ one_step
-        reached.data[:] = 1  # counts of paths would overflow
-    return reached[surface][:, surface].toarray().astype(bool)
+        bits |= np.bitwise_or.reduce(bits[neighbours], axis=1)
+    return np.unpackbits(bits[surface], axis=1, count=len(surface)).astype(bool)

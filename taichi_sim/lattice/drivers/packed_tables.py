@@ -213,45 +213,53 @@ class PackedTables:
             channels += columns.RESISTANCE
         if self.tables.poisson:  # which axes are in tension
             channels += tuple(channel for pair in columns.PULLING for channel in pair)
-        rows: list[tuple[int, np.ndarray, np.ndarray, tuple[int, int]]] = []
+        rows: list[tuple[int, np.ndarray, np.ndarray, np.ndarray, tuple[int, int]]] = []
         width, w = memory.CURRENT_WIDTH, self.real.width
         for c, lanes in enumerate(np.maximum(self.classes, 0)):
             for q in range(width):
                 follows = SIZING if q <= memory.MEAN_SIZE else LOADING
                 source = of[memory.CURRENT] * w + self.group_place(lanes, width, q)
-                rows.append((at[memory.CURRENT] + c * width + q, source, lanes, follows))
+                rows.append((at[memory.CURRENT] + c * width + q, source, lanes, lanes, follows))
             for q in channels:
                 slot, quantity = q + memory.VALUE, q // memory.CHANNEL_WIDTH
                 to = at[memory.CHANNEL] + c * columns.CHANNELS_PER_GROUP + slot
                 source = of[memory.CHANNEL] * w + self.group_place(lanes, columns.CHANNELS_PER_GROUP, slot)
-                rows.append((to, source, lanes, (quantity, quantity + 1)))
+                rows.append((to, source, lanes, lanes, (quantity, quantity + 1)))
         for c, lanes in enumerate(self.rests // memory.REST_WIDTH):
             ends = self.tables.rest[lanes]
             # A row for either group: the length changes with both.
             for q, end in product(range(memory.REST_WIDTH), (columns.REST_MINUS, columns.REST_PLUS)):
                 to = at[memory.REST] + c * memory.REST_WIDTH + q
                 source = of[memory.REST] * w + self.group_place(lanes, memory.REST_WIDTH, q)
-                rows.append((to, source, ends[:, end], SIZING))
-        to, source, group, follows = zip(*rows, strict=True)
+                rows.append((to, source, lanes, ends[:, end], SIZING))
+        to, source, owners, group, follows = zip(*rows, strict=True)
         places = self.group_place(np.array(group), columns.CHANNELS_PER_GROUP)
         spread = {"spreads": _ints(np.column_stack([to, follows])), "source": _ints(source), "group": _ints(places)}
-        return {**spread, **self._give_back(dict(zip(to, enumerate(source), strict=True))), "rests": self._rests()}
+        given = dict(zip(to, zip(range(len(to)), source, owners, strict=True), strict=True))
+        return {**spread, **self._give_back(given), "rests": self._rests()}
 
-    def _give_back(self, spread: dict[int, tuple[int, np.ndarray]]) -> dict[str, np.ndarray]:
-        """Rows by which groups get back the cotangents of what was spread to slots, from (row, sources of the lanes).
+    def _give_back(self, spread: dict[int, tuple[int, np.ndarray, np.ndarray]]) -> dict[str, np.ndarray]:
+        """Rows by which groups get back the cotangents of what was spread to slots.
 
-        Lanes of one group are summed under a mask; where a row has many groups, it is given back lane by lane.
+        Lanes of one owner are summed under a mask; where a row has many owners, it is given back lane by lane.
+
+        Args:
+            spread: by slot: the row that was spread, and the sources and the owners of its lanes.
         """
         masks: dict[tuple[bool, ...], int] = {}
+        known: dict[bytes, list[tuple[int, int]]] = {}  # of owners: first lane and mask of each, in ascending order
         rows = []
-        for to, (row, lanes) in spread.items():
-            sources = np.unique(lanes)
-            if len(sources) > MOST_MASKS:
-                rows.append((to, row, BY_LANE))
-                continue
-            for source in sources:
-                mask = tuple((lanes == source).tolist())
-                rows.append((to, source, masks.setdefault(mask, len(masks))))
+        for to, (row, sources, owners) in spread.items():
+            shares = known.get(owners.tobytes())
+            if shares is None:
+                each, first = np.unique(owners, return_index=True)
+                if len(each) > MOST_MASKS:
+                    shares = []
+                else:
+                    alike = [tuple((owners == owner).tolist()) for owner in each]
+                    shares = [(lane, masks.setdefault(m, len(masks))) for lane, m in zip(first, alike, strict=True)]
+                known[owners.tobytes()] = shares
+            rows += [(to, sources[lane], mask) for lane, mask in shares] or [(to, row, BY_LANE)]
         return {"gives": _ints(rows), "masks": self._reals(np.array(list(masks)).reshape(-1, self.real.width))}
 
     def _rests(self) -> np.ndarray:
