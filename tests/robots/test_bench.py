@@ -77,6 +77,7 @@ def test_rates_of_the_lattice_are_measured(monkeypatch):
         "network": bench.beside(single, bench.Batch(1, "f32", 1, network=bench.Network()), 120),
         "network_of_several": {"in_plain_steps": 1.1},
         "both": {"gradient_in_forward_runs": bench.gradient_cost("f32", 120, bench.UNEVEN, True)["in_forward_runs"]},
+        "own_body": bench.own_bodies("f32"),
         "generation": bench.generation("f32", 1e-4),
         "million_voxel_steps_per_core_second": 1.0,
         "part_of_peak": 0.5,
@@ -86,9 +87,9 @@ def test_rates_of_the_lattice_are_measured(monkeypatch):
         "two_threads": 1.9,
     }
     assert figures["uneven"]["in_plain_steps"] > 0.5 and figures["network"]["in_plain_steps"] > 0.5
-    assert figures["both"]["gradient_in_forward_runs"] > 1
+    assert figures["both"]["gradient_in_forward_runs"] > 1 and figures["own_body"]["in_1000_steps"] > 0
     assert figures["gradient"]["in_forward_runs"] > 1 and figures["generation"]["core_hours"] > 0
-    assert len(bench.lines(figures, "f32")) == 14
+    assert len(bench.lines(figures, "f32")) == 15
 
 
 def test_rates_of_the_lattice_are_told(monkeypatch):
@@ -104,6 +105,7 @@ def test_rates_of_the_lattice_are_told(monkeypatch):
         "network": {"in_plain_steps": 1.3},
         "network_of_several": {"in_plain_steps": 1.1},
         "both": {"gradient_in_forward_runs": 6.0},
+        "own_body": {"seconds": 0.02, "in_1000_steps": 1.0},
         "generation": {"core_hours": 1.0, "robot_steps_per_core_second": 9.0},
         "million_voxel_steps_per_core_second": 1.0,
         "part_of_peak": 0.5,
@@ -114,7 +116,7 @@ def test_rates_of_the_lattice_are_told(monkeypatch):
     }
     assert figures["uneven"]["in_plain_steps"] > 0.5
     lines = bench.lines(figures, "f32")
-    assert len(lines) == 14 and all(line.startswith("f32  ") for line in lines)
+    assert len(lines) == 15 and all(line.startswith("f32  ") for line in lines)
     assert lines[1].endswith("2.00") and lines[-1].endswith("1.90 times one")
 
 
