@@ -139,8 +139,10 @@ class InflatableRobot(Robot):
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, draws: "Sequence[Perturbation]" = ()
     ) -> list[Outcome]:
-        """Play the gait in several worlds, in each as often as there are points, as one batch; with draws, as bladders
-        then play it. A rig plays its table in each world, once."""
+        """Play the gait in several worlds as one batch, in each as often as there are points.
+
+        With draws, bladders play it as drawn. A rig plays its table once in each world.
+        """
         if self.rig is not None:
             return [self._on_rig(part) for part in trial.parts(worlds)]
         terrains, found, done = [terrain_of(world) for world in worlds], dict[int, Outcome](), 0

@@ -143,8 +143,7 @@ def try_points(robot: "LatticeRobot", points: ArrayLike, trial: Trial, memory: f
 def try_variants(
     robots: Sequence["LatticeRobot"], points: Floats, worlds: Sequence[World], trial: Trial
 ) -> list[Outcome]:
-    """What robots with the same free values do at N points, shape (N, P), each in its world; those that can do so
-    share a batch."""
+    """What variants of a robot do at N points, shape (N, P), each in its world; those that can share a batch do."""
     terrains, count = [terrain_of(world) for world in worlds], len(points)
     most = max(AT_ONCE // count, 1) if trial.compute.device == "cpu" else len(worlds)
     groups = [
