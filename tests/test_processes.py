@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -11,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optim.experiments.results import check_folder
 from taichi_sim.base import files
+from taichi_sim.base.results_folder import ResultsFolder
 
 pytestmark = pytest.mark.long
 
@@ -180,6 +183,52 @@ def test_a_claim_of_a_killed_process_is_free(tmp_path):
     with pytest.raises(ValueError, match=r"^out: .*a/b cannot be made \(Not a directory\)$|^out: .* is a file"):
         (tmp_path / "file").touch()
         files.claimed_folder("out", tmp_path / "file/a").__enter__()
+
+
+def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_path):
+    """And of nothing else."""
+    folder, names = tmp_path / "a", ("a.json", "a.png")
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+
+    def claimed_and_killed():
+        with files.claimed_folder("out", folder, names):
+            files.write_text(folder / "a.json", "half")
+            shutil.copytree(folder, tmp_path / "killed")
+        shutil.rmtree(folder)
+        shutil.move(tmp_path / "killed", folder)
+        (folder / f".aside-{gone.pid}-{gone.pid}-a.png").touch()
+
+    claimed_and_killed()
+    (folder / "notes.txt").touch()
+    with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, names):
+        pass
+    assert {"a.json", "notes.txt"} <= {each.name for each in folder.iterdir()}
+    shutil.rmtree(folder)
+    claimed_and_killed()
+    with files.claimed_folder("out", folder, ["b.json"]):
+        assert [each.name for each in folder.iterdir()] == [".aside-claim"]
+        files.write_text(folder / "b.json", "whole")
+    assert [each.name for each in folder.iterdir()] == ["b.json"]
+    with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, ["b.json"]):
+        pass
+    assert (folder / "b.json").read_text() == "whole"
+
+
+def test_unfinished_files_of_processes_that_have_ended_are_removed(tmp_path):
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    names = [f".aside-{os.getpid()}-1-a.csv", f".aside-{gone.pid}-1-a.csv", f".aside-1-1-{gone.pid}", ".aside-claim"]
+    (tmp_path / "parts").mkdir()
+    for name in names:
+        (tmp_path / "parts" / name).touch()
+    check_folder(tmp_path, ["parts"])
+    assert {each.name for each in (tmp_path / "parts").iterdir()} == {names[0], *names[2:]}
+    ResultsFolder(tmp_path / "kept", "sweep", {})
+    left = tmp_path / "kept" / f".aside-{gone.pid}-1-b.npz"
+    left.touch()
+    ResultsFolder(tmp_path / "kept", "sweep", {})
+    assert not left.exists()
 
 
 @pytest.mark.parametrize(

@@ -77,7 +77,7 @@ def _fit(args: argparse.Namespace) -> Report:
 
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")
-    options.claim_folder(args)
+    options.claim_folder(args, "calibration.json", "calibration.png")
     found = read_measurements(args.data, lambda name: _load(args.data.parent, name))
     made_for = {experiment.informs[0] for experiment in found.experiments}
     names = args.fit or tuple(name for name in NAMES if name in made_for)

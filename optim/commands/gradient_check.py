@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> Report:
     for words in dict.fromkeys(robot.caution(point) for robot, point in robots if robot is not None):
         if words:
             warnings.warn(words, stacklevel=1)
-    options.claim_folder(args)
+    options.claim_folder(args, "gradient.json", "gradient.png")
     with shown_progress("differences", 1.0, args.quiet) as update:
         report = check_gradient(
             problems,

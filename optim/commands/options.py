@@ -102,11 +102,13 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(","))
 
 
-def claim_folder(args: argparse.Namespace) -> None:
+def claim_folder(args: argparse.Namespace, *names: str) -> None:
     """Make the new folder ``--out``, if one is given, and keep other processes off it while the command runs.
+
+    A kill may leave some of the files ``names`` that the command makes there; the next command then removes them.
 
     Raises:
         ValueError: if the folder holds anything, cannot be made, or another process fills it.
     """
     if args.out is not None:
-        args.held.enter_context(files.claimed_folder("out", args.out))
+        args.held.enter_context(files.claimed_folder("out", args.out, names))

@@ -16,6 +16,7 @@ from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.progress import shown_progress
 from robots.robot import OK, Outcome, Robot, World, find_robot_doing, robot_to_try
 
+FILES = ("design.json", "result.json", "frames.npz", "gait.csv", "robot.png")
 COMMAND = Command(
     "simulate",
     "simulate a robot",
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("gait: none is given; name a gait or a design, or another kind of robot by --robot")
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
-    options.claim_folder(args)
+    options.claim_folder(args, *FILES)
     kind, source = find_robot_doing(args.robot, args.gait)
     robot, (world, *_) = robot_to_try(kind, source, args.parser.values(args, kind))
     compute, what = options.compute(args, "f64"), args.gait or args.robot

@@ -34,6 +34,7 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
 
     if folder.exists() and (not folder.is_dir() or any(map(other, folder.iterdir()))):
         raise ValueError(f"out: {folder} holds something else; name a new folder")
+    files.remove_cut_off(folder)
     if kind and not (folder / f"{kind}.json").exists():
         files.make_folder(folder)
         files.write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})

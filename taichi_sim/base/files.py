@@ -15,7 +15,7 @@ import threading
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -59,6 +59,15 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
     finally:
         with contextlib.suppress(OSError):  # a full disk must not be filled further
             aside.unlink(missing_ok=True)
+
+
+def remove_cut_off(folder: Path) -> None:
+    """Remove the unfinished files below a folder whose processes have ended, as far as the disk lets."""
+    with contextlib.suppress(OSError):
+        for aside in folder.rglob(f"{ASIDE}*"):
+            writer = aside.name.removeprefix(ASIDE).partition("-")[0]
+            if writer.isdecimal() and not _runs(int(writer)):
+                aside.unlink(missing_ok=True)
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
@@ -332,8 +341,13 @@ def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def claimed_folder(field: str, path: Path) -> Iterator[None]:
+def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Iterator[None]:
     """Make a new folder and reserve it for this process; it is removed again if nothing was put there.
+
+    Args:
+        field: named in messages.
+        path: must not exist, or be empty, or hold what a killed process has reserved it for.
+        names: files that this process will make there. If it is killed, the next one removes them.
 
     Raises:
         ValueError: if the folder holds anything, cannot be made, or another process has reserved it.
@@ -347,9 +361,20 @@ def claimed_folder(field: str, path: Path) -> Iterator[None]:
     except OSError as error:
         raise ValueError(f"{field}: {path} cannot be made ({error.strerror})") from None
     try:
-        with _reserved(field, path, path / f"{ASIDE}claim", "folder"):
-            if any(not each.name.startswith(ASIDE) for each in path.iterdir()):
-                raise ValueError(f"{field}: {path} exists and is not empty; name a new folder")
+        claim = path / f"{ASIDE}claim"
+        with _reserved(field, path, claim, "folder"):
+            try:
+                # Of a process that was killed, which had found the folder empty.
+                names_before = content_of(claim).decode(errors="replace").split("\n")
+                left = [each for each in path.iterdir() if not each.name.startswith(ASIDE)]
+                if any(each.name not in names_before for each in left):
+                    raise ValueError(f"{field}: {path} exists and is not empty; name a new folder")
+                for each in left:
+                    each.unlink()
+                remove_cut_off(path)
+                claim.write_text("\n".join(names))
+            except OSError as error:
+                raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
             yield
     finally:
         with contextlib.suppress(OSError):  # stops at the first that is not empty
@@ -392,6 +417,17 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
         finally:
             with contextlib.suppress(OSError):
                 lock.unlink()
+
+
+def _runs(process: int) -> bool:
+    """Whether a process of this number runs on this machine."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True  # of another user, or no number of a process
+    return True
 
 
 def _sync(path: Path) -> None:

@@ -21,6 +21,7 @@ from taichi_sim.base.files import (
     make_folder,
     read_record,
     read_text,
+    remove_cut_off,
     why_unread,
     write_bytes,
     write_text,
@@ -54,6 +55,7 @@ class ResultsFolder:
                     f"out: {path} holds {article} {kind} of other settings{_difference(before, text)}; "
                     "name another folder"
                 )
+            remove_cut_off(path)
             return
         if path.exists() and (not path.is_dir() or any(not each.name.startswith(ASIDE) for each in path.iterdir())):
             raise ValueError(f"out: {path} holds something else; name a new folder")

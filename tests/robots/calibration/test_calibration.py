@@ -2,11 +2,12 @@
 
 import dataclasses
 import json
+import shutil
 
 import numpy as np
 import pytest
 
-from optim.calibration import calibrate, check_names, document
+from optim.calibration import calibrate, check_names, document, report
 from optim.calibration.misfit import REPLICAS, Linearised, uncertainty
 from robots.calibration import (
     BOUNDS,
@@ -357,6 +358,30 @@ def test_a_calibration_goes_from_a_file_to_simulate(morpholab, tmp_path, monkeyp
     code, _, _ = morpholab("simulate --gait inching --calibration fit/calibration.json")
     assert code == 0 and used["geometry"] == SMALL
     assert used["actuation"].high_friction == properties.friction
+
+
+@pytest.mark.kernels
+def test_a_calibration_that_a_kill_has_cut_off_can_be_repeated(morpholab, tmp_path, monkeypatch):
+    """Its numbers are there, but not its picture."""
+    save, fitted = report.save_calibration, []
+
+    def calibrated(*given):
+        fitted[:] = fitted or [calibrate(*given)]
+        return fitted[0]
+
+    def killed(*given):
+        shutil.copytree(tmp_path / "fit", tmp_path / "killed")
+        save(*given)
+
+    monkeypatch.setattr("optim.calibration.calibrate", calibrated)
+    monkeypatch.setattr(report, "save_calibration", killed)
+    (tmp_path / "a.toml").write_text(DRAGS[: DRAGS.rindex("[[drag]]")])
+    assert morpholab("calibrate a.toml --out fit --quiet --threads 1")[0] == 0
+    assert {path.name for path in (tmp_path / "killed").iterdir()} == {"calibration.json", ".aside-claim"}
+    monkeypatch.setattr(report, "save_calibration", save)
+    assert morpholab("calibrate a.toml --out killed --quiet --threads 1")[::2] == (0, "")
+    whole, again = ({path.name: path.read_bytes() for path in (tmp_path / n).iterdir()} for n in ("fit", "killed"))
+    assert again == whole
 
 
 @pytest.mark.parametrize("weight", ["published", "physical"])
