@@ -7,21 +7,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from graded import TINY, settling
 from hypothesis import given
 from hypothesis import strategies as st
+from small_pipeline import TASK, decided, write_task
 
 from optim.pipeline import changes, trials
 from optim.pipeline import run as pipeline_run
 from optim.pipeline.changes import best_single_gait
-from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
+from optim.pipeline.plans import best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.run import find_gaits
 from optim.pipeline.task import read_task
 from optim.pipeline.trials import NoWorkingGait, State, Trials, check_working
 from robots.calibration import Properties, load_calibration, save_properties
 from robots.hardware import export_csv, read_csv
-from robots.inflatable import ACTUATION, INCHING, NAMED_GEOMETRIES, PUBLISHED, ROLLING, SMALL, transition
-from robots.inflatable.design import InflatableDesign, save_design
+from robots.inflatable import ACTUATION, INCHING, PUBLISHED, ROLLING, SMALL
+from robots.inflatable.design import save_design
 from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -197,49 +197,12 @@ def test_a_terrain_without_a_working_gait_is_named_with_what_was_tried(tmp_path)
 
 # from end to end, with strokes so small, and a robot, that they take a second
 
-RIG = """
-name = "quick"
-[channels.core]
-rise_s = 0.2
-fall_s = 0.1
-slew_kpa_per_s = 1000.0
-"""
-TASK = """
-terrains = ["flat", "hill:5"]
-gaits = ["round.json", "flat.json"]
-geometry = "small"
-precision = "f32"
-runs = 2
-rig = "rig.toml"
-[limits]
-least_speed = 1e-12
-moved = 10.0
-shape_error = 0.05
-next_speed = 0.0
-"""
-
 
 @pytest.fixture
 def task(tmp_path, monkeypatch):
     """A task whose fastest plan changes shape, whatever small strokes come to."""
-    levels = np.zeros((10, 2))
-    levels[:4, 0], levels[8:, 0] = 0.05, 1.0
-    for name, pressure in (("round", 400.0), ("flat", 0.0)):
-        save_design(InflatableDesign(pressure, 90.0, settling(levels, [50, 50], 2)), tmp_path / f"{name}.json")
-    (tmp_path / "rig.toml").write_text(RIG)
-    (tmp_path / "task.toml").write_text(TASK)
     decided(monkeypatch)
-    return tmp_path / "task.toml"
-
-
-def decided(monkeypatch):
-    """The plan, and a single way to change shape that takes a moment."""
-    monkeypatch.setitem(NAMED_GEOMETRIES, "small", TINY)
-    monkeypatch.setattr(pipeline_run, "rank_plans", lambda *_: [Plan(("round", "flat"), 0.1)])
-    monkeypatch.setattr(pipeline_run, "check_working", lambda *_: None)
-    monkeypatch.setattr(changes, "WAYS", changes.WAYS[:1])
-    monkeypatch.setattr(transition, "SETTLING_TIME", 0.05)
-    monkeypatch.setattr(transition, "full_stroke_steps", lambda actuation: 400)
+    return write_task(tmp_path)
 
 
 @pytest.mark.kernels

@@ -4,23 +4,20 @@ import json
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
+import kills
 import pytest
 from run_products import products
 
 pytestmark = pytest.mark.slow
-ROOT = Path(__file__).parents[3]
 GENERATIONS, KILLS = 20, 25
 SMALL = "--terrain flat --geometry small --columns 1 --repeats 1 --climbers 16 --seed 1 --quiet --resume"
 
 
 def start(folder, more=""):
-    line = [sys.executable, "-m", "optim.cli", "codesign", *SMALL.split(), *more.split(), "--out", str(folder)]
-    return subprocess.Popen(line, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    return kills.start(f"codesign {SMALL} {more} --out {folder}")
 
 
 def lines(folder):
@@ -56,8 +53,7 @@ def test_25_kills_at_random_instants_change_nothing(tmp_path, whole):
             wait_for_lines(process, folder, known + 1)
             time.sleep(rng.uniform(0, generation))
         assert process.poll() is None, process.communicate()
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        kills.kill(process)
     assert 5 < lines(folder) < GENERATIONS + 1
     process = start(folder, f"--generations {GENERATIONS}")
     assert (process.communicate()[1], process.returncode) == ("", 0)
