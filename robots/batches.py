@@ -20,7 +20,7 @@ _OF_ALL = tuple(each.name for each in fields(Terrain) if each.name not in (*_OF_
 
 
 def runs_of(owners: Sequence[Owner]) -> Iterator[tuple[Owner, slice]]:
-    """Owners of rows, each with the rows that follow one another and are its own."""
+    """Each owner of rows, with a slice of rows that follow one another and are its own."""
     begin = 0
     for _, rows in groupby(owners, key=id):
         alike = list(rows)
@@ -29,7 +29,7 @@ def runs_of(owners: Sequence[Owner]) -> Iterator[tuple[Owner, slice]]:
 
 
 def of_each(owners: Sequence[Owner], function: Callable[..., Any], *arrays: Any) -> Any:
-    """What a function gives of each owner and of its rows of arrays, which may be traced, one below the other.
+    """Join what a function makes of each owner and of its rows of arrays, which may be traced, along the first axis.
 
     The function gives an array, or several as a tuple.
     """
@@ -50,7 +50,11 @@ def grouped(keys: Iterable[Hashable]) -> list[list[int]]:
 
 
 def around(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:
-    """What robots of these materials on the terrains of a batch find alike, to be compared; among props, friction."""
+    """A key that is equal for terrains on which robots of these materials can share a batch.
+
+    It holds all but slope, ground, light and friction, and whether there is water and the ground yields; among props,
+    friction, too.
+    """
     named = (*_OF_ALL, *_RUBBING) if terrain.props else _OF_ALL
     pairs = tuple((m.static_friction, m.kinetic_friction) for m in materials) if terrain.props else ()
     return tuple(getattr(terrain, name) for name in named), pairs, _laws(terrain)

@@ -200,6 +200,8 @@ class Robot(ShortText):
 
         With draws, one for each world, the robot is :meth:`perturbed` by them.
         """
+        if not worlds:
+            return []
         return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), draws)
 
     def perturbed(self, drawn: "Perturbation") -> Self:

@@ -197,7 +197,8 @@ def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_
             shutil.copytree(folder, tmp_path / "killed")
         shutil.rmtree(folder)
         shutil.move(tmp_path / "killed", folder)
-        (folder / f".aside-{gone.pid}-{gone.pid}-a.png").touch()
+        (folder / f".aside-{gone.pid}-{files._machine()}-{gone.pid}-a.png").touch()
+        (folder / f".aside-{gone.pid}-elsewhere-{gone.pid}-a.png").touch()
 
     claimed_and_killed()
     (folder / "notes.txt").touch()
@@ -206,26 +207,38 @@ def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_
     assert {"a.json", "notes.txt"} <= {each.name for each in folder.iterdir()}
     shutil.rmtree(folder)
     claimed_and_killed()
-    with files.claimed_folder("out", folder, ["b.json"]):
-        assert [each.name for each in folder.iterdir()] == [".aside-claim"]
-        files.write_text(folder / "b.json", "whole")
-    assert [each.name for each in folder.iterdir()] == ["b.json"]
     with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, ["b.json"]):
+        pass  # which makes other files
+    shutil.rmtree(folder)
+    claimed_and_killed()
+    foreign = f".aside-{gone.pid}-elsewhere-{gone.pid}-a.png"  # of another machine, where the process may run
+    with files.claimed_folder("out", folder, names):
+        assert {each.name for each in folder.iterdir()} == {".aside-claim", foreign}
+        files.write_text(folder / "a.json", "whole")
+    assert {each.name for each in folder.iterdir()} == {"a.json", foreign}
+    with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, names):
         pass
-    assert (folder / "b.json").read_text() == "whole"
+    assert (folder / "a.json").read_text() == "whole"
 
 
 def test_unfinished_files_of_processes_that_have_ended_are_removed(tmp_path):
     gone = subprocess.Popen(["true"])
     gone.wait()
-    names = [f".aside-{os.getpid()}-1-a.csv", f".aside-{gone.pid}-1-a.csv", f".aside-1-1-{gone.pid}", ".aside-claim"]
+    here = files._machine()
+    names = [
+        f".aside-{os.getpid()}-{here}-1-a.csv",
+        f".aside-{gone.pid}-{here}-1-a.csv",
+        f".aside-1-{here}-1-{gone.pid}",
+        f".aside-{gone.pid}-elsewhere-1-a.csv",
+        ".aside-claim",
+    ]
     (tmp_path / "parts").mkdir()
     for name in names:
         (tmp_path / "parts" / name).touch()
     check_folder(tmp_path, ["parts"])
     assert {each.name for each in (tmp_path / "parts").iterdir()} == {names[0], *names[2:]}
     ResultsFolder(tmp_path / "kept", "sweep", {})
-    left = tmp_path / "kept" / f".aside-{gone.pid}-1-b.npz"
+    left = tmp_path / "kept" / f".aside-{gone.pid}-{here}-1-b.npz"
     left.touch()
     ResultsFolder(tmp_path / "kept", "sweep", {})
     assert not left.exists()

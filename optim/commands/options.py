@@ -105,7 +105,7 @@ def names(text: str) -> tuple[str, ...]:
 def claim_folder(args: argparse.Namespace, *names: str) -> None:
     """Make the new folder ``--out``, if one is given, and keep other processes off it while the command runs.
 
-    A kill may leave some of the files ``names`` that the command makes there; the next command then removes them.
+    A kill may leave some of the files ``names`` that the command makes there; the same command then removes them.
 
     Raises:
         ValueError: if the folder holds anything, cannot be made, or another process fills it.

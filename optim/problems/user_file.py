@@ -41,7 +41,8 @@ class FileProblem(PlainProblem):
             ValueError: if that fails, or the source defines no problem.
         """
         self.file, self.source, self._folder = file, source, folder
-        self._problem = _defined(_run(file, source, folder), file)
+        names, self._run_as = _run(file, source, folder)
+        self._problem = _defined(names, file)
         super().__init__(self._problem.space, objectives_of(self._problem))
         if hasattr(self._problem, "evaluate_relaxed"):
             self.evaluate_relaxed = self._evaluate_relaxed
@@ -51,11 +52,11 @@ class FileProblem(PlainProblem):
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Judge points, shape (N, D)."""
-        with blamed(self.file):
+        with blamed(self.file, self._run_as):
             return self._problem.evaluate(points)
 
     def _evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        with blamed(self.file):
+        with blamed(self.file, self._run_as):
             return self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
 
     def save(self, point: ArrayLike, path: Path) -> None:
@@ -64,8 +65,7 @@ class FileProblem(PlainProblem):
         if save is None:
             super().save(point, path)
         else:
-            with blamed(self.file):
-                save(point, path)
+            save(point, path)
 
     def describe(self) -> dict[str, Any]:
         """The file's name and checksum, variables and objectives; neither its source nor where it is."""
@@ -136,15 +136,15 @@ def check_file(problem: FileProblem, known: Mapping[str, Any], folder: Path) -> 
         )
 
 
-def _run(file: str, source: bytes, folder: str) -> SimpleNamespace:
-    """The names that a source defines, with the folder on the path of modules."""
+def _run(file: str, source: bytes, folder: str) -> tuple[SimpleNamespace, str]:
+    """The names that a source defines, with the folder on the path of modules; and the path under which it ran."""
     with tempfile.TemporaryDirectory() as aside:
         copy = Path(aside) / file  # what is run is what was read, whatever becomes of the file
         copy.write_bytes(source)
         sys.path.insert(0, folder)
         try:
             with users_code(f"problem: {file}"):
-                return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem"))
+                return SimpleNamespace(**runpy.run_path(str(copy), run_name="morpholab_problem")), str(copy)
         finally:
             sys.path.remove(folder)
 

@@ -16,8 +16,7 @@ from robots.freeform.solid import Solid
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.rollout import Channels, Rollout
 from robots.lattice_robot.scenes import Scenes
-from robots.lattice_robot.simulation import AT_ONCE as MOST
-from robots.lattice_robot.simulation import LatticeRobotResult, assembled, result_of
+from robots.lattice_robot.simulation import LARGEST_BATCH, LatticeRobotResult, assembled, result_of
 from robots.robot import Trial, World, part_of
 from robots.world import Terrain, terrain_of, without_props
 from taichi_sim.autodiff.arrays import trace, value_of
@@ -63,7 +62,7 @@ class Cases:
     def parts(self, cases: Ints, done: int, count: int) -> "Iterator[tuple[Ints, Cases]]":
         """Numbers of cases, N for each world, in groups small enough for a record, and how each group is tried."""
         compute = self.trial.compute
-        size = max(MOST, len(cases) // len(self.robots)) if compute.device == "cpu" else len(cases)
+        size = max(LARGEST_BATCH, len(cases) // len(self.robots)) if compute.device == "cpu" else len(cases)
         if self.trial.gradients:
             size = AT_ONCE * compute.thread_count
         groups = [cases[first : first + size] for first in range(0, len(cases), size)]
@@ -76,10 +75,10 @@ class Cases:
 def try_variants(
     robots: "Sequence[FreeformRobot]", points: Floats, worlds: Sequence[World], trial: Trial
 ) -> list[LatticeRobotResult]:
-    """Try points, shape (N, P), with each of several variants of a robot in its world; those that can share a batch.
+    """Try points, shape (N, P), with each of several variants of a robot in its world; those that can share a batch do.
 
-    As robots that can be built, or between designs if the trial's sharpness is finite. Of robots that can be built
-    the results also tell the numbers of ``cells`` and ``channels``.
+    They are tried as robots that can be built, or between designs if the trial's sharpness is finite. Of robots that
+    can be built the results also tell the numbers of ``cells`` and ``channels``.
     """
     terrains, count = [terrain_of(world) for world in worlds], len(points)
     pairs = zip(robots, terrains, strict=True)

@@ -139,9 +139,10 @@ class InflatableRobot(Robot):
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, draws: "Sequence[Perturbation]" = ()
     ) -> list[Outcome]:
-        """Play the gait in several worlds as one batch, in each as often as there are points.
+        """Play the gait in several worlds, in as few batches as can be, in each world as often as there are points.
 
-        With draws, bladders play it as drawn. A rig plays its table once in each world.
+        With draws, bladders play it as drawn; noise is the same in every world. A rig plays its table once in each
+        world.
         """
         if self.rig is not None:
             return [self._on_rig(part) for part in trial.parts(worlds)]

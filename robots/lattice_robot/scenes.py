@@ -1,7 +1,7 @@
 """The robots of a batch, each in its world: variants of one robot that differ in little enough share one."""
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -14,8 +14,7 @@ if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
 _SMOOTH = dict.fromkeys(MATERIAL_FRICTION, 0.0)
-_LATTICE = ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals", "chambers")
-_SETTINGS = ("frequency", "settling", "cycles", "heading", "target", "reference_length", "perturbation", "reflexes")
+_OWN = ("body", "drives", "moduli", "seed", "name")  # fields of robots that are looked at by parts, or not at all
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ def _shared(robot: "LatticeRobot") -> Hashable:
     body = robot.body
     materials = tuple(replace(material, **_SMOOTH) for material in body.materials)  # type: ignore[arg-type]
     drives = tuple(replace(drive, gains=()) for drive in robot.drives)
-    lattice = tuple(np.asarray(getattr(body, name)).tobytes() for name in _LATTICE)
+    lattice = tuple(np.asarray(getattr(body, each.name)).tobytes() for each in fields(body) if each.name != "materials")
+    settings = tuple(getattr(robot, each.name) for each in fields(robot) if each.name not in _OWN)
     noise = None if robot.reflexes is None else robot.seed  # that of senses is one for all
-    moduli, settings = tuple(robot.free_moduli.items()), tuple(getattr(robot, name) for name in _SETTINGS)
-    return materials, drives, lattice, body.voxel_size, noise, moduli, robot.cycle.time_step, settings
+    return materials, drives, lattice, tuple(robot.free_moduli.items()), settings, robot.cycle.time_step, noise

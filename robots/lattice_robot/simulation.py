@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 BESIDE = 1e-4  # cycles: how far from a tie gradients are taken
 MEMORY = 1e9  # of a differentiation's record [B]
-AT_ONCE = 256  # robots of a batch on a CPU, at most, where several worlds share it
+LARGEST_BATCH = 256  # robots of a batch on a CPU, at most, where several worlds share it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -145,7 +145,7 @@ def try_variants(
 ) -> list[Outcome]:
     """What variants of a robot do at N points, shape (N, P), each in its world; those that can share a batch do."""
     terrains, count = [terrain_of(world) for world in worlds], len(points)
-    most = max(AT_ONCE // count, 1) if trial.compute.device == "cpu" else len(worlds)
+    most = max(LARGEST_BATCH // count, 1) if trial.compute.device == "cpu" else len(worlds)
     groups = [
         group[first : first + most] for group in sharing(robots, terrains) for first in range(0, len(group), most)
     ]

@@ -9,6 +9,7 @@ import io
 import json
 import math
 import os
+import platform
 import shutil
 import stat
 import threading
@@ -49,7 +50,7 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
     Raises:
         OSError: if the disk refuses; ``path`` is then as it was.
     """
-    aside = path.with_name(f"{ASIDE}{os.getpid()}-{threading.get_native_id()}-{path.name}")
+    aside = path.with_name(f"{ASIDE}{os.getpid()}-{_machine()}-{threading.get_native_id()}-{path.name}")
     try:
         yield aside
         if not (if_changed and path.is_file() and path.read_bytes() == aside.read_bytes()):
@@ -62,12 +63,13 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
 
 
 def remove_cut_off(folder: Path) -> None:
-    """Remove the unfinished files below a folder whose processes have ended, as far as the disk lets."""
+    """Remove unfinished files below a folder whose processes were of this machine and have ended, if the disk lets."""
     with contextlib.suppress(OSError):
-        for aside in folder.rglob(f"{ASIDE}*"):
+        for aside in folder.rglob(f"{ASIDE}*-{_machine()}-*"):
             writer = aside.name.removeprefix(ASIDE).partition("-")[0]
             if writer.isdecimal() and not _runs(int(writer)):
-                aside.unlink(missing_ok=True)
+                with contextlib.suppress(OSError):
+                    aside.unlink(missing_ok=True)
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
@@ -347,7 +349,7 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
     Args:
         field: named in messages.
         path: must not exist, or be empty, or hold what a killed process has reserved it for.
-        names: files that this process will make there. If it is killed, the next one removes them.
+        names: files that this process will make there. If it is killed, the next that makes the same removes them.
 
     Raises:
         ValueError: if the folder holds anything, cannot be made, or another process has reserved it.
@@ -364,10 +366,10 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
         claim = path / f"{ASIDE}claim"
         with _reserved(field, path, claim, "folder"):
             try:
-                # Of a process that was killed, which had found the folder empty.
-                names_before = content_of(claim).decode(errors="replace").split("\n")
+                # What a killed process that made the same files has left of them, as it had found the folder empty.
+                known = names if content_of(claim).decode(errors="replace") == "\n".join(names) else ()
                 left = [each for each in path.iterdir() if not each.name.startswith(ASIDE)]
-                if any(each.name not in names_before for each in left):
+                if any(each.name not in known for each in left):
                     raise ValueError(f"{field}: {path} exists and is not empty; name a new folder")
                 for each in left:
                     each.unlink()
@@ -417,6 +419,11 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
         finally:
             with contextlib.suppress(OSError):
                 lock.unlink()
+
+
+def _machine() -> str:
+    """A short name of this machine, other than that of others which share its files."""
+    return f"{zlib.crc32(platform.node().encode()):08x}"
 
 
 def _runs(process: int) -> bool:

@@ -1,8 +1,7 @@
-"""Code that is not morpholab's, a user's file or a package that may be missing: whose fault an exception is."""
+"""Runs code that is not morpholab's, users' files and optional packages, and tells whose fault an exception is."""
 
 import contextlib
 import errno
-import os
 import traceback
 from collections.abc import Iterator
 
@@ -44,24 +43,23 @@ def users_code(file: object) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def blamed(file: str) -> Iterator[None]:
-    """Run a function of a user's file inside; an exception that leaves it passes, and notes whose it is.
+def blamed(file: str, run_as: str) -> Iterator[None]:
+    """Run functions of a user's file inside; an exception that comes from it passes, with a note of file and line.
 
     The note survives workers, which pass exceptions on; :func:`blame` finds it.
+
+    Args:
+        file: its name, for people.
+        run_as: path under which Python has run it.
     """
     try:
         yield
     except Exception as error:
-        if not lacks_memory(error) and not blame(error):
-            lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if _named(frame, file)]
-            place = f"{BLAMED}{file}, line {lines[-1]}" if lines else f"{BLAMED}{file}"
-            error.add_note(f"{place}: {type(error).__name__}: {' '.join(str(error).split())}".rstrip(": "))
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == run_as]
+        if lines and not lacks_memory(error) and not blame(error):
+            said = " ".join(str(error).split())
+            error.add_note(f"{BLAMED}{file}, line {lines[-1]}: {type(error).__name__}{said and ': '}{said}")
         raise
-
-
-def _named(frame: traceback.FrameSummary, file: str) -> bool:
-    """Whether a line of a traceback is in a file of this name."""
-    return os.path.basename(frame.filename) == file
 
 
 def blame(error: BaseException) -> str:

@@ -137,7 +137,10 @@ class LatticeBody(ShortText):
         return build_topology(self.voxels, self.cut_links)
 
     def with_materials(self, materials: Iterable[Material], material_index: ArrayLike | None = None) -> "LatticeBody":
-        """The same voxels of other materials; what follows from their places alone is not derived again."""
+        """The same voxels of other materials, and by default of the same index into these.
+
+        What follows from places alone, which every engine needs, is derived once for all such bodies.
+        """
         index = self.material_index if material_index is None else np.asarray(material_index)
         found = replace(self, materials=tuple(materials), material_index=index)
         vars(found)["topology"] = self.topology

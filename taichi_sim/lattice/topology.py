@@ -69,9 +69,11 @@ def _near(links: np.ndarray, axes: np.ndarray, surface: np.ndarray, count: int) 
     """Pairs of surface voxels at most ``CONTACT_EXCLUSION_LINKS`` links apart, shape (S, S)."""
     neighbours = np.tile(np.arange(count)[:, None], (1, 6))  # a voxel itself where there is none
     neighbours[links[:, 0], 2 * axes + 1], neighbours[links[:, 1], 2 * axes] = links[:, 1], links[:, 0]
-    reached = np.zeros((count, len(surface)), bool)
-    reached[surface, np.arange(len(surface))] = True
-    bits = np.packbits(reached, axis=1)
+    each = np.arange(len(surface))
+    bits = np.zeros((count, -(-len(surface) // 8)), np.uint8)  # whom a voxel reaches, eight to a byte
+    bits[surface, each // 8] = 128 >> (each % 8)
     for _ in range(CONTACT_EXCLUSION_LINKS):
-        bits |= np.bitwise_or.reduce(bits[neighbours], axis=1)
+        before = bits.copy()
+        for side in neighbours.T:
+            bits |= before[side]
     return np.unpackbits(bits[surface], axis=1, count=len(surface)).astype(bool)

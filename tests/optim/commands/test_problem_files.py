@@ -183,12 +183,20 @@ def test_a_run_of_a_robot_takes_no_file(rocket, morpholab, simulator):
     assert code == 2 and "problem: the run in a is of no file; leave --problem out" in error
 
 
-FAULTY = "bounds = {'x': (0, 1)}\n\ndef evaluate(point):\n    raise ZeroDivisionError('division by zero')\n"
+FAULTY = "bounds = {'x': (0, 1)}\n\nclass Bad(Exception): ...\n\ndef evaluate(point):\n    raise "
 
 
 @pytest.mark.parametrize("workers", ["", "--workers 2"])
-def test_what_a_function_raises_while_it_judges_is_told_as_the_files_own(tmp_path, morpholab, workers):
-    (tmp_path / "own.py").write_text(FAULTY)
-    code, _, error = morpholab(f"codesign --problem own.py --out a --climbers 2 --quiet {workers}")
-    assert code == 1 and error.splitlines()[-1].endswith("failed: own.py, line 4: ZeroDivisionError: division by zero")
+@pytest.mark.parametrize("raised", ["ZeroDivisionError: division by zero", "Bad: no"])
+def test_what_a_function_raises_while_it_judges_is_told_as_the_files_own(tmp_path, morpholab, raised, workers):
+    kind, _, text = raised.partition(": ")
+    (tmp_path / "function.py").write_text(f"{FAULTY}{kind}({text!r})\n")
+    code, _, error = morpholab(f"codesign --problem function.py --out a --climbers 2 --quiet {workers}")
+    assert code == 1 and error.splitlines()[-1].endswith(f"failed: function.py, line 6: {raised}")
     assert "bug" not in error
+
+
+def test_what_morpholab_refuses_of_a_function_is_not_told_as_one_of_its_lines(tmp_path, morpholab):
+    (tmp_path / "function.py").write_text("bounds = {'x': (0, 1)}\n\ndef evaluate(points):\n    return points[:, 0]\n")
+    code, _, error = morpholab("codesign --problem function.py --method gradient --out a --quiet")
+    assert code == 2 and "error: gradient: the method needs one" in error

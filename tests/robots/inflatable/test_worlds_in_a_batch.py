@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robots.inflatable import ROLLING, InflatableActuation, InflatableGeometry
+from robots.inflatable import ROLLING, InflatableActuation, InflatableGeometry, simulate
 from robots.inflatable.robot import InflatableRobot
 from robots.robot import Compute, Trial
 from robots.uncertainty import Perturbation
@@ -33,4 +33,7 @@ def test_a_batch_of_worlds_has_the_bits_of_one_after_the_other(copies, noise, dr
         for one, other in ((mine.measures, alone.measures), (mine.frames, alone.frames)):
             assert one.keys() == other.keys() and one
             assert all(np.array_equal(one[name], other[name]) for name in one)
+    if not draws and copies == 1:
+        plain = simulate(SHORT, WORLDS[3], geometry=TINY, actuation=QUICK, perturbation=noise, threads=1)
+        assert np.array_equal(found[3].measures["distance"], plain.distance)
     assert len({float(each.measures["distance"][0]) for each in found}) == len(WORLDS)

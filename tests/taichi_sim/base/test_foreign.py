@@ -37,25 +37,39 @@ def test_what_a_package_or_a_file_is_at_fault_for_is_one_line():
 
 
 def own(tmp_path, text: str):
-    """A function of a file of that text, and the file's name."""
+    """A function of a file of that text, and the path of the file."""
     path = tmp_path / "own.py"
     path.write_text(text)
     names: dict = {}
     exec(compile(text, str(path), "exec"), names)
-    return names["judge"], path.name
+    return names["judge"], str(path)
 
 
 @pytest.mark.parametrize("kind", [ZeroDivisionError, ValueError, OSError])
 def test_an_exception_of_a_users_function_passes_and_tells_whose_it_is(kind, tmp_path):
-    judge, file = own(tmp_path, f"def judge():\n    helper()\ndef helper():\n    raise {kind.__name__}('a\\nb')\n")
-    with pytest.raises(kind) as found, foreign.blamed("outer.py"), foreign.blamed(file):
+    judge, path = own(tmp_path, f"def judge():\n    helper()\ndef helper():\n    raise {kind.__name__}('a\\nb:')\n")
+    with pytest.raises(kind) as found, foreign.blamed("outer.py", "outer.py"), foreign.blamed("own.py", path):
         judge()
     for error in (found.value, pickle.loads(pickle.dumps(found.value))):
-        assert foreign.blame(error) == f"own.py, line 4: {kind.__name__}: a b"
+        assert foreign.blame(error) == f"own.py, line 4: {kind.__name__}: a b:"
+
+
+def test_a_call_that_is_refused_is_the_fault_of_the_line_that_makes_it(tmp_path):
+    judge, path = own(tmp_path, "import math\ndef judge():\n    return math.sqrt(-1)\n")
+    with pytest.raises(ValueError, match="math") as found, foreign.blamed("own.py", path):
+        judge()
+    assert foreign.blame(found.value).startswith("own.py, line 3: ValueError: ")
+
+
+def test_an_exception_of_other_files_of_that_name_is_no_fault_of_the_file(tmp_path):
+    judge, _ = own(tmp_path, "def judge():\n    raise ValueError\n")
+    with pytest.raises(ValueError, match=r"^$") as found, foreign.blamed("own.py", "/elsewhere/own.py"):
+        judge()
+    assert foreign.blame(found.value) == ""
 
 
 def test_nobody_is_blamed_for_lack_of_memory_or_an_error_of_no_file():
     assert foreign.blame(ValueError("of morpholab")) == ""
-    with pytest.raises(MemoryError) as found, foreign.blamed("own.py"):
+    with pytest.raises(MemoryError) as found, foreign.blamed("own.py", __file__):
         raise MemoryError
     assert foreign.blame(found.value) == ""
