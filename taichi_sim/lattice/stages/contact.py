@@ -10,7 +10,7 @@ from taichi_sim.autodiff.tracing import Condition, primitive
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.materials import CONTACT_DAMPING, INVERSE_MASS, STIFFNESS
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.undo import before, cotangents_of, parameters_of, reverse
+from taichi_sim.lattice.stages.undo import cotangents_of, reverse
 from taichi_sim.runtime import ti
 
 CONTACT_COLUMNS = (INVERSE_MASS, STIFFNESS, CONTACT_DAMPING)  # of the constants of a group
@@ -80,19 +80,6 @@ def squared_move(m: ti.template(), k, s, x, y, z, t: ti.template()):
     dy = y - ly
     dz = z - lz
     return dx * dx + dy * dy + dz * dz
-
-
-@ti.func
-def were_near(u: ti.template(), s1, s2, t: ti.template()):
-    """Where two surface voxels touched, decided as in the step itself."""
-    x1, y1, z1 = before(u, place_slots(s1, t))
-    x2, y2, z2 = before(u, place_slots(s2, t))
-    size1, size2 = parameters_of(u, size_slots(s1, s2, t))
-    limit = contact.reach(size1, size2)
-    dx = x2 - x1
-    dy = y2 - y1
-    dz = z2 - z1
-    return dx * dx + dy * dy + dz * dz < limit * limit
 
 
 @primitive
