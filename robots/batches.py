@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from robots.ground import Ground
+from robots.robot import Progress, part_of
 from robots.world import FRICTION_FIELDS, MATERIAL_FRICTION, Terrain
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Material
 
 Owner = TypeVar("Owner")
+Found = TypeVar("Found")
 _OF_EACH = ("slope", "ground", "light")  # what may differ between the terrains of a batch
 _RUBBING = (*FRICTION_FIELDS, *MATERIAL_FRICTION)  # and this, too, where there are no props
 _OF_ALL = tuple(each.name for each in fields(Terrain) if each.name not in (*_OF_EACH, *_RUBBING))
@@ -47,6 +49,24 @@ def grouped(keys: Iterable[Hashable]) -> list[list[int]]:
     for number, key in enumerate(keys):
         groups.setdefault(key, []).append(number)
     return list(groups.values())
+
+
+def in_groups(
+    groups: Sequence[Sequence[int]],
+    progress: Progress | None,
+    run: Callable[[Sequence[int], Progress | None], Iterable[Found]],
+) -> list[Found]:
+    """Run group after group, and give what is found of each member in the order of their numbers.
+
+    Args:
+        groups: numbers of the members, each of which is in one group.
+        progress: of all of them.
+        run: gives what is found of the members of a group, in their order; told how far the group is.
+    """
+    found, count = dict[int, Found](), sum(map(len, groups))
+    for group in groups:
+        found |= zip(group, run(group, part_of(progress, len(found), count, len(group))), strict=True)
+    return [found[number] for number in range(count)]
 
 
 def around(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:

@@ -130,7 +130,7 @@ class Robot(ShortText):
         return self.measures
 
     def run_in(
-        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: "Sequence[Perturbation]" = ()
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[Self]" = ()
     ) -> list[Outcome]:
         """What N designs do in several worlds; a kind may make one batch of them, with the same results.
 
@@ -138,15 +138,10 @@ class Robot(ShortText):
             points: shape (N, P), checked.
             worlds: where.
             trial: computation, and what is asked for.
-            draws: by which the robot is :meth:`perturbed`, one for each world; as it is by default.
+            variants: of this robot, such as :meth:`perturbed` ones, one for each world; itself by default.
         """
-        each = zip(self.variants(draws, len(worlds)), trial.parts(worlds), strict=True)
+        each = zip(variants or [self] * len(worlds), trial.parts(worlds), strict=True)
         return [robot.run(points, part) for robot, part in each]
-
-    def variants(self, draws: "Sequence[Perturbation]", count: int) -> "list[Self]":
-        """This robot so many times; as it is in each of so many draws, if there are any."""
-        distinct = {id(drawn): self.perturbed(drawn) for drawn in {id(drawn): drawn for drawn in draws}.values()}
-        return [distinct[id(drawn)] for drawn in draws] or [self] * count
 
     def simulate(
         self,
@@ -202,7 +197,8 @@ class Robot(ShortText):
         """
         if not worlds:
             return []
-        return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), draws)
+        variants = [self.perturbed(drawn) for drawn in draws]
+        return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), variants)
 
     def perturbed(self, drawn: "Perturbation") -> Self:
         """This robot with what a draw says of itself, such as the levels of its actuators; the world is another's."""

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from robots.robot import OK, Outcome, Robot, Trial, World
-from robots.uncertainty import JUDGED_DRAWS, Perturbation, Risk, Uncertainty, judge_uncertain
+from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
 from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
@@ -67,12 +67,12 @@ class Trials:
 
     Attributes:
         worlds: W of them for each draw, draw by draw.
-        draws: of each of those; empty if nothing is uncertain.
+        variants: of the robot, one for each of those; empty if nothing is uncertain.
         count: W.
     """
 
     worlds: Sequence[World]
-    draws: Sequence[Perturbation]
+    variants: Sequence[Robot]
     count: int
 
     @classmethod
@@ -82,11 +82,12 @@ class Trials:
             return cls(worlds, (), len(worlds))
         drawn = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators)
         around = [one.around(robot, terrain_of(world)) for one in drawn for world in worlds]
-        return cls(around, [one for one in drawn for _ in worlds], len(worlds))
+        variants = [variant for one in drawn for variant in [robot.perturbed(one)] * len(worlds)]
+        return cls(around, variants, len(worlds))
 
     def outcomes(self, robot: Robot, points: Floats, trial: Trial) -> list[list[Outcome]]:
         """What a robot does at points, shape (N, P), in each world, draw by draw."""
-        found = robot.run_in(robot.points(points), self.worlds, trial, self.draws)
+        found = robot.run_in(robot.points(points), self.worlds, trial, self.variants)
         return [found[first : first + self.count] for first in range(0, len(found), self.count)]
 
 

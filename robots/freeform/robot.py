@@ -251,11 +251,11 @@ class FreeformRobot(Robot):
         return self.run_in(points, (trial.world,), trial)[0]
 
     def run_in(
-        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: Sequence[Perturbation] = ()
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[FreeformRobot]" = ()
     ) -> list[Outcome]:
         """Let the robots of N points move in several worlds; those with the same cells share a batch."""
-        robots = self.variants(draws, len(worlds))
-        return [outcome_of(found) for found in try_variants(robots, points, worlds, trial)]
+        found = try_variants(variants or [self] * len(worlds), points, worlds, trial)
+        return [outcome_of(each) for each in found]
 
     @property
     def steps(self) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.batches import around, grouped, of_each
+from robots.batches import around, grouped, in_groups, of_each
 from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
@@ -17,7 +17,7 @@ from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.rollout import Channels, Rollout
 from robots.lattice_robot.scenes import Scenes
 from robots.lattice_robot.simulation import LARGEST_BATCH, LatticeRobotResult, assembled, result_of
-from robots.robot import Trial, World, part_of
+from robots.robot import Progress, Trial, World, part_of
 from robots.world import Terrain, terrain_of, without_props
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base.arrays import Floats, Ints
@@ -80,19 +80,17 @@ def try_variants(
     They are tried as robots that can be built, or between designs if the trial's sharpness is finite. Of robots that
     can be built the results also tell the numbers of ``cells`` and ``channels``.
     """
-    terrains, count = [terrain_of(world) for world in worlds], len(points)
+    terrains = [terrain_of(world) for world in worlds]
     pairs = zip(robots, terrains, strict=True)
     groups = grouped((r.actuation.frequency, around(terrain, r.palette.materials)) for r, terrain in pairs)
-    found, done = dict[int, LatticeRobotResult](), 0
-    for group in groups:
-        told = replace(trial, progress=part_of(trial.progress, done, len(worlds), len(group)))
+
+    def run(group: Sequence[int], progress: Progress | None) -> Iterator[LatticeRobotResult]:
+        told = replace(trial, progress=progress)
         cases = Cases([robots[number] for number in group], [terrains[number] for number in group], told)
         between = math.isfinite(trial.sharpness) and cases.first.relaxable
-        batch = (_between if between else _true)(cases, points)
-        for place, number in enumerate(group):
-            found[number] = batch.rows(slice(place * count, (place + 1) * count))
-        done += len(group)
-    return [found[number] for number in range(len(worlds))]
+        return (_between if between else _true)(cases, points).split(len(group))
+
+    return in_groups(groups, trial.progress, run)
 
 
 def _true(cases: Cases, points: Floats) -> LatticeRobotResult:
@@ -124,12 +122,10 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
     """What robots with the same cells do: that of each point, shape (N, P), in one of the cases, shape (N,)."""
     trial, owners, still = cases.trial, cases.of(which), np.zeros(solid.count)
     shell = owners[0][0].built(solid, still, still)
-    # Variants differ in what rubs; all else of their shells is that of the first.
-    palettes = {id(robot.palette): robot.palette for robot, _ in owners}
-    shells = {
-        number: replace(shell, body=shell.body.with_materials(palette.materials))
-        for number, palette in palettes.items()
-    }
+    shells = {id(owners[0][0].palette): shell}
+    for robot, _ in owners:  # which differ in what rubs; all else of their shells is that of the first
+        if id(robot.palette) not in shells:
+            shells[id(robot.palette)] = replace(shell, body=shell.body.with_materials(robot.palette.materials))
     where = [terrain for _, terrain in owners]
     scenes = Scenes.of([shells[id(robot.palette)] for robot, _ in owners], where)
     regions, places = np.arange(solid.count), np.arange(SEGMENTS) / SEGMENTS

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.batches import around, grouped
+from robots.batches import around, grouped, in_groups
 from robots.inflatable.design import InflatableDesign, common_pressure, save_design
 from robots.inflatable.schedule import BLADDERS
 from robots.outcome import recorded
@@ -30,7 +30,6 @@ from robots.robot import (
     Robot,
     Trial,
     World,
-    part_of,
 )
 from robots.uncertainty import QUANTITIES
 from robots.world import Terrain, terrain_of
@@ -71,6 +70,7 @@ class InflatableRobot(Robot):
         name: what people call it.
         rig: that plays a gait table; None plays the gait itself.
         rig_table: that it plays.
+        drawn: what bladders do otherwise than told, which is no part of a description; None if they do as told.
     """
 
     gait: InflatableDesign
@@ -85,6 +85,7 @@ class InflatableRobot(Robot):
     name: str = "inflatable robot"
     rig: "PneumaticRig | None" = None
     rig_table: "GaitTable | None" = None
+    drawn: "Perturbation | None" = None
 
     kind = "inflatable"
     measures = MEASURES
@@ -136,52 +137,63 @@ class InflatableRobot(Robot):
         """Play the gait, as often as there are points."""
         return self.run_in(points, (trial.world,), trial)[0]
 
+    def perturbed(self, drawn: "Perturbation") -> "InflatableRobot":
+        """With bladders that play the gait as drawn."""
+        return dataclasses.replace(self, drawn=drawn)
+
     def run_in(
-        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: "Sequence[Perturbation]" = ()
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[InflatableRobot]" = ()
     ) -> list[Outcome]:
         """Play the gait in several worlds, in as few batches as can be, in each world as often as there are points.
 
-        With draws, bladders play it as drawn; noise is the same in every world. A rig plays its table once in each
-        world.
+        Noise is the same in every world. A rig plays its table once in each world, whatever is drawn.
         """
         if self.rig is not None:
             return [self._on_rig(part) for part in trial.parts(worlds)]
-        terrains, found, done = [terrain_of(world) for world in worlds], dict[int, Outcome](), 0
+        terrains, robots = [terrain_of(world) for world in worlds], variants or [self] * len(worlds)
         noisy = self.perturbation > 0 and len(points) > 1  # each of several has noise of its own, the same everywhere
-        for group in grouped((around(terrain), number * noisy) for number, terrain in enumerate(terrains)):
-            told = dataclasses.replace(trial, progress=part_of(trial.progress, done, len(worlds), len(group)))
-            drawn = [draws[number] for number in group] if draws else []
-            played = self._played([terrains[number] for number in group], len(points), told, drawn)
-            found |= dict(zip(group, played, strict=True))
-            done += len(group)
-        return [found[number] for number in range(len(worlds))]
+        groups = grouped((around(terrain), number * noisy) for number, terrain in enumerate(terrains))
+
+        def run(group: Sequence[int], progress: Progress | None) -> list[Outcome]:
+            told = dataclasses.replace(trial, progress=progress)
+            return self._played([robots[n] for n in group], [terrains[n] for n in group], len(points), told)
+
+        return in_groups(groups, trial.progress, run)
 
     def _played(
-        self, terrains: Sequence[Terrain], count: int, trial: Trial, draws: "Sequence[Perturbation]"
+        self, robots: "Sequence[InflatableRobot]", terrains: Sequence[Terrain], count: int, trial: Trial
     ) -> list[Outcome]:
-        """What the gait does so often on each of several terrains, in one batch."""
-        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
+        """What each of several variants does so often on its terrain, in one batch."""
         from robots.inflatable.simulation import reordered, simulate
 
-        geometry, actuation = self.parts
-        gaits = [perturbed_design(self.gait, drawn) for drawn in draws] or [self.gait] * len(terrains)
-        drives = [perturbed_drive(actuation, drawn) for drawn in draws]
+        gaits, drives = zip(*(robot.as_drawn for robot in robots), strict=True)
         rows = np.arange(len(terrains)).repeat(count).tolist()
+        alone = len(terrains) == 1
         result = simulate(
             [gaits[row] for row in rows],
-            [terrains[row] for row in rows] if len(terrains) > 1 else terrains[0],
-            geometry=geometry,
-            actuation=[drives[row] for row in rows] if drives else actuation,
+            terrains[0] if alone else [terrains[row] for row in rows],
+            geometry=self.parts[0],
+            actuation=drives[0] if alone else [drives[row] for row in rows],
             **trial.compute.options,
             record_every=trial.record_every,
             perturbation=self.perturbation,
-            seed=self.seed if len(terrains) == 1 else (self.seed,) * len(rows),
+            seed=self.seed if alone else (self.seed,) * len(rows),
             progress=trial.progress,
         )
-        if len(terrains) == 1:
+        if alone:
             return [self._outcome(result)]
         parts = np.arange(len(rows)).reshape(len(terrains), count)
         return [self._outcome(reordered(result, part)) for part in parts]
+
+    @property
+    def as_drawn(self) -> "tuple[InflatableDesign, InflatableActuation]":
+        """The gait, and how it is driven, as bladders play it."""
+        from robots.inflatable.perturbed import perturbed_design, perturbed_drive
+
+        actuation = self.parts[1]
+        if self.drawn is None:
+            return self.gait, actuation
+        return perturbed_design(self.gait, self.drawn), perturbed_drive(actuation, self.drawn)
 
     def _on_rig(self, trial: Trial) -> Outcome:
         """What becomes of the table on the rig."""

@@ -413,10 +413,10 @@ class LatticeRobot(OutOfTheLab):
         return outcome_of(try_points(self, points, trial))
 
     def run_in(
-        self, points: Floats, worlds: Sequence[World], trial: Trial, draws: Sequence[Perturbation] = ()
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[LatticeRobot]" = ()
     ) -> list[Outcome]:
         """Let the robot move at N points in several worlds, in one batch where little enough differs."""
-        return try_variants(self.variants(draws, len(worlds)), points, worlds, trial)
+        return try_variants(variants or [self] * len(worlds), points, worlds, trial)
 
     @property
     def feels(self) -> bool:  # type: ignore[override]

@@ -10,7 +10,6 @@ import numpy as np
 
 from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY
 from robots.lattice_robot.ground import without_friction
-from robots.lattice_robot.simulation import try_variants
 from robots.outcome import Judgement
 from robots.robot import Progress, Trial
 from robots.uncertainty import Perturbation
@@ -85,7 +84,7 @@ def trust_in(
     trials.append(("half the time step", replace(noisy, time_step_safety=2 * robot.time_step_safety)))
     names, robots = zip(*trials, strict=True)
     told = Trial(terrain, compute, progress=progress)
-    outcomes = try_variants(robots, robot.points(()), [terrain] * len(trials), told)
+    outcomes = robot.run_in(robot.points(()), [terrain] * len(trials), told, robots)
     speeds = [float(np.nan_to_num(outcome.measures["speed"][0])) for outcome in outcomes]
     return Trust(np.array(speeds[:STARTS]), dict(zip(names[STARTS:], speeds[STARTS:], strict=True)))
 

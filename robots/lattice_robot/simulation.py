@@ -1,13 +1,13 @@
 """What lattice robots do on a terrain, and how far that depends on what is free of them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.batches import of_each, runs_of
+from robots.batches import in_groups, of_each, runs_of
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
 from robots.lattice_robot.reflexes import Feeling
@@ -73,6 +73,11 @@ class LatticeRobotResult(ShortText):
         measures, gradients = ({n: v[which] for n, v in each.items()} for each in (self.measures, self.gradients))
         told = self.status[which], self.reason[which], self.steps[which]
         return LatticeRobotResult(measures, *told, self.time_step, bodies, frames, gradients)
+
+    def split(self, parts: int) -> "Iterator[LatticeRobotResult]":
+        """What equally many points did that follow one another."""
+        size = len(self.status) // parts
+        return (self.rows(slice(first, first + size)) for first in range(0, len(self.status), size))
 
     @property
     def gradient(self) -> Floats | None:
@@ -145,22 +150,20 @@ def try_variants(
 ) -> list[Outcome]:
     """What variants of a robot do at N points, shape (N, P), each in its world; those that can share a batch do."""
     terrains, count = [terrain_of(world) for world in worlds], len(points)
-    most = max(LARGEST_BATCH // count, 1) if trial.compute.device == "cpu" else len(worlds)
-    groups = [
-        group[first : first + most] for group in sharing(robots, terrains) for first in range(0, len(group), most)
-    ]
-    found, done = dict[int, Outcome](), 0
-    for group in groups:
-        tick = part_of(trial.progress, done, len(worlds), len(group))
-        there = replace(trial, world=terrains[group[0]], progress=tick)
+    on_cpu = trial.compute.device == "cpu"
+    most = max(LARGEST_BATCH // count, 1) if on_cpu else len(worlds)
+    alike = sharing(robots, terrains)
+    groups = [group[first : first + most] for group in alike for first in range(0, len(group), most)]
+
+    def run(group: Sequence[int], progress: Progress | None) -> Iterator[Outcome]:
+        there = replace(trial, world=terrains[group[0]], progress=progress)
         rows = [number for number in group for _ in range(count)]
         scenes = Scenes.of([robots[row] for row in rows], [terrains[row] for row in rows])
-        memory = MEMORY * (1 if trial.compute.device == "cpu" else len(group))  # a CPU takes a few robots at a time
+        memory = MEMORY * (1 if on_cpu else len(group))  # a CPU takes a few robots at a time
         batch = _try_scenes(scenes, np.tile(points, (len(group), 1)), there, memory)
-        for place, number in enumerate(group):
-            found[number] = outcome_of(batch.rows(slice(place * count, (place + 1) * count)))
-        done += len(group)
-    return [found[number] for number in range(len(worlds))]
+        return (outcome_of(part) for part in batch.split(len(group)))
+
+    return in_groups(groups, trial.progress, run)
 
 
 def _try_scenes(scenes: Scenes, points: Floats, trial: Trial, memory: float) -> LatticeRobotResult:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import pytest
 from kills import SHORTENED, killed_again_and_again, lasting, start
+from measurements import GRIPPING
 from small_pipeline import SEARCHES, write_task
 
 pytestmark = pytest.mark.slow
@@ -12,14 +13,6 @@ KILLS = 25
 OF_TIME = ("timing.jsonl",)  # when generations ended, and how long they took
 VEHICLE = "--time-step 0.5 --steps 1000 --threads 1 --quiet"
 FREEFORM = "--shape 3,2,2 --cycles 1 --frequency 12 --settling 0.02"
-DRAGS = """
-geometry = "small"
-[[drag]]
-load_n = 0.5
-displacement_mm = [2, 4, 6, 8]
-force_n = [0.41, 0.39, 0.405, 0.4]
-force_sd_n = 0.01
-"""
 
 
 @dataclass(frozen=True)
@@ -65,7 +58,7 @@ COMMANDS = {
 @pytest.mark.parametrize("name", COMMANDS)
 def test_25_kills_at_random_instants_change_nothing(tmp_path, name):
     command = COMMANDS[name]
-    (tmp_path / "drags.toml").write_text(DRAGS)
+    (tmp_path / "drags.toml").write_text(GRIPPING)
     write_task(tmp_path, SEARCHES)
     line = command.line.replace("{given}", str(tmp_path))
     (tmp_path / "whole").mkdir()

@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from measurements import GRIPPING, SLIDING
 
 from optim.calibration import calibrate, check_names, document, report
 from optim.calibration.misfit import REPLICAS, Linearised, uncertainty
@@ -324,20 +325,7 @@ def test_bad_measurements_are_one_line(morpholab, tmp_path, old, new, message):
 # the command
 
 
-DRAGS = """
-geometry = "small"
-[[drag]]
-load_n = 0.5
-displacement_mm = [2, 4, 6, 8]
-force_n = [0.41, 0.39, 0.405, 0.4]
-force_sd_n = 0.01
-[[drag]]
-foot = "slides"
-load_n = 0.5
-displacement_mm = [2, 4, 6, 8]
-force_n = [0.101, 0.099, 0.1, 0.1]
-force_sd_n = 0.002
-"""
+DRAGS = GRIPPING + SLIDING
 
 
 @pytest.mark.kernels

@@ -66,7 +66,8 @@ def test_draws_in_several_worlds_share_a_batch_with_the_bits_of_one_after_the_ot
     grounds = [HILL, Terrain(static_friction=0.6, kinetic_friction=0.4), HILL]
     worlds = [draw.around(free, ground) for draw, ground in zip(draws, grounds, strict=True)]
     trial = Trial(HILL, Compute(threads=1), gradients=gradients, sharpness=sharpness)
-    for draw, world, found in zip(draws, worlds, free.run_in(points, worlds, trial, draws), strict=True):
+    variants = [free.perturbed(draw) for draw in draws]
+    for draw, world, found in zip(draws, worlds, free.run_in(points, worlds, trial, variants), strict=True):
         alone = free.perturbed(draw).run(points, replace(trial, world=world))
         assert found.status.tolist() == alone.status.tolist() and "ok" in found.status
         for mine, other in ((found.measures, alone.measures), (found.gradients, alone.gradients)):

@@ -97,7 +97,7 @@ def test_draws_share_a_batch_with_the_bits_of_one_after_the_other(gradients, mon
     worlds = [draw.around(robot, Terrain()) for draw in draws]
     trial, sizes, moved = Trial(worlds[0], Compute(threads=1), gradients=gradients), [], trying._moved
     monkeypatch.setattr(trying, "_moved", lambda *given: sizes.append(len(given[1])) or moved(*given))
-    together = robot.run_in(point, worlds, trial, draws)
+    together = robot.run_in(point, worlds, trial, [robot.perturbed(draw) for draw in draws])
     assert sizes == [2, 1]
     for draw, world, found in zip(draws, worlds, together, strict=True):
         alone = robot.perturbed(draw).run(point, dataclasses.replace(trial, world=world))
