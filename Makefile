@@ -1,6 +1,7 @@
 # make demo       co-design a gait on flat ground: speed, gait CSV and picture (sets everything up itself)
 # make test       run the tests        make test-fast  run those that compile no kernel, in under a minute
-# make test-vulkan  run the drivers for GPUs on a Vulkan device (Debian's mesa-vulkan-drivers has one in software)
+# make test-device  run the drivers for GPUs on a Vulkan device (Debian's mesa-vulkan-drivers has one in software), or
+#                   on that of DEVICE=cuda
 # make test-browser  run the tests of pages in Chromium (Debian's chromium); SCREENSHOTS=folder keeps pictures of them
 # make validate   run the slow validations, of minutes to hours
 # make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
@@ -28,7 +29,7 @@ install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDE
 # Libraries of linear algebra would start as many threads as there are cores in each of the processes.
 test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
-.PHONY: demo fuzz fuzz-physics test test-fast test-vulkan test-browser coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
+.PHONY: demo fuzz fuzz-physics test test-fast test-device test-browser coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
 
 demo: $(venv)/runtime
 	@n=1; while [ -e runs/demo-$$n ]; do n=$$((n + 1)); done; \
@@ -40,8 +41,8 @@ test: $(venv)/dev
 test-fast: $(venv)/dev
 	$(test) -m "not slow and not kernels and not long"
 
-test-vulkan: $(venv)/dev
-	OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -m vulkan tests/taichi_sim/test_vulkan.py
+test-device: $(venv)/dev
+	OMP_NUM_THREADS=1 MORPHOLAB_TEST_DEVICE=$(DEVICE) $(python) -m pytest -q -p no:nbmake -m device tests/taichi_sim/test_devices.py
 
 test-browser: $(venv)/browser
 	OMP_NUM_THREADS=1 MORPHOLAB_SCREENSHOTS="$(SCREENSHOTS)" $(python) -m pytest -q -p no:nbmake -m browser tests/browser

@@ -1,8 +1,10 @@
 """Launches of a kernel again and again, at a fraction of Taichi's price of a call.
 
 Taichi checks and hands over every argument anew in Python, which for the lattice's kernels takes longer than ten steps
-of a robot. Here the argument block of the last call is kept: in the next one only numbers, and arrays that are others,
-are set. This reaches into Taichi's internals; where these are others, or on a GPU, every call is an ordinary one.
+of a robot. On a CPU the argument block of the last call is kept: in the next one only numbers, and arrays that are
+others, are set. On a GPU, whose launches use the block up, it is filled anew, without the checks. This reaches into
+Taichi's internals; where these are others, every call is an ordinary one. So it is on a GPU if a kernel is given an
+array of NumPy, which has to be copied there and back.
 """
 
 import weakref
@@ -19,14 +21,14 @@ class _Place:
     Attributes:
         number: of the argument.
         real: whether it is a real number; None of arrays.
-        inner: dimensions of an array's elements, which its shape does not count.
+        inner: dimensions of an array's elements, which its shape does not count; None of arrays on a GPU.
         like: type and dimensions of an array, for which the kernel was compiled.
         last: the array, weakly: an engine's memory goes when the engine does.
     """
 
     number: int
     real: bool | None
-    inner: int = 0
+    inner: int | None = 0
     like: tuple[Any, int] = (None, 0)
     last: Any = None
 
@@ -54,6 +56,7 @@ class Relauncher:
         """Let the next call be an ordinary one."""
         self._places: list[_Place] = []
         self._block: Any = None
+        self._new_block: Any = None
         self._program: Any = None
         self._compiled: Any = None
 
@@ -69,9 +72,14 @@ class Relauncher:
         """Set what differs from the last call; False if Taichi has begun anew, or an array is of another type."""
         if self._ti.lang.impl.get_runtime().prog is not self._program:
             return False
+        if self._new_block is not None:
+            self._block = self._new_block()
         for place, given in zip(self._places, arguments, strict=True):
             if place.real is None:
-                if place.last() is not given and not self._set_array(place, given):
+                if place.inner is None:
+                    if not self._set_array_of_device(place, given):
+                        return False
+                elif place.last() is not given and not self._set_array(place, given):
                     return False
             elif place.real:
                 self._block.set_arg_float((place.number,), float(given))
@@ -83,9 +91,16 @@ class Relauncher:
         if not isinstance(given, np.ndarray) or (given.dtype, given.ndim) != place.like or not given.flags.c_contiguous:
             self._block = None
             return False
-        shape = given.shape[: given.ndim - place.inner]
+        shape = given.shape[: given.ndim - (place.inner or 0)]
         self._block.set_arg_external_array_with_shape((place.number,), given.ctypes.data, given.nbytes, shape, 0)
         place.last = weakref.ref(given)
+        return True
+
+    def _set_array_of_device(self, place: _Place, given: Any) -> bool:
+        if not isinstance(given, self._ti.Ndarray) or (given.dtype, len(given.shape)) != place.like:
+            self._block = None
+            return False
+        self._block.set_arg_ndarray((place.number,), given.arr)
         return True
 
     def _remember(self, arguments: tuple[Any, ...]) -> None:
@@ -93,16 +108,17 @@ class Relauncher:
         self.forget()
         try:
             ti, program = self._ti, self._ti.lang.impl.get_runtime().prog
-            if program.config().arch not in (ti.x64, ti.arm64):
-                return
+            on_cpu = program.config().arch in (ti.x64, ti.arm64)
             compiled_kernel = self._primal.compiled_kernels[self._primal.ensure_compiled(*arguments)]
             compiled = program.compile_kernel(program.config(), program.get_device_caps(), compiled_kernel)
             block, places = compiled_kernel.make_launch_context(), list[_Place]()
             for number, (given, argument) in enumerate(zip(arguments, self._primal.arguments, strict=True)):
                 kind = argument.annotation
-                if isinstance(given, np.ndarray):
+                if isinstance(given, np.ndarray) and on_cpu:
                     inner = getattr(kind.dtype, "ndim", 0)
                     places.append(_Place(number, None, inner, (given.dtype, given.ndim), lambda: None))
+                elif isinstance(given, ti.Ndarray) and given.grad is None:
+                    places.append(_Place(number, None, None, (given.dtype, len(given.shape))))
                 elif id(kind) in ti.types.primitive_types.real_type_ids:
                     places.append(_Place(number, True))
                 elif kind in (ti.i32, ti.i64):
@@ -112,3 +128,4 @@ class Relauncher:
         except (AttributeError, TypeError, KeyError):  # another Taichi
             return
         self._places, self._block, self._program, self._compiled = places, block, program, compiled
+        self._new_block = None if on_cpu else compiled_kernel.make_launch_context

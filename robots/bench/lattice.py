@@ -25,7 +25,7 @@ from robots.inflatable.program import build_program
 from robots.inflatable.schedule import ROWS
 from robots.world import Terrain
 from taichi_sim import runtime
-from taichi_sim.base.compute import available_threads
+from taichi_sim.base.compute import Compute, available_threads
 from taichi_sim.lattice import LatticeEngine, LatticeProgram, Material, ProgramBuilder, Relief, body_from_array
 from taichi_sim.lattice.drivers.roofline import FLOPS_PER_VOXEL_STEP, measure_peak
 
@@ -45,7 +45,13 @@ class Batch:
     """A batch of the published robot at the published inching gait, advanced piece by piece."""
 
     def __init__(
-        self, batch: int, precision: str, threads: int, ground: str | None = None, network: Network | None = None
+        self,
+        batch: int,
+        precision: str,
+        threads: int,
+        ground: str | None = None,
+        network: Network | None = None,
+        device: str = "cpu",
     ) -> None:
         """Set up the batch on a floor or uneven ground; time the first step [s], compilation included.
 
@@ -53,11 +59,11 @@ class Batch:
         """
         self.batch, self._done, self._network = batch, 0, network
         self._program = build_program([INCHING] * batch, Terrain())
-        runtime.start("cpu", precision, threads)
-        body, time_step = PUBLISHED.body, PUBLISHED.time_step
+        compute, body, time_step = Compute(device, precision, threads), PUBLISHED.body, PUBLISHED.time_step
+        runtime.start(compute)
         started = time.perf_counter()
         floor = True if ground is None else Ground(ground).relief(0.0, PUBLISHED.voxel_size)
-        self.engine = LatticeEngine(body, batch, time_step=time_step, floor=floor, precision=precision, threads=threads)
+        self.engine = LatticeEngine(body, batch, time_step=time_step, floor=floor, compute=compute)
         if isinstance(floor, Relief):
             start = body.start_positions + np.array([0, 0, floor.rise(body.start_positions, PUBLISHED.voxel_size)])
             self.engine.set_positions(np.tile(start, (batch, 1, 1)))
@@ -89,7 +95,7 @@ class Batch:
 def rates(clock: Callable[[], float], batch: Batch, steps: int, pieces: int = PIECES) -> dict[str, float]:
     """Measure robot-steps per second in several pieces of a run."""
     batch.advance(WARM_UP - 1)
-    return best_and_median([batch.batch * steps / _timed(clock, batch.advance, steps)[0] for _ in range(pieces)])
+    return best_and_median([batch.batch * steps / timed(clock, batch.advance, steps)[0] for _ in range(pieces)])
 
 
 def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, Any]:
@@ -164,7 +170,7 @@ def own_bodies(precision: str) -> dict[str, float]:
         engine = LatticeEngine(body, 1, floor=True, gravity=9.81, precision=precision, threads=1)
         engine.run(ProgramBuilder(robot_count=1).build(lengths=1))
         ready.append(time.process_time() - begun)
-        moving.append(_timed(time.process_time, engine.run, program)[0])
+        moving.append(timed(time.process_time, engine.run, program)[0])
     ratios = np.array(ready[1:]) / np.array(moving[1:])
     return {"seconds": float(np.median(ready[1:])), "in_1000_steps": float(np.median(ratios))}
 
@@ -183,10 +189,10 @@ def gradient_cost(precision: str, steps: int, ground: str | None = None, control
     batch = Batch(1, precision, 1, ground, Network() if controlled else None)
     batch.differentiate(50)  # compiles
     batch.advance(WARM_UP - 51)
-    gone, _ = _timed(time.process_time, batch.advance, steps)
+    gone, _ = timed(time.process_time, batch.advance, steps)
     again = Batch(1, precision, 1, ground, Network() if controlled else None)
     again.advance(WARM_UP - 1)
-    seconds, memory = _timed(time.process_time, again.differentiate, steps)
+    seconds, memory = timed(time.process_time, again.differentiate, steps)
     return {
         "steps": steps,
         "steps_per_second": steps / seconds,
@@ -198,11 +204,11 @@ def gradient_cost(precision: str, steps: int, ground: str | None = None, control
 def beside(plain: Batch, other: Batch, steps: int) -> dict[str, Any]:
     """Measure what another robot's steps cost in those of a plain one: pieces of both take turns."""
     other.advance(WARM_UP - 1)
-    pairs = [[_timed(time.process_time, one.advance, steps)[0] for one in (plain, other)] for _ in range(PIECES)]
+    pairs = [[timed(time.process_time, one.advance, steps)[0] for one in (plain, other)] for _ in range(PIECES)]
     return {"in_plain_steps": float(np.median([after / before for before, after in pairs]))}
 
 
-def _timed(clock: Callable[[], float], work: Callable[[Any], Any], steps: Any) -> tuple[float, Any]:
+def timed(clock: Callable[[], float], work: Callable[[Any], Any], steps: Any) -> tuple[float, Any]:
     """Time of ``work(steps)``, or of a program, [s], and its result."""
     begun = clock()
     result = work(steps)
@@ -212,7 +218,7 @@ def _timed(clock: Callable[[], float], work: Callable[[Any], Any], steps: Any) -
 def main(args: Namespace) -> dict[str, Any]:
     """Measure all rates and print them as tables (to stderr with ``--json``); return the numbers."""
     out = sys.stderr if args.json else sys.stdout
-    figures: dict[str, Any] = {"cpu": _cpu_name(), "cores": os.cpu_count()}
+    figures: dict[str, Any] = {"cpu": cpu_name(), "cores": os.cpu_count()}
     machine = f"{figures['cpu']}, {figures['cores']} cores"
     if args.robot in ("all", "inflatable"):
         print(f"{machine}; published robot, 1428 voxels, full physics", file=out)
@@ -283,7 +289,8 @@ def against_lines(mine: dict[str, Any], other: dict[str, Any], precision: str) -
     return [f"{precision}  {line}" for line in found]
 
 
-def _cpu_name() -> str:
+def cpu_name() -> str:
+    """Name of the processor, on Linux."""
     path = Path("/proc/cpuinfo")
     lines = path.read_text().splitlines() if path.exists() else []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

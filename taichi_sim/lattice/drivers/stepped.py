@@ -8,9 +8,8 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
 from taichi_sim.lattice.drivers.marks import Recordings
-from taichi_sim.lattice.drivers.stepped_kernels import Near, Record, stepped_kernels, threads_for
+from taichi_sim.lattice.drivers.stepped_kernels import Has, Near, Record, stepped_kernels, threads_for
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
-from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.columns import Medium
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
@@ -29,30 +28,20 @@ class SteppedReverse(Reverse):
         super().__init__(run, recorded, finals)
         lengths = run.program.lengths
         self._steps = {int(lengths.max()), *lengths.tolist(), *run.program.marks[:, 0].tolist()}
-        self._kernels = reverse_kernels(*self.driver.kind(self._contacts))
+        self._kernels = reverse_kernels(*self.driver.kind(self._contacts), self.driver.has)
 
     def undo(self, low: int, high: int) -> None:
         """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
         record = self.record(low, high)
-        self._kernels = reverse_kernels(*self.driver.kind(record.log.shape[1]))  # the log may have grown
+        self._kernels = reverse_kernels(
+            *self.driver.kind(record.log.shape[1]), self.driver.has
+        )  # the log may have grown
         memories = Undo(self.values, None, record.states, None, self.cotangents, None, None)
         self._meet(memories, high, high - low)
         for step in range(high - 1, low - 1, -1):
-            self._undo_step(memories, step - low, record)
+            self._kernels.step(step - low, memories, self.run.shared, self.marks.lanes, record)
             self._meet(memories, step, step - low)
             self.stop(step)
-
-    def _undo_step(self, memories: Undo, n: int, record: Record) -> None:
-        """Undo the step from record n to the next."""
-        k, t, lanes = self._kernels, self.run.shared, self.marks.lanes
-        k.recall(n + 1, memories, t)
-        k.voxels(n, memories, t, lanes)
-        k.links(n, memories, t, lanes)
-        if self.driver.plan[memory.SQUARES]:
-            k.squares(n, memories, t, lanes)
-        if self.driver.plan[memory.CONTACT_ON]:
-            k.contacts(n, memories, t, lanes, record)
-        k.groups(n, memories, t, lanes)
 
     def _meet(self, memories: Undo, step: int, n: int) -> None:
         """Do what is due at a step, once; n is its place in the record."""
@@ -72,8 +61,9 @@ class SteppedRun(Run):
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
         super().__init__(driver, program, alive, constants)
-        self._kernels = stepped_kernels(*driver.kind())
+        self._kernels = stepped_kernels(*driver.kind(), driver.has)
         self._at = 0
+        self._aside: tuple[Any, Any] | None = None
         self._no_record = self.new_record(0, 0, 1)
         self._reserve()
         self._list_again()
@@ -97,11 +87,11 @@ class SteppedRun(Run):
         last = int(self.program.lengths.max()) + 1 if until is None else until
         while self._at < last:
             end = min(self._at + STEPS_PER_CHECK, last)
-            before = self._save()
+            self._put_aside()
             for step in range(self._at, end):
                 self._step(step, record)
             if self._lists_are_full():
-                self._load(*before)
+                self._take_back()
                 self._grow()
                 continue
             self._at = end
@@ -139,21 +129,25 @@ class SteppedRun(Run):
     def _load(self, state: np.ndarray, lanes: np.ndarray) -> None:
         self.memory, self.marks = self.driver.put(state), self.marks._replace(lanes=self.driver.put(lanes))
 
+    def _put_aside(self) -> None:
+        """Copy state and lanes where they are, for when a list turns out to be full."""
+        if self.driver.plan[memory.CONTACT_ON]:
+            if self._aside is None:
+                self._aside = self.driver.like(self.memory), self.driver.like(self.marks.lanes)
+            for copy, array in zip(self._aside, (self.memory, self.marks.lanes), strict=True):
+                self.driver.copy(array, copy)
+
+    def _take_back(self) -> None:
+        assert self._aside is not None  # only lists are ever full, and only with contacts are there lists
+        for copy, array in zip(self._aside, (self.memory, self.marks.lanes), strict=True):
+            self.driver.copy(copy, array)
+
     def _step(self, step: int, record: Record | None) -> None:
         """One time step of all robots; the last call only ends them."""
-        k, m, t, lanes = self._kernels, self.memory, self.shared, self.marks.lanes
         kept, n = (record, step - record.first) if record else (self._no_record, -1)
         if record:
-            k.keep(n, m, t, kept)
-        k.begin(step, m, t, self.marks)
-        if self.driver.plan[memory.CONTACT_ON]:
-            self._list_neighbours(again=0)
-            k.collide(n, m, t, lanes, self._near, kept)
-        if self.driver.plan[memory.LINKS]:
-            k.links(m, t, lanes)
-        if self.driver.plan[memory.SQUARES]:
-            k.squares(m, t, lanes)
-        k.voxels(m, t, lanes)
+            self._kernels.keep(n, self.memory, self.shared, kept)
+        self._kernels.step(step, n, self.memory, self.shared, self.marks, self._near, kept)
 
     def _reserve(self) -> None:
         """Make room for neighbours; whoever calls builds the lists."""
@@ -163,14 +157,10 @@ class SteppedRun(Run):
         self._near = Near(*(driver.put(np.zeros(shape, np.int32)) for shape in shapes))
         self.shared = self.shared._replace(plan=driver.put(driver.plan))
 
-    def _list_neighbours(self, again: int) -> None:
-        radius, distance = contact.NEIGHBOUR_RADIUS * self.edge, contact.REBUILD_DISTANCE * self.edge
-        self._kernels.list_neighbours(radius, distance, again, self.memory, self.shared, self.marks.lanes, self._near)
-
     def _list_again(self) -> None:
         """Build all lists from the positions at which they were built last: a list is a function of those."""
         if self.driver.plan[memory.CONTACT_ON]:
-            self._list_neighbours(again=1)
+            self._kernels.list_again(self.memory, self.shared, self._near)
             while self._lists_are_full():
                 self._grow()
 
@@ -181,7 +171,7 @@ class SteppedRun(Run):
     def _grow(self) -> None:
         self.driver.plan[memory.PAIRS] *= 2
         self._reserve()
-        self._list_neighbours(again=1)
+        self._kernels.list_again(self.memory, self.shared, self._near)
 
 
 class SteppedDriver(Driver):
@@ -207,7 +197,13 @@ class SteppedDriver(Driver):
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""
         lists = (1 + int(self.plan[memory.PAIRS])) * len(self.tables.surface_voxels) * 4
-        return 2 * self.layout.slots * self.memory.itemsize + lists
+        copies = 3 if self.plan[memory.CONTACT_ON] else 2  # in NumPy, where kernels run, and put aside there
+        return copies * self.layout.slots * self.memory.itemsize + lists
+
+    @property
+    def has(self) -> Has:
+        """Which stages its steps have."""
+        return Has(bool(self.plan[memory.CONTACT_ON]), bool(self.plan[memory.SQUARES]))
 
     def kind(self, at_least: int = 0) -> tuple[Real, Medium, int | None]:
         """What its kernels are compiled for: real, surroundings, and threads for so many items of a robot at least."""
@@ -222,6 +218,17 @@ class SteppedDriver(Driver):
         on_device = ti.ndarray(ti.i32 if array.dtype == np.int32 else self.real.scalar, array.shape)
         on_device.from_numpy(np.ascontiguousarray(array))
         return on_device
+
+    def like(self, array: Any) -> Any:
+        """An array of the same shape where the kernels run, of any values."""
+        return np.empty_like(array) if self._on_cpu else ti.ndarray(array.dtype, array.shape)
+
+    def copy(self, array: Any, into: Any) -> None:
+        """Copy an array into another one, where the kernels run."""
+        if self._on_cpu:
+            into[...] = array
+        else:
+            into.copy_from(array)
 
     def host(self, array: Any) -> np.ndarray:
         """An array from where the kernels run, in NumPy."""

@@ -1,4 +1,6 @@
-"""The kernels of the stepped driver: one thread per robot and link, voxel or surface voxel; a kernel per stage.
+"""The kernels of the stepped driver: one thread per robot and link, voxel or surface voxel; a loop per stage.
+
+A kernel is a whole step: each of its loops is a launch on the device, but only one from Python, which takes longer.
 
 The stages and their order are those of the packed driver, and every sum runs in the same order, so that on a CPU the
 two drivers agree to the last bit.
@@ -13,17 +15,19 @@ from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types
 from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.contact import contact_force, listed_slots, place_slots, squared_move, surface_place
 from taichi_sim.lattice.stages.enclosure import add_pressure, square_stage
 from taichi_sim.lattice.stages.gauges import gauge_stage
-from taichi_sim.lattice.stages.groups import group_stage
+from taichi_sim.lattice.stages.groups import derive_group, derive_rest, evaluate_channel
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import CONTACT_ON, FORCE, LINKS, MONITOR, PAIRS, SQUARES, STATE_SLOTS, SURFACE
 from taichi_sim.lattice.stages.voxel import voxel_stage
 from taichi_sim.runtime import kernel_of, ti
 
+FAR = 1e30  # what a surface voxel has moved whose robot's list is to be built again [m^2]
 FEWEST_THREADS, MOST_THREADS = 1 << 9, 1 << 17  # of a launch; Taichi launches the most where it knows no number
 
 
@@ -193,7 +197,9 @@ def move_voxel(m: ti.template(), r, v, t: ti.template()):
     if t.voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE] >= 0:
         gauge_stage(m, r, v, t)
     if s >= 0 and t.plan[CONTACT_ON] != 0:
-        ti.atomic_max(m[t.plan[MONITOR] + memory.MOVED, r], squared_move(m, r, s, x, y, z, t))
+        limit = contact.REBUILD_DISTANCE * t.edge
+        if squared_move(m, r, s, x, y, z, t) > limit * limit:
+            store(m, r, t.plan[MONITOR] + memory.MOVED, FAR)  # by several threads, all the same
 
 
 def for_every(count: int, stage: Any) -> Any:
@@ -211,7 +217,7 @@ def for_every(count: int, stage: Any) -> Any:
 
 @ti.func
 def begin(threads: ti.template(), step: ti.template(), m: ti.template(), t: ti.template(), marks: ti.template()):
-    """Events due at a step, ends and divergence; then this step's channels and rest lengths."""
+    """Events due at a step, ends and divergence."""
     for r in range(spread(threads, m.shape[1])):
         if r < m.shape[1]:
             if marks.lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.DIVERGED) > 0.5:
@@ -222,30 +228,38 @@ def begin(threads: ti.template(), step: ti.template(), m: ti.template(), t: ti.t
                 if marks.lanes[0, r, marking.LENGTH] == step:
                     marks.lanes[0, r, STATE] = marking.ENDED
                     marks.lanes[0, r, marking.STEP] = step
-            if marks.lanes[0, r, STATE] == ACTIVE:
-                group_stage(m, r, t)
+
+
+@ti.func
+def evaluate_group(m: ti.template(), r, g, t: ti.template()):
+    """Channels of a group for this step, and what follows from them."""
+    for q in range(QUANTITY_COUNT):
+        evaluate_channel(m, r, g * QUANTITY_COUNT + q, t)
+    derive_group(m, r, g, t)
 
 
 @ti.func
 def list_neighbours(
-    threads: ti.template(),
-    radius: ti.template(),
-    limit: ti.template(),
-    again: ti.template(),
-    m: ti.template(),
-    t: ti.template(),
-    lanes: ti.template(),
-    near: ti.template(),
+    threads: ti.template(), m: ti.template(), t: ti.template(), lanes: ti.template(), near: ti.template()
 ):
-    """Build the lists of robots that have moved too far; or all lists again, from where they were built last."""
+    """Build the lists of robots that have moved too far."""
     for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
         s, r = n // m.shape[1], n % m.shape[1]
-        if s < t.plan[SURFACE]:
-            if again != 0:
-                list_voxel(m, r, s, radius * radius, True, t, near)
-            elif lanes[0, r, STATE] == ACTIVE and load(m, r, t.plan[MONITOR] + memory.MOVED) > limit * limit:
+        radius, limit = contact.NEIGHBOUR_RADIUS * t.edge, contact.REBUILD_DISTANCE * t.edge
+        if s < t.plan[SURFACE] and lanes[0, r, STATE] == ACTIVE:
+            if load(m, r, t.plan[MONITOR] + memory.MOVED) > limit * limit:
                 list_voxel(m, r, s, radius * radius, False, t, near)
                 store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
+
+
+@ti.func
+def list_again(threads: ti.template(), m: ti.template(), t: ti.template(), near: ti.template()):
+    """Build all lists again, from where they were built last."""
+    for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
+        s, r = n // m.shape[1], n % m.shape[1]
+        radius = contact.NEIGHBOUR_RADIUS * t.edge
+        if s < t.plan[SURFACE]:
+            list_voxel(m, r, s, radius * radius, True, t, near)
 
 
 @ti.func
@@ -279,42 +293,70 @@ def collide(
                 log_contacts(m, r, s, step, touching, t, near, record)
 
 
+group_stages = for_every(memory.GROUPS, evaluate_group)
+rest_stages = for_every(memory.RESTS, derive_rest)
+link_stages = for_every(LINKS, link_forces)
+square_stages = for_every(SQUARES, square_stage)
+voxel_stages = for_every(memory.VOXELS, move_voxel)
+
+
+@ti.func
+def take_step(
+    threads: ti.template(),
+    has: ti.template(),
+    step: ti.template(),
+    n: ti.template(),
+    m: ti.template(),
+    t: ti.template(),
+    marks: ti.template(),
+    near: ti.template(),
+    record: ti.template(),
+):
+    """One time step of all robots; its contacts are logged in place n of a record if that is not negative."""
+    begin(threads, step, m, t, marks)
+    group_stages(threads, m, t, marks.lanes)
+    rest_stages(threads, m, t, marks.lanes)
+    if ti.static(has.contacts):
+        list_neighbours(threads, m, t, marks.lanes, near)
+        collide(threads, n, m, t, marks.lanes, near, record)
+    link_stages(threads, m, t, marks.lanes)
+    if ti.static(has.squares):
+        square_stages(threads, m, t, marks.lanes)
+    voxel_stages(threads, m, t, marks.lanes)
+
+
+class Has(NamedTuple):
+    """Which stages a step has, known when kernels are compiled: those of contacts, and of squares under pressure."""
+
+    contacts: bool
+    squares: bool
+
+
 @dataclass(frozen=True)
 class SteppedKernels:
-    """The kernels of a step, in the order in which they run."""
+    """A step, and what may be done between steps: build all lists again, keep the state in a record."""
 
-    begin: Any
-    list_neighbours: Any
+    step: Any
+    list_again: Any
     keep: Any
-    collide: Any
-    links: Any
-    squares: Any
-    voxels: Any
 
 
 @lru_cache
-def stepped_kernels(real: Real, medium: Medium, threads: int | None) -> SteppedKernels:
-    """Kernels for one precision and kind of surroundings, and so many threads (see ``threads_for``)."""
-    m, i32, lanes = real.scalars(2), ti.i32, ints(3)
-    near, marks = Near(ints(3), ints(2), ints(1)), mark_types(real)
+def stepped_kernels(real: Real, medium: Medium, threads: int | None, has: Has) -> SteppedKernels:
+    """Kernels for one precision, kind of surroundings and of step, and so many threads (see ``threads_for``)."""
+    m, i32 = real.scalars(2), ti.i32
+    near, no_list = Near(ints(3), ints(2), ints(1)), Near(None, None, None)
     kept, logged = Record(None, m, None, ints(2)), Record(None, None, ints(4), ints(2))
+    read = ["link", "voxel", "rest", "corner", "start", "time_step", "edge", "gravity", "relief"]
+    read += ["surface", "excluded"] if has.contacts else []
+    read += ["square"] if has.squares else []
+    lists = near if has.contacts else no_list
+    log = logged if has.contacts else logged._replace(log=None, logged=None)
+    every = m, shared_types(real, medium, read), mark_types(real), lists, log
+    again = m, shared_types(real, medium, ("surface", "excluded", "edge")), near
 
-    def reading(*names: str) -> columns.Shared:
-        return shared_types(real, medium, names)
-
-    def spreading(stages: Any, *types: Any) -> Any:
-        return partial(kernel_of(stages, threads, *types), threads)
-
-    def over(count: int, stage: Any, *names: str) -> Any:
-        return spreading(for_every(count, stage), m, reading(*names), lanes)
-
-    listing = (real.scalar, real.scalar, i32, m, reading("surface", "excluded"), lanes, near)
     return SteppedKernels(
-        spreading(begin, i32, m, reading("link", "rest", "edge", "gravity"), marks),
-        spreading(list_neighbours, *listing),
-        kernel_of(keep, i32, m, reading(), kept),
-        spreading(collide, i32, m, reading("surface"), lanes, near._replace(full=None), logged),
-        over(LINKS, link_forces, "link", "voxel", "edge"),
-        over(SQUARES, square_stage, "square", "voxel"),
-        over(memory.VOXELS, move_voxel, "link", "voxel", "corner", "start", "time_step", "edge", "relief"),
+        partial(kernel_of(take_step, threads, has, i32, i32, *every), threads, has),
+        partial(kernel_of(list_again, threads, *again), threads),
+        kernel_of(keep, i32, m, shared_types(real, medium, ()), kept),
     )

@@ -1,4 +1,4 @@
-"""The kernels of the reverse of the stepped driver: scalars, a kernel per stage of a step.
+"""The kernels of the reverse of the stepped driver: scalars, a loop per stage of a step, a kernel for all of them.
 
 The stages are those of the reverse of the packed driver. Where several threads add to the same cotangent they do so
 atomically, so on a GPU the last digits of a gradient depend on their order.
@@ -11,14 +11,15 @@ from typing import Any
 from taichi_sim.autodiff.lanes import Real, ints
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types, meet_events_back
-from taichi_sim.lattice.drivers.stepped_kernels import Record, spread
+from taichi_sim.lattice.drivers.stepped_kernels import Has, Record, spread
+from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns
 from taichi_sim.lattice.stages.columns import Medium, Shared, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
-from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
+from taichi_sim.lattice.stages.groups import derive_group, derive_rest, group_adjoint, recall_channel
 from taichi_sim.lattice.stages.link import link_adjoint
-from taichi_sim.lattice.stages.memory import LINKS, SQUARES, STATE_SLOTS, VOXELS
+from taichi_sim.lattice.stages.memory import GROUPS, LINKS, RESTS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.lattice.stages.voxel_adjoint import gauge_adjoint, voxel_adjoint
 from taichi_sim.runtime import element, emit, kernel_of, ti
@@ -59,9 +60,18 @@ def for_every(count: int, adjoint: Any) -> Any:
 @ti.func
 def recall(threads: ti.template(), n: ti.template(), memories: ti.template(), t: ti.template()):
     """Parameters of the step that led to record n."""
-    for r in range(spread(threads, memories.m.shape[1])):
-        if r < memories.m.shape[1]:
-            recall_groups(memories.m, r, memories.record, r, n * t.plan[STATE_SLOTS], t)
+    m, record = ti.static(memories.m, memories.record)
+    robots = m.shape[1]
+    for j in range(spread(threads, t.plan[GROUPS] * robots)):
+        g, r = j // robots, j % robots
+        if g < t.plan[GROUPS]:
+            for q in range(QUANTITY_COUNT):
+                recall_channel(m, r, g * QUANTITY_COUNT + q, record, r, n * t.plan[STATE_SLOTS], t)
+            derive_group(m, r, g, t)
+    for j in range(spread(threads, t.plan[RESTS] * robots)):
+        i, r = j // robots, j % robots
+        if i < t.plan[RESTS]:
+            derive_rest(m, r, i, t)
 
 
 @ti.func
@@ -108,22 +118,44 @@ def meet(
             meet_events_back(u, 0, r, step, slots, t, marks)
 
 
+undo_voxels = for_every(VOXELS, undo_voxel)
+undo_links = for_every(LINKS, link_adjoint)
+undo_squares = for_every(SQUARES, square_adjoint)
+
+
+@ti.func
+def undo_step(
+    threads: ti.template(),
+    has: ti.template(),
+    n: ti.template(),
+    memories: ti.template(),
+    t: ti.template(),
+    lanes: ti.template(),
+    record: ti.template(),
+):
+    """Undo the step from record n to the next."""
+    recall(threads, n + 1, memories, t)
+    undo_voxels(threads, n, memories, t, lanes)
+    undo_links(threads, n, memories, t, lanes)
+    if ti.static(has.squares):
+        undo_squares(threads, n, memories, t, lanes)
+    if ti.static(has.contacts):
+        contacts(threads, n, memories, t, lanes, record)
+    groups(threads, n, memories, t, lanes)
+
+
 @dataclass(frozen=True)
 class ReverseKernels:
-    """The kernels of a step undone, in the order in which they run."""
+    """A step undone, parameters recalled for what is due at a step, and that undone."""
 
+    step: Any
     recall: Any
-    voxels: Any
-    links: Any
-    squares: Any
-    contacts: Any
-    groups: Any
     marks: Any
 
 
 @lru_cache
-def reverse_kernels(real: Real, medium: Medium, threads: int | None) -> ReverseKernels:
-    """Kernels for one precision and kind of surroundings, and so many threads (see ``threads_for``).
+def reverse_kernels(real: Real, medium: Medium, threads: int | None, has: Has) -> ReverseKernels:
+    """Kernels for one precision, kind of surroundings and of step, and so many threads (see ``threads_for``).
 
     The first number that they are given is the place in the record before the step.
     """
@@ -136,16 +168,12 @@ def reverse_kernels(real: Real, medium: Medium, threads: int | None) -> ReverseK
     def spreading(stages: Any, *types: Any) -> Any:
         return partial(kernel_of(stages, threads, *types), threads)
 
-    def over(count: int, adjoint: Any, *names: str) -> Any:
-        return spreading(for_every(count, adjoint), i32, memories, reading(*names), lanes)
-
-    grouped = reading("rest", "edge", "gravity")
+    read = ["link", "voxel", "rest", "time_step", "edge", "gravity", "relief"]
+    read += ["surface"] if has.contacts else []
+    read += ["square"] if has.squares else []
+    log = Record(None, None, ints(4), ints(2)) if has.contacts else Record(None, None, None, None)
     return ReverseKernels(
-        spreading(recall, i32, memories._replace(a=None), grouped),
-        over(VOXELS, undo_voxel, "link", "voxel", "time_step", "edge", "relief"),
-        over(LINKS, link_adjoint, "link", "voxel", "edge"),
-        over(SQUARES, square_adjoint, "square", "voxel"),
-        spreading(contacts, i32, memories, reading("surface"), lanes, Record(None, None, ints(4), ints(2))),
-        spreading(groups, i32, memories, grouped, lanes),
+        partial(kernel_of(undo_step, threads, has, i32, memories, reading(*read), lanes, log), threads, has),
+        spreading(recall, i32, memories._replace(a=None), reading("rest", "edge", "gravity")),
         spreading(meet, i32, i32, i32, memories, reading("link", "edge"), mark_types(real, back=True)),
     )

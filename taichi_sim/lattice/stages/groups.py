@@ -48,33 +48,57 @@ def rest_slots(i, t: ti.template()):
 def group_stage(m: ti.template(), k, t: ti.template()):
     """Evaluate every channel for this step, and what follows from it."""
     for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
-        slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
-        base, rate, age = load_all(m, k, (slot + BASE, slot + RATE, slot + AGE))
-        store(m, k, slot + VALUE, laws.channel_value(base, rate, age))
-        store(m, k, slot + AGE, age + 1.0)
+        evaluate_channel(m, k, i, t)
     derive(m, k, t)
 
 
 @ti.func
+def evaluate_channel(m: ti.template(), k, i, t: ti.template()):
+    """Evaluate channel i of all groups' channels for this step."""
+    slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
+    base, rate, age = load_all(m, k, (slot + BASE, slot + RATE, slot + AGE))
+    store(m, k, slot + VALUE, laws.channel_value(base, rate, age))
+    store(m, k, slot + AGE, age + 1.0)
+
+
+@ti.func
 def derive(m: ti.template(), k, t: ti.template()):
-    """Sizes, external force and damping of every group, and rest lengths, from the values of its channels."""
+    """What follows from the values of all channels."""
     for g in range(t.plan[memory.GROUPS]):
-        values = load_all(m, k, group_slots(g, t))
-        state = laws.group_state(*values, t.edge, t.gravity)
-        store_all(m, k, consecutive(t.plan[CURRENT] + g * CURRENT_WIDTH, CURRENT_WIDTH), state)
+        derive_group(m, k, g, t)
     for i in range(t.plan[memory.RESTS]):
-        minus, plus = load_all(m, k, rest_slots(i, t))
-        length = laws.rest_length(minus, plus)
-        store_all(m, k, consecutive(t.plan[memory.REST] + i * memory.REST_WIDTH, memory.REST_WIDTH), length)
+        derive_rest(m, k, i, t)
+
+
+@ti.func
+def derive_group(m: ti.template(), k, g, t: ti.template()):
+    """Sizes, external force and damping of group g from the values of its channels."""
+    values = load_all(m, k, group_slots(g, t))
+    state = laws.group_state(*values, t.edge, t.gravity)
+    store_all(m, k, consecutive(t.plan[CURRENT] + g * CURRENT_WIDTH, CURRENT_WIDTH), state)
+
+
+@ti.func
+def derive_rest(m: ti.template(), k, i, t: ti.template()):
+    """Rest length number i from the sizes of its groups."""
+    minus, plus = load_all(m, k, rest_slots(i, t))
+    length = laws.rest_length(minus, plus)
+    store_all(m, k, consecutive(t.plan[memory.REST] + i * memory.REST_WIDTH, memory.REST_WIDTH), length)
 
 
 @ti.func
 def recall_groups(m: ti.template(), k, record: ti.template(), r, new, t: ti.template()):
     """Put the parameters' memory into the state that it had in the step that led to the record at ``new``."""
     for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
-        slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH + VALUE
-        store(m, k, slot, load(record, r, new + slot))
+        recall_channel(m, k, i, record, r, new, t)
     derive(m, k, t)
+
+
+@ti.func
+def recall_channel(m: ti.template(), k, i, record: ti.template(), r, new, t: ti.template()):
+    """Put the value of channel i into the state that it had in the step that led to the record at ``new``."""
+    slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH + VALUE
+    store(m, k, slot, load(record, r, new + slot))
 
 
 @ti.func

@@ -216,3 +216,9 @@ def test_a_reference_program_that_does_not_work_is_one_line(morpholab, tmp_path,
         (tmp_path / "lanes.py").write_text(program)
     code, _, error = morpholab("bench inflatable --quick --precision f32 --prototype lanes.py")
     assert (code, error.partition("bench: ")[2]) == expected
+
+
+@pytest.mark.kernels
+def test_bench_refuses_a_device_that_is_not_there(morpholab):
+    expected = "morpholab bench: error: device: 'metal' is not available on this machine; use 'cpu'\n"
+    assert morpholab("bench --device metal") == (2, "", expected)
