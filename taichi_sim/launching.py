@@ -97,7 +97,7 @@ class Relauncher:
         return True
 
     def _set_array_of_device(self, place: _Place, given: Any) -> bool:
-        if not isinstance(given, self._ti.Ndarray) or (given.dtype, len(given.shape)) != place.like:
+        if not isinstance(given, self._ti.ScalarNdarray) or (given.dtype, len(given.shape)) != place.like:
             self._block = None
             return False
         self._block.set_arg_ndarray((place.number,), given.arr)
@@ -109,15 +109,17 @@ class Relauncher:
         try:
             ti, program = self._ti, self._ti.lang.impl.get_runtime().prog
             on_cpu = program.config().arch in (ti.x64, ti.arm64)
+            if not on_cpu and any(isinstance(given, np.ndarray) for given in arguments):
+                return
             compiled_kernel = self._primal.compiled_kernels[self._primal.ensure_compiled(*arguments)]
             compiled = program.compile_kernel(program.config(), program.get_device_caps(), compiled_kernel)
             block, places = compiled_kernel.make_launch_context(), list[_Place]()
             for number, (given, argument) in enumerate(zip(arguments, self._primal.arguments, strict=True)):
                 kind = argument.annotation
-                if isinstance(given, np.ndarray) and on_cpu:
+                if isinstance(given, np.ndarray):
                     inner = getattr(kind.dtype, "ndim", 0)
                     places.append(_Place(number, None, inner, (given.dtype, given.ndim), lambda: None))
-                elif isinstance(given, ti.Ndarray) and given.grad is None:
+                elif isinstance(given, ti.ScalarNdarray) and given.grad is None:
                     places.append(_Place(number, None, None, (given.dtype, len(given.shape))))
                 elif id(kind) in ti.types.primitive_types.real_type_ids:
                     places.append(_Place(number, True))

@@ -3,7 +3,7 @@
 What is said of Taichi here goes for both; ``ti`` is whichever it is. It has one global runtime per process.
 :func:`start` owns it: asking for what already runs costs nothing, anything else restarts the runtime (about 0.2 s;
 compiled kernels come back from a cache on disk). Engines start it before every launch, so engines of different
-precision can live side by side as long as their memory is NumPy's.
+precision can live side by side as long as their memory is NumPy's, or made by :func:`device_array`.
 
 Threads: functions that launch kernels are :func:`exclusive`, so threads of Python may simulate at the same time; they
 wait for each other. Kernels use several CPU threads by themselves.
@@ -38,6 +38,7 @@ import numpy as np
 
 from taichi_sim.base.compiler import compiler
 from taichi_sim.base.compute import Compute
+from taichi_sim.device_arrays import DeviceArrays
 from taichi_sim.launching import Relauncher, forget_all
 
 COMPILER = compiler()
@@ -85,6 +86,7 @@ R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
 _running: Compute | None = None
+_arrays = DeviceArrays()
 _forked = False  # whether this process is the child of one in which Taichi ran
 _told: set[Path | str] = set()  # caches whose loss the user knows of, and devices with limits
 
@@ -175,9 +177,12 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
     architecture = getattr(ti, wanted.device)
     if wanted.device != "cpu" and not ti.lang.misc.is_arch_supported(architecture):
         raise ValueError(f"device: {wanted.device!r} is not available on this machine; use 'cpu'")
+    if _running is not None:
+        _arrays.leave(_running)
     _running = None
     _initialise(wanted, architecture)
     _running = wanted
+    _arrays.come_back(wanted)
     return wanted
 
 
@@ -276,6 +281,11 @@ def rearranges_sums() -> bool:
     Taichi's optimiser of SPIR-V does, without ``fast_math`` too: it makes x of (x + c) - c.
     """
     return _running is not None and _running.device in THROUGH_SPIRV
+
+
+def device_array(dtype: Any, shape: tuple[int, ...]) -> Any:
+    """An array of zeros on the device that runs; it outlives restarts, see ``device_arrays``."""
+    return _arrays.new(ti, dtype, shape)
 
 
 def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:

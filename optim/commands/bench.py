@@ -41,6 +41,8 @@ def run(args: argparse.Namespace) -> Report:
 
     for option, robot in WHOSE.items():
         name, given = option.replace("_", "-"), getattr(args, option)
+        if args.device and given is not None and option != "precision":
+            raise ValueError(f"{name}: it is not of the benchmark of a device; leave it out with --device")
         if given is not None and args.robot not in ("all", robot) and not (args.device and option == "precision"):
             raise ValueError(f"{name}: it is of the {robot} benchmark; leave it out with {args.robot}")
         if isinstance(given, Path) and option == "against" and not (given / "optim" / "cli.py").is_file():

@@ -75,8 +75,9 @@ def measure(device: str, precision: str, quick: bool, tell: Callable[[str], None
 def vehicles(compute: Compute, bodies: int) -> float:
     """Measure the rollouts per second of random bodies and controllers."""
     generator = np.random.default_rng(0)
-    sites, weights = (generator.uniform(-1, 1, shape) for shape in ((bodies, 2, 2), (bodies, CONTROLLERS, 2, 2)))
-    batch, task = VehicleBatch(sites / 2, weights), VehicleTask(STARTS, steps=VEHICLE_STEPS)
+    sites = generator.uniform(-0.5, 0.5, (bodies, 2, 2))
+    weights = generator.uniform(-1, 1, (bodies, CONTROLLERS, 2, 2))
+    batch, task = VehicleBatch(sites, weights), VehicleTask(STARTS, steps=VEHICLE_STEPS)
     where: dict[str, Any] = {"device": compute.device, "precision": compute.precision}
     return bodies * CONTROLLERS * len(STARTS) / best(lambda: rollout(batch, task, until="end", **where))
 
@@ -84,10 +85,8 @@ def vehicles(compute: Compute, bodies: int) -> float:
 def quadrupeds(compute: Compute, robots: int) -> float:
     """Measure the robot-steps per second of legged robots with random controllers."""
     weights = np.random.default_rng(0).uniform(-1, 1, (robots, 5, 8))
-    lights, lab = (
-        np.array([[3.0, 1.0, 0.15]]),
-        quadruped_engine(LEGGED, device=compute.device, precision=compute.precision),
-    )
+    lights = np.array([[3.0, 1.0, 0.15]])
+    lab = quadruped_engine(LEGGED, device=compute.device, precision=compute.precision)
     return robots * QUADRUPED_STEPS / best(lambda: lab.run(QUADRUPED_STEPS, weights=weights, lights=lights))
 
 
@@ -105,6 +104,12 @@ def side_by_side(
     return {size: {"device": measured(there, size), "cpu": measured(here, size)} for size in sizes}
 
 
+OTHERS = (
+    ("vehicle", vehicles, VEHICLES, "bodies of vehicles", f"rollouts of {VEHICLE_STEPS} steps"),
+    ("rigid", quadrupeds, QUADRUPEDS, "legged robots", "robot-steps"),
+)
+
+
 def line(name: str, found: dict[str, float], cpu: dict[str, float]) -> str:
     """Robot-steps and voxel-steps per second, and how many times what all CPU cores do."""
     steps, first = found["robot_steps_per_second"], found["first_step_s"]
@@ -117,7 +122,8 @@ def main(args: Namespace) -> dict[str, Any]:
     """Measure a device and print a table (to stderr with ``--json``); return the numbers."""
     out, size = sys.stderr if args.json else sys.stdout, "quick" if args.quick else "full"
     precisions = [args.precision] if args.precision else ["f32", "f64"]
-    runtime.start(args.device, precisions[0])  # a device that is not there is told before anything is measured
+    for precision in precisions:
+        runtime.start(args.device, precision)  # what a device cannot do is told before anything is measured
     figures: dict[str, Any] = {"cpu": lattice.cpu_name(), "cores": os.cpu_count()}
     print(f"{figures['cpu']}, {figures['cores']} cores, and {args.device}", file=out)
     for precision in precisions:
@@ -125,18 +131,10 @@ def main(args: Namespace) -> dict[str, Any]:
         found = figures[precision] = dict[str, Any]()
         if args.robot in ("all", "inflatable"):
             found["inflatable"] = measure(args.device, precision, args.quick, tell)
-        for robot, measured, sizes, name in OTHERS:
+        for robot, measured, sizes, name, of in OTHERS:
             if args.robot in ("all", robot):
                 found[robot] = side_by_side(args.device, precision, measured, sizes[size])
                 for count, pair in found[robot].items():
-                    ratio = pair["device"] / pair["cpu"]
-                    tell(
-                        f"{args.device}, {count} {name:<24} {pair['device']:>10.3g} a second, {ratio:.2f} of the cpu's"
-                    )
+                    batch, ratio = f"{args.device}, {count} {name}", pair["device"] / pair["cpu"]
+                    tell(f"{batch:<28} {pair['device']:>10.3g} {of}/s, {ratio:.2f} of the cpu's")
     return figures
-
-
-OTHERS = (
-    ("vehicle", vehicles, VEHICLES, f"bodies, {CONTROLLERS} controllers each: rollouts of {VEHICLE_STEPS} steps"),
-    ("rigid", quadrupeds, QUADRUPEDS, "legged robots: robot-steps"),
-)

@@ -119,7 +119,7 @@ class LatticeEngine:
                 and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
                 pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
-            driver: "packed" (CPU: the voxels of a robot in vector lanes), "stepped" (a kernel per stage of a step) or
+            driver: "packed" (CPU: the voxels of a robot in vector lanes), "stepped" (a thread per link or voxel) or
                 "auto" (packed on a CPU, else stepped). Runs do not depend on it; the last bits of gradients do.
             compute: device, precision (f64 by default) and threads.
             **options: instead of ``compute``, its fields one by one.

@@ -1,4 +1,4 @@
-"""The stepped driver: scalars, a kernel per stage of a time step (GPU; on a CPU for tests and gradients)."""
+"""The stepped driver: scalars, a thread per link or voxel (GPU; on a CPU for tests and gradients)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,28 +14,26 @@ from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.columns import Medium
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
 from taichi_sim.lattice.stages.undo import Undo
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import device_array, ti
 
 PARTNERS_PER_VOXEL = 24  # room for listed neighbours at first; it grows when needed
 STEPS_PER_CHECK = 250  # steps between looks at the room, and so the steps that are done again when it was too small
 
 
 class SteppedReverse(Reverse):
-    """The way back by a kernel per stage."""
+    """The way back by a kernel per step."""
 
     def __init__(self, run: "SteppedRun", recorded: Recordings, finals: np.ndarray) -> None:
         """Start at the end of a run; the arguments are those of :meth:`Run.reverse`."""
         super().__init__(run, recorded, finals)
         lengths = run.program.lengths
         self._steps = {int(lengths.max()), *lengths.tolist(), *run.program.marks[:, 0].tolist()}
-        self._kernels = reverse_kernels(*self.driver.kind(self._contacts), self.driver.has)
 
     def undo(self, low: int, high: int) -> None:
         """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
         record = self.record(low, high)
-        self._kernels = reverse_kernels(
-            *self.driver.kind(record.log.shape[1]), self.driver.has
-        )  # the log may have grown
+        kind = self.driver.kind(record.log.shape[1])  # the log may have grown
+        self._kernels = reverse_kernels(*kind, self.driver.has)
         memories = Undo(self.values, None, record.states, None, self.cotangents, None, None)
         self._meet(memories, high, high - low)
         for step in range(high - 1, low - 1, -1):
@@ -197,7 +195,7 @@ class SteppedDriver(Driver):
     def bytes_per_robot(self) -> int:
         """Memory that grows with the batch [B]."""
         lists = (1 + int(self.plan[memory.PAIRS])) * len(self.tables.surface_voxels) * 4
-        copies = 3 if self.plan[memory.CONTACT_ON] else 2  # in NumPy, where kernels run, and put aside there
+        copies = 1 + (not self._on_cpu) + bool(self.plan[memory.CONTACT_ON])  # in NumPy, on the device, put aside
         return copies * self.layout.slots * self.memory.itemsize + lists
 
     @property
@@ -215,13 +213,13 @@ class SteppedDriver(Driver):
         """The array where the kernels run."""
         if self._on_cpu:
             return array
-        on_device = ti.ndarray(ti.i32 if array.dtype == np.int32 else self.real.scalar, array.shape)
+        on_device = device_array(ti.i32 if array.dtype == np.int32 else self.real.scalar, array.shape)
         on_device.from_numpy(np.ascontiguousarray(array))
         return on_device
 
     def like(self, array: Any) -> Any:
         """An array of the same shape where the kernels run, of any values."""
-        return np.empty_like(array) if self._on_cpu else ti.ndarray(array.dtype, array.shape)
+        return np.empty_like(array) if self._on_cpu else device_array(array.dtype, array.shape)
 
     def copy(self, array: Any, into: Any) -> None:
         """Copy an array into another one, where the kernels run."""

@@ -27,7 +27,7 @@ from taichi_sim.lattice.stages.memory import CONTACT_ON, FORCE, LINKS, MONITOR, 
 from taichi_sim.lattice.stages.voxel import voxel_stage
 from taichi_sim.runtime import kernel_of, ti
 
-FAR = 1e30  # what a surface voxel has moved whose robot's list is to be built again [m^2]
+FAR = 1e30  # stands in MOVED for: farther than REBUILD_DISTANCE
 FEWEST_THREADS, MOST_THREADS = 1 << 9, 1 << 17  # of a launch; Taichi launches the most where it knows no number
 
 
@@ -245,9 +245,9 @@ def list_neighbours(
     """Build the lists of robots that have moved too far."""
     for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
         s, r = n // m.shape[1], n % m.shape[1]
-        radius, limit = contact.NEIGHBOUR_RADIUS * t.edge, contact.REBUILD_DISTANCE * t.edge
+        radius = contact.NEIGHBOUR_RADIUS * t.edge
         if s < t.plan[SURFACE] and lanes[0, r, STATE] == ACTIVE:
-            if load(m, r, t.plan[MONITOR] + memory.MOVED) > limit * limit:
+            if load(m, r, t.plan[MONITOR] + memory.MOVED) > 0.0:
                 list_voxel(m, r, s, radius * radius, False, t, near)
                 store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
 

@@ -8,7 +8,7 @@ The sections of the state come first, so that a robot can be copied away and bac
     PRINT     3 a voxel    where granular ground yields: how deep it has pressed it, momentum 2 along it after friction
     CHANNEL   4 a channel  base, rate, age, value of the 25 channels of every group
     LISTED    3 a surface voxel: its position when the neighbour list was built
-    MONITOR   2            largest squared distance from there; 1 once diverged
+    MONITOR   2            largest squared distance from there (stepped driver: 0, or FAR if too large); 1 once diverged
     CURRENT   9 a group    what follows from the channels in this step
     CONSTANT  9 a group    materials.voxel_constants
     BEAM      9 a pair of materials: materials.beam_constants

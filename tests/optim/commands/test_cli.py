@@ -195,6 +195,10 @@ def test_bench_forwards_its_options(morpholab, monkeypatch, tmp_path):
     [
         ("vehicle --prototype lanes.py", "prototype: it is of the inflatable benchmark; leave it out with vehicle"),
         ("rigid --precision f32", "precision: it is of the inflatable benchmark; leave it out with rigid"),
+        (
+            "--device vulkan --against tree",
+            "against: it is not of the benchmark of a device; leave it out with --device",
+        ),
         ("inflatable --rigid-prototype a.py", "rigid-prototype: it is of the rigid benchmark; leave it out with"),
     ],
 )

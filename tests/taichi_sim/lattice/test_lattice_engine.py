@@ -15,6 +15,8 @@ from robots.world import Terrain
 from taichi_sim import runtime
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Material, ProgramBuilder, Quantity
+from taichi_sim.lattice.drivers import stepped
+from taichi_sim.lattice.stages import memory
 
 pytestmark = pytest.mark.kernels
 
@@ -53,7 +55,7 @@ def trajectory(designs, precision="f64", threads=1, **options):
 
 
 def test_every_driver_gives_the_same_bits():
-    """Scalars and a kernel per stage, or one robot's voxels in lanes, in both precisions."""
+    """A thread per link or voxel, or one robot's voxels in lanes, in both precisions."""
     designs = quick_designs(3)
     for precision in ("f64", "f32"):
         packed, steps = trajectory(designs, precision)
@@ -77,8 +79,10 @@ def test_a_robot_does_not_feel_its_batch(precision):
     assert np.array_equal(together, threaded, equal_nan=True)
 
 
-def test_memory_of_a_device_gives_the_same_bits(monkeypatch):
-    """The stepped driver on Taichi's own arrays, as on a GPU, here on the CPU's."""
+@pytest.mark.parametrize("room", [24, 1])
+def test_memory_of_a_device_gives_the_same_bits(monkeypatch, room):
+    """The stepped driver on Taichi's own arrays, as on a GPU, here on the CPU's; also where lists must grow."""
+    monkeypatch.setattr(stepped, "PARTNERS_PER_VOXEL", room)
     case = load_case("bars_collide")
     program = dataclasses.replace(case.program(2), lengths=[300, 270], snapshots=np.array([[270], [270]]))
     found = []
@@ -87,6 +91,7 @@ def test_memory_of_a_device_gives_the_same_bits(monkeypatch):
         monkeypatch.setattr(engine._driver, "_on_cpu", on_cpu)
         first = engine.run(program)
         second = engine.run(ProgramBuilder(2).build(20, [[20], [10]]))
+        assert (engine._driver.plan[memory.PAIRS] > room) == (room == 1)
         found.append(np.concatenate([first.positions, second.positions]))
     assert np.array_equal(*found)
 

@@ -306,7 +306,7 @@ def test_a_plan_undoes_every_step_once_and_within_its_memory(steps, bound, check
 
 @pytest.mark.parametrize("pouch", [False, True])
 def test_every_driver_gives_the_same_gradient(pouch):
-    """One robot's voxels in lanes, and a kernel per stage."""
+    """One robot's voxels in lanes, and a thread per link or voxel."""
     shape = body(pouch=pouch)
     packed, stepped = (arrays(gradients(engine(shape, driver=driver))) for driver in ("packed", "stepped"))
     for a, b in zip(packed, stepped, strict=True):

@@ -59,7 +59,7 @@ def test_level_ground_has_the_bits_of_the_floor(driver, precision):
 
 
 def test_drivers_agree_to_the_last_bit_on_rough_ground():
-    """One robot's voxels in lanes, and a kernel per stage."""
+    """One robot's voxels in lanes, and a thread per link or voxel."""
     packed, stepped = (landed(rough(), driver=driver) for driver in ("packed", "stepped"))
     assert np.array_equal(packed.positions, stepped.positions)
     assert np.abs(packed.positions - landed(True).positions).max() > 1e-4

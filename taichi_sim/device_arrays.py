@@ -1,0 +1,39 @@
+"""Arrays on a device that outlive restarts of Taichi, whose own are lost, and not safely, when it begins anew.
+
+An engine on a device may have a tape that is pulled back after another engine has run, on a CPU or in another
+precision. Before a restart its arrays go into NumPy's memory; they come back when their device is started again.
+"""
+
+from typing import Any
+from weakref import WeakValueDictionary
+
+from taichi_sim.base.compute import Compute
+
+
+class DeviceArrays:
+    """All arrays of a process that lie on a device, or would if it ran."""
+
+    def __init__(self) -> None:
+        """Know of none."""
+        self._all: WeakValueDictionary[int, Any] = WeakValueDictionary()
+
+    def new(self, ti: Any, dtype: Any, shape: tuple[int, ...]) -> Any:
+        """Make an array of zeros on the device that runs."""
+        array = ti.ndarray(dtype, shape)
+        self._all[id(array)] = array
+        return array
+
+    def leave(self, compute: Compute) -> None:
+        """Take all arrays off the device that runs, before it ends."""
+        for array in list(self._all.values()):
+            if array.arr is not None:
+                array.away = compute, array.to_numpy()
+                array.arr = None  # else its end would free what lies at its address by then
+
+    def come_back(self, compute: Compute) -> None:
+        """Put the arrays of a device that runs again onto it."""
+        for array in list(self._all.values()):
+            if array.arr is None and array.away[0] == compute:
+                type(array).__init__(array, array.dtype, array.shape)
+                array.from_numpy(array.away[1])
+                del array.away
