@@ -27,13 +27,14 @@ class DeviceArrays:
         """Take all arrays off the device that runs, before it ends."""
         for array in list(self._all.values()):
             if array.arr is not None:
-                array.away = compute, array.to_numpy()
+                array.away = compute, array.dtype, array.to_numpy()
                 array.arr = None  # else its end would free what lies at its address by then
 
     def come_back(self, compute: Compute) -> None:
         """Put the arrays of a device that runs again onto it."""
         for array in list(self._all.values()):
             if array.arr is None and array.away[0] == compute:
-                type(array).__init__(array, array.dtype, array.shape)
-                array.from_numpy(array.away[1])
+                _, dtype, values = array.away
+                type(array).__init__(array, dtype, values.shape)
+                array.from_numpy(values)
                 del array.away

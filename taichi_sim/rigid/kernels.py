@@ -25,9 +25,9 @@ def _types(real: Real, lanes: bool) -> tuple[Any, Any, Any, Any]:
 
 
 @primitive
-def _ground(relief: Any, grid: Any, real: Real, uneven: bool) -> Uneven | None:
+def _ground(relief: Any, grid: Any, width: int, uneven: bool) -> Uneven | None:
     """What kernels know of uneven ground; level ground has arrays of no meaning."""
-    return Uneven(relief, grid, real.width) if uneven else None
+    return Uneven(relief, grid, width) if uneven else None
 
 
 @lru_cache
@@ -54,7 +54,7 @@ def rollout_kernel(real: Real, grain: int, drifting: bool, uneven: bool, recordi
                 k = start_of(block, plan[slots.SLOTS], lanes)
                 at = start_of(block, plan[slots.FRAME_WIDTH] * plan[slots.FRAMES], lanes)
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
-                ground = ti.static(_ground(relief, grid, real, uneven))
+                ground = ti.static(_ground(relief, grid, real.width, uneven))
                 robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground))
                 for t in range(plan[slots.FIRST], plan[slots.UNTIL] + 1):
                     if ti.static(taping):
@@ -96,7 +96,7 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool) -> Any
                 block = i // grain
                 k = start_of(block, plan[slots.SLOTS], lanes)
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
-                ground = ti.static(_ground(relief, grid, real, uneven))
+                ground = ti.static(_ground(relief, grid, real.width, uneven))
                 robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground))
                 motion = ti.static(Block(a, k, block, plan, listed, settings, False, ground))
                 cotangents = ti.static(Block(g, k, block, plan, listed, settings, drifting, ground))
