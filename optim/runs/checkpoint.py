@@ -86,18 +86,18 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
     raise ValueError(f"{folder}: {found} are unusable; cannot resume")
 
 
-def restore(folder: Path, method: Method, state: State) -> None:
-    """Give a method the state of a checkpoint.
+def restore(folder: Path, method: Method, state: State, name: str = CHECKPOINT) -> None:
+    """Give a method the state of the checkpoint in a file.
 
     Raises:
-        ValueError: if it is not that of such a method; names the folder and the array.
+        ValueError: if it is not that of such a method; names the folder, the file and the array.
     """
     try:
         method.restore(state)
     except KeyError as missing:
-        raise ValueError(f"{folder}: {CHECKPOINT}: state: {missing} is missing") from None
+        raise ValueError(f"{folder}: {name}: state: {missing} is missing") from None
     except (ValueError, IndexError) as error:
-        raise ValueError(f"{folder}: {CHECKPOINT}: {error}") from None
+        raise ValueError(f"{folder}: {name}: {error}") from None
 
 
 def _misfit(record: Record, lines: list[bytes], settings: str) -> str | None:

@@ -141,7 +141,9 @@ def read_result(history: History, problem: Problem) -> SearchResult | None:
         return None
     settings = dict(history.config["method"])
     method = build_method(settings.pop("name"), problem.space, settings)
-    checkpoint.restore(history.path, method, history.found[0])
+    state, _, unfit = history.found
+    name = checkpoint.PREVIOUS if checkpoint.CHECKPOINT in unfit else checkpoint.CHECKPOINT
+    checkpoint.restore(history.path, method, state, name)
     return method.result()
 
 

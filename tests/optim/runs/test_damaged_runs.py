@@ -8,6 +8,7 @@ import pytest
 from run_products import log
 
 from optim.runs.environment import differences, environment
+from taichi_sim.base import files
 
 pytestmark = pytest.mark.usefixtures("simulator")
 
@@ -105,6 +106,17 @@ def test_checkpoints_of_another_run_are_refused(morpholab, tmp_path):
         shutil.copy(tmp_path / "b" / name, tmp_path / "a" / name)
     code, _, error = morpholab("codesign --resume --quiet --out a")
     assert code == 2 and error.count("made with other settings") == 2 and error.count("\n") == 1
+
+
+def test_a_state_of_the_checkpoint_before_is_told_by_its_name(morpholab, tmp_path):
+    assert morpholab(f"{LINE} --generations 3 --out a")[0] == 0
+    older = tmp_path / "a/checkpoint.previous.npz"
+    arrays = files.unpack(older.read_bytes())
+    del arrays["points"]
+    older.write_bytes(files.pack(arrays))
+    (tmp_path / "a/checkpoint.npz").write_bytes(b"damaged")
+    code, _, error = morpholab("export a --member 1 --csv b.csv")
+    assert code == 2 and "a: checkpoint.previous.npz: state: points is missing" in error and error.count("\n") == 1
 
 
 def test_packages_whose_operators_searches_use_are_part_of_the_environment():
