@@ -67,6 +67,9 @@ def main() -> None:
             low, high = mean_interval(speeds)
             told.append(f"{name} {speeds.mean():.3f} ({low:.3f} to {high:.3f})")
         print(f"{way}: mixture {mixtures.mean():.3f}, {', '.join(told)}; n = {len(mixtures)}")
+    ends = [column(where(rows, way=way), "built") for way in WAYS]
+    low, high = mean_interval(ends[0] - ends[1])
+    print(f"in the end with continuation, less without: {np.mean(ends[0] - ends[1]):.3f} ({low:.3f} to {high:.3f})")
 
 
 if __name__ == "__main__":
