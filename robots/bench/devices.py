@@ -30,9 +30,14 @@ ROUNDS = 3  # of which the best counts, after one that compiles
 GRADIENTS, GRADIENT_STEPS = 64, 200  # robots and steps of the gradient
 
 
+def published(compute: Compute, batch: int) -> lattice.Batch:
+    """A batch of the published robot, set up on a device."""
+    return lattice.Batch(batch, compute.precision, compute.thread_count, device=compute.device)
+
+
 def rate(compute: Compute, batch: int) -> dict[str, float]:
     """Measure the robot-steps per second of a batch, by the wall clock, and the seconds of its first step."""
-    robots = lattice.Batch(batch, compute.precision, compute.thread_count, device=compute.device)
+    robots = published(compute, batch)
     robots.advance(SETTLING)
     steps, seconds = 0, 0.0
     while seconds < SHORTEST:
@@ -43,7 +48,7 @@ def rate(compute: Compute, batch: int) -> dict[str, float]:
 
 def gradients(compute: Compute) -> float:
     """Measure the robot-steps per second of gradients by everything: forwards and back, by the wall clock."""
-    robots = lattice.Batch(GRADIENTS, compute.precision, compute.thread_count, device=compute.device)
+    robots = published(compute, GRADIENTS)
     robots.differentiate(50)  # compiles
     robots.advance(SETTLING)
     return GRADIENTS * GRADIENT_STEPS / lattice.timed(time.perf_counter, robots.differentiate, GRADIENT_STEPS)[0]

@@ -32,8 +32,7 @@ class SteppedReverse(Reverse):
     def undo(self, low: int, high: int) -> None:
         """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
         record = self.record(low, high)
-        kind = self.driver.kind(record.log.shape[1])  # the log may have grown
-        self._kernels = reverse_kernels(*kind, self.driver.has)
+        self._kernels = reverse_kernels(*self.driver.kind(record.log.shape[1]))  # the log may have grown
         memories = Undo(self.values, None, record.states, None, self.cotangents, None, None)
         self._meet(memories, high, high - low)
         for step in range(high - 1, low - 1, -1):
@@ -59,7 +58,7 @@ class SteppedRun(Run):
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
         super().__init__(driver, program, alive, constants)
-        self._kernels = stepped_kernels(*driver.kind(), driver.has)
+        self._kernels = stepped_kernels(*driver.kind())
         self._at = 0
         self._aside: tuple[Any, Any] | None = None
         self._no_record = self.new_record(0, 0, 1)
@@ -198,16 +197,15 @@ class SteppedDriver(Driver):
         copies = 1 + (not self._on_cpu) + bool(self.plan[memory.CONTACT_ON])  # in NumPy, on the device, put aside
         return copies * self.layout.slots * self.memory.itemsize + lists
 
-    @property
-    def has(self) -> Has:
-        """Which stages its steps have."""
-        return Has(bool(self.plan[memory.CONTACT_ON]), bool(self.plan[memory.SQUARES]))
+    def kind(self, at_least: int = 0) -> tuple[Real, Medium, int | None, Has]:
+        """What its kernels are compiled for.
 
-    def kind(self, at_least: int = 0) -> tuple[Real, Medium, int | None]:
-        """What its kernels are compiled for: real, surroundings, and threads for so many items of a robot at least."""
+        They are the real, surroundings, threads for at least so many items of a robot, and which stages a step has.
+        """
         counts = (memory.VOXELS, memory.LINKS, memory.SURFACE, memory.SQUARES)
         items = self.batch * max(at_least, 1, *(int(self.plan[count]) for count in counts))
-        return self.real, self.tables.medium, None if self._on_cpu else threads_for(items)
+        has = Has(bool(self.plan[memory.CONTACT_ON]), bool(self.plan[memory.SQUARES]))
+        return self.real, self.tables.medium, None if self._on_cpu else threads_for(items), has
 
     def put(self, array: np.ndarray) -> Any:
         """The array where the kernels run."""
