@@ -17,6 +17,7 @@ class Player {
     about.forEach((motion, number) => this.#add(motion, all[number]));
     this.#connect();
     this.seek(0);
+    this.before = performance.now(); // who opens a page may press play before its first picture
     requestAnimationFrame((now) => this.#tick(now));
   }
 
@@ -108,7 +109,7 @@ class Player {
 
   #tick(now) {
     if (this.playing) {
-      this.seek(this.time + this.rate * Math.min((now - this.before) / 1000, 0.25));
+      this.seek(this.time + this.rate * Math.min(Math.max(now - this.before, 0) / 1000, 0.25));
       if (this.time >= this.duration) this.play(false);
     }
     this.before = now;
