@@ -1,11 +1,18 @@
 """``morpholab reproduce``: studies of the dissertation, and what goes beyond them."""
 
 import argparse
+from typing import TYPE_CHECKING
 
 from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.progress import shown_progress
-from taichi_sim.base.options import numbers
+from taichi_sim.base.files import ASIDE, claimed_folder
+from taichi_sim.base.options import flag_of, numbers
+
+if TYPE_CHECKING:
+    from optim.experiments.study import Study
+
+OF_RUNS = ("budget", "sweep", "jobs", "floor", "friction")  # options that say how a study is run
 
 COMMAND = Command(
     "reproduce",
@@ -20,7 +27,11 @@ COMMAND = Command(
             "to see that it works (default); an hour to a few, of some studies; or all that was published, which may "
             "take days: the list says how long",
             choices=("small", "medium", "full"),
-            default="small",
+        ),
+        path_to(
+            "from_data",
+            "DIR",
+            "run nothing: tables and figures again from data of the study, as docs/data of the source code has them",
         ),
         path_to("sweep", "DIR", "folder of a sweep, of studies that read bodies from one"),
         count("jobs", 1, "runs that go on at the same time, of studies of many runs (default: one after the other)"),
@@ -37,9 +48,10 @@ def run(args: argparse.Namespace) -> Report:
     from optim.studies.catalogue import STUDIES
 
     if args.study is None:
-        for name in ("out", "sweep", "jobs", "floor", "friction"):
+        for name in ("out", *OF_RUNS, "from_data"):
             if getattr(args, name) is not None:
-                raise ValueError(f"{name}: {getattr(args, name)} is not allowed without a study; name one first")
+                flag = flag_of(name).removeprefix("--")
+                raise ValueError(f"{flag}: {getattr(args, name)} is not allowed without a study; name one first")
         studies = {name: STUDIES[name] for name in STUDIES}
         items = {name: {"source": s.source, "title": s.title, "cost": s.cost} for name, s in studies.items()}
         lines = [f"{name}: {s.title} ({s.source}{s.cost and f'; full: {s.cost}'})" for name, s in studies.items()]
@@ -47,6 +59,8 @@ def run(args: argparse.Namespace) -> Report:
     study = STUDIES.find(args.study)
     if args.out is None:
         raise ValueError("out: none given; name a folder for the results")
+    if args.from_data is not None:
+        return _told_again(args, study)
     given = {"sweep_folder": args.sweep, "jobs": args.jobs}
     options = {name: value for name, value in given.items() if value is not None}
     for name in options.keys() - study.options:
@@ -59,10 +73,30 @@ def run(args: argparse.Namespace) -> Report:
             name = "friction" if args.floor is None else "floor"
             raise ValueError(f"{name}: study {args.study} has its own; leave it out")
         options["friction"] = friction
+    budget = args.budget or "small"
     with shown_progress(args.study, 1.0, args.quiet) as update:
-        study.reproduce(args.out, args.budget, update, **options)
-    document = {"folder": str(args.out), "study": args.study, "budget": args.budget, "files": list(study.writes)}
+        study.reproduce(args.out, budget, update, **options)
+    document = {"folder": str(args.out), "study": args.study, "budget": budget, "files": list(study.writes)}
     return Report(document, f"{args.out}: {', '.join(study.writes)}")
+
+
+def _told_again(args: argparse.Namespace, study: "Study") -> Report:
+    """Make what a study writes from data of it, in a new folder."""
+    from optim.experiments.data import found
+    from optim.studies.catalogue import STUDIES
+
+    for name in OF_RUNS:
+        if getattr(args, name) is not None:
+            raise ValueError(f"{name}: {getattr(args, name)} is not allowed with --from-data, which runs nothing")
+    if study.tell is None:
+        able = ", ".join(name for name in STUDIES if STUDIES[name].tell is not None)
+        raise ValueError(f"from-data: study {args.study} is not told from tables; {able} are")
+    data = found(args.from_data, args.study)
+    with claimed_folder("out", args.out):
+        study.tell(data, args.out)
+        files = sorted(path.name for path in args.out.iterdir() if not path.name.startswith(ASIDE))
+    document = {"folder": str(args.out), "study": args.study, "data": str(data.folder), "files": files}
+    return Report(document, f"{args.out}: {', '.join(files)}")
 
 
 def _friction(args: argparse.Namespace) -> tuple[float, float] | None:

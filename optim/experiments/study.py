@@ -7,6 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
+from optim.experiments.data import Data
 from optim.experiments.results import Progress
 from taichi_sim.base import checks
 
@@ -57,6 +58,8 @@ class Study:
     run: Callable[..., Any]  # does the study
     writes: tuple[str, ...]  # files in its folder, beside raw results
     cost: str = ""  # what ``"full"`` takes, where that is hours
+    # Makes tables, summary and figures again from the data of a study that has been run, in a new folder.
+    tell: Callable[[Data, Path], None] | None = None
 
     @property
     def options(self) -> set[str]:

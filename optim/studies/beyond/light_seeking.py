@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_within
 from optim.experiments.results import Progress, write_json
@@ -42,6 +43,13 @@ ARMS = {
     "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "candidates": 16, "patience": 30}, True),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
+}
+COLUMNS: dict[str, Kind] = {
+    "search": tuple(ARMS),
+    "seed": int,
+    "evaluations": int,
+    "remaining": float | None,
+    "reached": int,
 }
 
 
@@ -105,6 +113,11 @@ def study(folder: Path, settings: LightSeeking, progress: Progress = None, jobs:
     ResultsFolder(folder, NAME, settings.lasting("seeds"))
     runs = JudgedRuns(folder, TABLE, "robot", settings.seconds, partial(_judged, folder, settings))
     _report(folder, settings, runs.complete(settings.runs, progress, jobs))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write the table and ``summary.json`` from the table of runs."""
+    _report(folder, data.settings(LightSeeking), data.records(TABLE, COLUMNS))
 
 
 @cache
@@ -215,6 +228,7 @@ STUDY = Study(
         "full": LightSeeking(seconds=1200.0),
     },
     run=study,
+    tell=tell,
     writes=FILES,
     cost="five hours of one core; medium takes one and a half",
 )

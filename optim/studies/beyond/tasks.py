@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_within
 from optim.experiments.results import Progress, check_folder, write_json
@@ -34,6 +35,14 @@ WARM_UP = 3  # seed of the point that has the kernels compiled
 ARMS = {
     "race": Arm("gradient race", "race", {"climbers": 8, "halving": 4, "moves": 60}, True),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
+}
+COLUMNS: dict[str, Kind] = {
+    "task": str,
+    "search": tuple(ARMS),
+    "seed": int,
+    "evaluations": int,
+    "objective": float | None,
+    "succeeded": int,
 }
 
 
@@ -71,7 +80,12 @@ def study(folder: Path, settings: Solving, progress: Progress = None, jobs: int 
     """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
     check_folder(folder, FILES, NAME)
     runs = JudgedRuns(folder, TABLE, "task", settings.seconds, partial(_judged, folder, settings))
-    _report(folder, settings, runs.complete(settings.runs, progress, jobs))
+    _report(folder, settings.seconds, runs.complete(settings.runs, progress, jobs))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write the table and ``summary.json`` from the table of runs."""
+    _report(folder, positive("seconds", data.summary("seconds")["seconds"]), data.records(TABLE, COLUMNS))
 
 
 @cache
@@ -101,10 +115,10 @@ def _judged(folder: Path, settings: Solving, run: Run) -> Record:
     return {"evaluations": evaluations, "objective": objective, "succeeded": int(succeeded)}
 
 
-def _report(folder: Path, settings: Solving, rows: Sequence[Record]) -> None:
+def _report(folder: Path, seconds: float, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
     found = {task: _summary(where(rows, task=task)) for task in distinct(rows, "task")}
-    write_json(folder / "summary.json", {"seconds": settings.seconds, "tasks": found})
+    write_json(folder / "summary.json", {"seconds": seconds, "tasks": found})
     write_text(folder / "table.md", page(_table(found)))
 
 
@@ -160,6 +174,7 @@ STUDY = Study(
         "full": Solving(seconds=300.0, seeds=5),
     },
     run=study,
+    tell=tell,
     writes=FILES,
     cost="ten hours of one core; medium takes an hour",
 )

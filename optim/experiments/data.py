@@ -1,0 +1,114 @@
+"""Data of a study that has been run: tables and settings, read and checked, from which it can be told again."""
+
+import types
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, TypeVar, get_args
+
+from optim.experiments.tables import Record, read_records
+from taichi_sim.base import checks, files
+
+Kind = type | types.UnionType | Collection[str]  # such as ``float``, ``float | None``, or all allowed texts
+Of = TypeVar("Of")
+WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "True or False", list: "a list"}
+UNWRITTEN = {"nan", "inf", "-inf"}  # numbers that Python's literals do not have
+
+
+@dataclass(frozen=True)
+class Data:
+    """Data of a study in a folder, which is only read."""
+
+    folder: Path
+
+    def records(self, name: str, columns: Mapping[str, Kind]) -> list[Record]:
+        """Read the rows of a table, which may have more columns than these.
+
+        Args:
+            name: of its file.
+            columns: what the cells of each are: ``int``, ``float``, ``str``, ``bool`` or ``list``; or one of them or
+                None, which is an empty cell, such as ``float | None``; or one of some texts.
+
+        Raises:
+            ValueError: if the file cannot be read, lacks a column, or has a cell of another kind.
+        """
+        path = self.folder / name
+        rows = read_records(path)
+        for missing in (column for column in columns if rows and column not in rows[0]):
+            raise ValueError(f"{path}: it has no column {missing}")
+        if not rows:
+            raise ValueError(f"{path}: it has no rows")
+        return [{**row, **_checked(path, number, row, columns)} for number, row in enumerate(rows, 1)]
+
+    def has(self, name: str) -> bool:
+        """Whether there is a file of this name."""
+        return (self.folder / name).is_file()
+
+    def summary(self, *names: str) -> dict[str, Any]:
+        """Read ``summary.json``, which must have these fields.
+
+        Raises ValueError if it cannot be read, or lacks one.
+        """
+
+        def build(record: Any) -> dict[str, Any]:
+            found = dict(checks.table("summary", record))
+            return {**found, **{name: found[name] for name in names}}
+
+        return files.read_json(self.folder / "summary.json", build)
+
+    def settings(self, kind: type[Of]) -> Of:
+        """Read the settings of the study, which ``summary.json`` keeps.
+
+        Raises ValueError if it cannot be read, or some are missing, unknown, or not allowed.
+        """
+        path = self.folder / "summary.json"
+        return files.read_json(path, lambda record: settings_from(checks.table("summary", record)["settings"], kind))
+
+
+def settings_from(record: Any, kind: type[Of]) -> Of:
+    """Make settings, a dataclass, from what their ``describe`` gives; what it does not tell keeps its default.
+
+    Raises ValueError if some are unknown or not allowed.
+    """
+    given = dict(checks.table("settings", record))
+    names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+    for unknown in given.keys() - set(names):
+        raise ValueError(f"settings: {unknown} is none of {', '.join(names)}")
+    return kind(**given)
+
+
+def _checked(path: Path, number: int, row: Record, columns: Mapping[str, Kind]) -> dict[str, Any]:
+    """The cells of a row, as their columns say."""
+    return {name: _cell(path, number, name, row[name], kind) for name, kind in columns.items()}
+
+
+def _cell(path: Path, number: int, name: str, value: Any, kind: Kind) -> Any:
+    if isinstance(kind, Collection):
+        if value not in kind:
+            raise ValueError(f"{path}: row {number} has {checks.shown(value)} as {name}; allowed are {', '.join(kind)}")
+        return value
+    kinds = get_args(kind) or (kind,)
+    if float in kinds and isinstance(value, str) and value in UNWRITTEN:
+        return float(value)
+    if str in kinds and value is not None and not isinstance(value, str):
+        return str(value)  # a text such as ``162``, which reads as a number
+    allowed = (*kinds, int) if float in kinds else kinds
+    if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in kinds):
+        words = " or ".join("empty" if each is types.NoneType else WORDS[each] for each in kinds)
+        raise ValueError(f"{path}: row {number} has {checks.shown(value)} as {name}; it must be {words}")
+    return value
+
+
+def found(data: Path, study: str) -> Data:
+    """The data of a study in a folder, or in the folder of its name there, as in ``docs/data``.
+
+    Raises ValueError if there is no such folder.
+    """
+    if not data.is_dir():
+        raise ValueError(f"from-data: {data} is no folder")
+    return Data(next(each for each in (data / study, data) if each.is_dir()))
+
+
+def columns_of(names: str, kind: Kind) -> dict[str, Kind]:
+    """Columns of the same kind, from their names in a line."""
+    return dict.fromkeys(names.split(), kind)

@@ -1,0 +1,101 @@
+"""Studies told again from their committed data: the same tables and numbers, and nothing is run."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from optim import cli
+from optim.experiments.data import Data
+from optim.studies.catalogue import STUDIES
+
+DATA = Path(__file__).parents[3] / "docs/data"
+TOLD = [name for name in STUDIES if STUDIES[name].tell is not None]
+
+
+def close(one, other):
+    """Whether two documents of JSON are equal, numbers within rounding."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(close(one[key], other[key]) for key in one)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(close, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return one == pytest.approx(other, rel=1e-9, abs=1e-12, nan_ok=True)
+    return one == other
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_the_committed_tables_come_out_of_the_committed_data(name, tmp_path, capsys):
+    assert cli.main(["reproduce", name, "--from-data", str(DATA), "--out", str(tmp_path / "out"), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["files"] == sorted(path.name for path in (tmp_path / "out").iterdir())
+    assert document["files"]
+    for made in (tmp_path / "out").iterdir():
+        committed = Path(document["data"], made.name)
+        if committed.exists() and made.suffix == ".json":
+            assert close(json.loads(made.read_text()), json.loads(committed.read_text())), made.name
+        elif committed.exists() and made.suffix in (".md", ".csv"):
+            assert made.read_text() == committed.read_text(), made.name
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a,b\n", "rows.csv: it has no rows"),
+        ("a\n1\n", "rows.csv: it has no column b"),
+        ("a,b\n1,x\nz,x\n", "rows.csv: row 2 has 'z' as a; it must be a whole number"),
+        ("a,b\n1.5,x\n", "rows.csv: row 1 has 1.5 as a; it must be a whole number"),
+        ("a,b\nTrue,x\n", "rows.csv: row 1 has True as a; it must be a whole number"),
+        ("a,b\n1,z\n", "rows.csv: row 1 has 'z' as b; allowed are x, y"),
+        ("a,b\n,x\n", "rows.csv: row 1 has None as a; it must be a whole number"),
+    ],
+)
+def test_cells_of_another_kind_are_told(tmp_path, text, message):
+    (tmp_path / "rows.csv").write_text(text)
+    with pytest.raises(ValueError) as caught:
+        Data(tmp_path).records("rows.csv", {"a": int, "b": ("x", "y")})
+    assert str(caught.value).endswith(message)
+
+
+def test_cells_get_the_kinds_of_their_columns(tmp_path):
+    (tmp_path / "rows.csv").write_text("number,none,text,more\nnan,,162,7\n2,3,a,8\n")
+    first, second = Data(tmp_path).records("rows.csv", {"number": float, "none": float | None, "text": str})
+    assert first["number"] != first["number"] and first["none"] is None and first["text"] == "162"
+    assert second == {"number": 2, "none": 3, "text": "a", "more": 8}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["tasks", "--from-data", "none"], "from-data: none is no folder"),
+        (["tasks", "--from-data", str(DATA), "--jobs", "2"], "jobs: 2 is not allowed with --from-data"),
+        (["tasks", "--from-data", str(DATA), "--budget", "full"], "budget: full is not allowed with --from-data"),
+        (["shape-change", "--from-data", str(DATA)], "from-data: study shape-change is not told from tables; "),
+    ],
+)
+def test_bad_input_is_told(tmp_path, monkeypatch, capsys, options, message):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["reproduce", *options, "--out", "out"]) == 2
+    assert message in capsys.readouterr().err
+    assert not Path("out").exists()
+
+
+def test_a_folder_that_holds_something_stays(tmp_path, capsys):
+    (tmp_path / "kept").write_text("kept")
+    assert cli.main(["reproduce", "tasks", "--from-data", str(DATA), "--out", str(tmp_path)]) == 2
+    assert "exists and is not empty" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["kept"]
+
+
+def test_a_summary_without_settings_is_told(tmp_path, capsys):
+    folder = tmp_path / "light-seeking"
+    folder.mkdir()
+    (folder / "runs.csv").write_text((DATA / "light-seeking/runs.csv").read_text())
+    for text, message in (
+        ('{"searches": 1}', "summary.json: 'settings' is missing"),
+        ('{"settings": {"wind": 1}}', "summary.json: settings: wind is none of seconds, seeds"),
+        ('{"settings": {"reach": -1}}', "summary.json: reach: -1"),
+    ):
+        (folder / "summary.json").write_text(text)
+        assert cli.main(["reproduce", "light-seeking", "--from-data", str(tmp_path), "--out", str(tmp_path / "o")]) == 2
+        assert message in capsys.readouterr().err
