@@ -11,7 +11,14 @@ from taichi_sim.base import checks, files
 
 Kind = type | types.UnionType | Collection[str]  # such as ``float``, ``float | None``, or all allowed texts
 Of = TypeVar("Of")
-WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "True or False", list: "a list"}
+WORDS = {
+    int: "a whole number",
+    float: "a number",
+    str: "a text",
+    bool: "True or False",
+    list: "a list",
+    tuple: "several",
+}
 UNWRITTEN = {"nan", "inf", "-inf"}  # numbers that Python's literals do not have
 
 

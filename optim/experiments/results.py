@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-from optim.experiments.tables import read_records, write_records
-from taichi_sim.base import checks, files
+from optim.experiments.tables import write_records
+from taichi_sim.base import files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -40,26 +40,17 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
         files.write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 
-def read_alone(
-    folder: Path, kind: str, tables: Sequence[str], names: Sequence[str], settings: Mapping[str, Any]
-) -> list[list[dict[str, Any]]]:
-    """Check a folder as :func:`check_folder`, and read the records of its tables if the runs behind these are missing.
+def check_runs(folder: Path, kind: str, tables: Sequence[str], names: Sequence[str]) -> None:
+    """Check a folder as :func:`check_folder`, and that it holds no tables whose runs are not there to go on from.
 
-    Settings are those asked for, by their names in ``summary.json``. Without such tables there are no records. Raises
-    ValueError if the folder holds something else, or tables whose summary tells of other settings.
+    Raises ValueError if it does, or holds something else.
     """
     check_folder(folder, names, kind)
-    if (folder / RAW).exists() or not all((folder / name).is_file() for name in tables):
-        return []
-    path = folder / "summary.json"
-    known = files.read_json(path, partial(checks.table, "summary")) if path.is_file() else {}
-    for name, value in settings.items():
-        if name in known and known[name] != value:
-            raise ValueError(
-                f"out: {folder} holds tables of another study ({name}: {known[name]!r}, not {value!r}) without its "
-                "runs; name another folder"
-            )
-    return [read_records(folder / name) for name in tables]
+    if not (folder / RAW).exists() and any((folder / name).exists() for name in tables):
+        raise ValueError(
+            f"out: {folder} holds tables without their runs; name a new folder, or give it to --from-data to make "
+            "the rest from them"
+        )
 
 
 def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_folder, part_of, write_json
@@ -171,7 +172,15 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
             write_records(folder / name, records)
         if progress:
             progress((number + 1) / len(tasks))
-    _report(folder, settings, known[0])
+    _report(folder, settings.share, known[0])
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write the tables of all problems, and ``summary.json``, from the table of runs."""
+    share = positive("share", data.summary("share")["share"])
+    columns: dict[str, Kind] = {"problem": tuple(PROBLEMS), "search": tuple(ARMS), "seed": int, "evaluations": int}
+    columns |= {**columns_of("seconds speed", float), "kept": float | None}
+    _report(folder, share, data.records(TABLES[0], columns))
 
 
 @cache
@@ -240,14 +249,14 @@ def _curve(contest: Contest, problem: str, name: str, seed: int) -> list[Record]
     return [{**about, "cpu_s": round(p["cpu"], 2), "evaluations": p["evaluations"], "best": p["best"]} for p in chosen]
 
 
-def _report(folder: Path, settings: Comparison, rows: Sequence[Record]) -> None:
+def _report(folder: Path, share: float, rows: Sequence[Record]) -> None:
     """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
     found = {
         f"{problem}-{seconds:g}": _summary(where(rows, problem=problem, seconds=seconds))
         for problem in distinct(rows, "problem")
         for seconds in distinct(where(rows, problem=problem), "seconds")
     }
-    write_json(folder / "summary.json", {"share": settings.share, "problems": found})
+    write_json(folder / "summary.json", {"share": share, "problems": found})
     write_text(folder / "table.md", page(*(part for each in found.values() for part in _table(each))))
 
 
@@ -318,6 +327,7 @@ STUDY = Study(
         "full": Comparison(problems=tuple(name for name in PROBLEMS if name != "tuning")),
     },
     run=study,
+    tell=tell,
     writes=FILES[:5],
     cost="two days of one core; medium takes three hours",
 )

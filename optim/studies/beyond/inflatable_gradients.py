@@ -20,9 +20,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, part_of, read_alone, write_json
+from optim.experiments.results import Progress, check_runs, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
 from optim.measures.statistics import effect, holm, mann_whitney, mean_interval
@@ -47,6 +48,7 @@ MORE = ("core", "pace", "friction", "modulus", "size")
 FASTER = 4.0  # than the published inflation
 STEPS, WARM_UP, STAGES = 32_000, 8_000, 2  # of gaits
 NOISE = 1e-6  # of a replay's start [m]
+ABOUT = ("seconds", "geometry", "seeds", "variables")  # what a report says of all runs
 TABLES = ("runs.csv", "curves.csv")
 FILES = ("table.md", *TABLES, "summary.json", "runs", "gaits")
 SIZE = 8  # members of populations, and climbers without gradients
@@ -132,6 +134,12 @@ class Comparison(Settings):
         pairs = [(world, seed) for world in self.worlds for seed in range(self.seeds)]
         return [(world, arm, seed) for world, seed in pairs for arm in self.arms if world in ARMS[arm].worlds]
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What a report says of all runs."""
+        told = (self.seconds, self.geometry, self.seeds, self.problem(FLAT, "random").space.size)
+        return dict(zip(ABOUT, told, strict=True))
+
     def problem(self, world: str, arm: str, **more: Any) -> GaitProblem:
         """What a search designs in a world."""
         body = NAMED_GEOMETRIES[self.geometry]
@@ -161,10 +169,7 @@ class Comparison(Settings):
 
 def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
     """Write runs, the best gait of each, tables, and what follows from them; runs go on where they ended."""
-    given = {"seconds": settings.seconds, "geometry": settings.geometry}
-    if tables := read_alone(folder, NAME, TABLES, FILES, given):
-        _report(folder, settings, *tables)
-        return
+    check_runs(folder, NAME, TABLES, FILES)
     tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in settings.runs]
     run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
     rows, curves = list[Record](), list[Record]()
@@ -178,7 +183,17 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
         if number + 1 == len(tasks) or settings.runs[number + 1][2] != run[2]:  # what there is so far is of use
             write_records(folder / TABLES[0], rows)
             write_records(folder / TABLES[1], curves)
-            _report(folder, settings, rows, curves)
+            _report(folder, settings.about, rows, curves)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json`` and ``table.md`` from the tables of runs and their courses."""
+    about: dict[str, Kind] = {"world": tuple(WORLDS), "search": tuple(ARMS), "seed": int}
+    rows = data.records(TABLES[0], {**about, "evaluations": int, "score": float | None, "speed": float})
+    curves = data.records(TABLES[1], {**about, "cpu": float, "best": float | None})
+    told = data.summary(*ABOUT)
+    positive("seconds", told["seconds"])
+    _report(folder, {name: told[name] for name in ABOUT}, rows, curves)
 
 
 def _warm_up(settings: Comparison, gradients: bool) -> None:
@@ -265,28 +280,29 @@ def _rounded(point: Point) -> Record:
     return {**point, "cpu": round(point["cpu"], 3)}
 
 
-def _report(folder: Path, settings: Comparison, rows: Sequence[Record], curves: Sequence[Record]) -> None:
-    """Write ``summary.json`` and ``table.md``, which follow from the tables."""
-    worlds = [world for world in settings.worlds if where(rows, world=world)]
+def _report(folder: Path, about: Mapping[str, Any], rows: Sequence[Record], curves: Sequence[Record]) -> None:
+    """Write ``summary.json`` and ``table.md``, which follow from the tables and what is ``about`` all runs."""
+    budgets = {world: SHARES[world] * about["seconds"] for world in WORLDS if where(rows, world=world)}
     summary = {
-        world: _summary(where(rows, world=world), where(curves, world=world), settings, world) for world in worlds
+        world: _summary(where(rows, world=world), where(curves, world=world), budget)
+        for world, budget in budgets.items()
     }
-    given = {"seconds": settings.seconds, "geometry": settings.geometry, "seeds": settings.seeds}
-    variables = settings.problem(FLAT, "random").space.size
-    write_json(folder / "summary.json", {**given, "variables": variables, "worlds": summary})
-    pages = [part for world in worlds for part in _tables(world, summary[world], SHARES[world] * settings.seconds)]
-    write_text(folder / "table.md", page(*pages))
+    write_json(folder / "summary.json", {**about, "worlds": summary})
+    write_text(
+        folder / "table.md",
+        page(*(part for world in budgets for part in _tables(world, summary[world], budgets[world]))),
+    )
 
 
 PARTS = (0.25, 0.5, 0.75, 1.0)  # of the budget, at which the best of both kinds are compared
 
 
-def _summary(rows: Sequence[Record], curves: Sequence[Record], settings: Comparison, world: str) -> dict[str, Any]:
-    """Searches of a world, and the best of those with gradients beside the best of those without."""
+def _summary(rows: Sequence[Record], curves: Sequence[Record], budget: float) -> dict[str, Any]:
+    """Searches of a world, and the best of those with gradients beside the best without; the budget is CPU time [s]."""
     speeds = {name: column(where(rows, search=name), "speed") for name in ARMS if where(rows, search=name)}
     searches = {name: _search(speeds[name], where(rows, search=name)) for name in speeds}
     courses = {
-        name: [_course(where(curves, search=name, seed=seed), SHARES[world] * settings.seconds) for seed in seeds]
+        name: [_course(where(curves, search=name, seed=seed), budget) for seed in seeds]
         for name in speeds
         if (seeds := [row["seed"] for row in where(rows, search=name)])
     }
@@ -294,7 +310,6 @@ def _summary(rows: Sequence[Record], curves: Sequence[Record], settings: Compari
         searches[name]["course"] = [_finite(value) for value in np.median(np.array(each), axis=0)]
     best = {
         kind: max(of_kind(ARMS, speeds, kind), key=lambda n: searches[n]["median"], default="")
-        for kind in (True, False)
         for kind in (True, False)
     }
     found: dict[str, Any] = {"searches": searches}
@@ -376,6 +391,7 @@ STUDY = Study(
         "full": Comparison(seconds=600.0, arms=tuple(ARMS)),
     },
     run=study,
+    tell=tell,
     writes=FILES[:4],
     cost="a day of one core; medium takes an hour",
 )

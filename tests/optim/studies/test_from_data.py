@@ -10,7 +10,8 @@ from optim.experiments.data import Data
 from optim.studies.catalogue import STUDIES
 
 DATA = Path(__file__).parents[3] / "docs/data"
-TOLD = [name for name in STUDIES if STUDIES[name].tell is not None]
+NOT_RUN = {"evolving-bodies"}  # yet, at a budget that shows anything
+TOLD = [name for name in STUDIES if STUDIES[name].tell is not None and name not in NOT_RUN]
 
 
 def close(one, other):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from linear_robot import Linear
 
+from optim.experiments.data import Data
 from optim.experiments.tables import read_records, where
-from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, WORLDS, Comparison, study
+from optim.studies.beyond.inflatable_gradients import ARMS, FLAT, HILL, STUDY, WORLDS, Comparison, study, tell
 from robots.inflatable import load_design
 
 SHORT = Comparison(
@@ -48,11 +49,12 @@ def test_runs_are_kept_and_tables_follow_from_what_they_found(linear, tmp_path):
     assert len(linear.calls) == before and (folder / "table.md").read_text() == page
     study(folder, dataclasses.replace(SHORT, seconds=0.1))  # the runs go on, and what they found is played again
     assert len([call for call in linear.calls[before:] if call.precision == "f64"]) == 12
+    (tmp_path / "told").mkdir()
+    tell(Data(folder), tmp_path / "told")
+    for name in ("summary.json", "table.md"):
+        assert (tmp_path / "told" / name).read_bytes() == (folder / name).read_bytes()
     shutil.rmtree(folder / "runs")
-    text = (folder / "table.md").read_text()
-    study(folder, dataclasses.replace(SHORT, seconds=0.1))
-    assert (folder / "table.md").read_text() == text
-    with pytest.raises(ValueError, match=r"^out: .* holds tables of another study \(seconds: 0.1, not 0.05\)"):
+    with pytest.raises(ValueError, match=r"^out: .* holds tables without their runs; name a new folder, or give it to"):
         study(folder, SHORT)
 
 

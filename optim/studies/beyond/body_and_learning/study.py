@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from optim.experiments.body_metrics import Environments, Measuring, measure_body
+from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.side_by_side import run_with_budget
@@ -107,6 +108,17 @@ def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jo
     for number, (_, part) in enumerate(parts):
         rows.append(part({}, progress and part_of(progress, number, len(parts))))
         write_records(folder / TABLE, rows)  # what there is so far is of use
+    _report(folder, rows, settings)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write what goes with what, and the picture, from the rows of the bodies."""
+    of_learners = {name: kind for each in LEARNERS for name, kind in ((each, float), (f"{each}_solved", int))}
+    columns = {"body": int, "M_L": float, "M_CI": float, "all": int, "any": int, **of_learners}
+    _report(folder, data.records(TABLE, columns), data.settings(BodyAndLearning))
+
+
+def _report(folder: Path, rows: Sequence[Record], settings: BodyAndLearning) -> None:
     write_report(folder, rows, {name: each.title for name, each in LEARNERS.items()}, settings.describe())
 
 
@@ -180,6 +192,7 @@ STUDY = Study(
         "full": BodyAndLearning(bodies=128, controllers=1024, repetitions=10, budget=256),
     },
     run=study,
+    tell=tell,
     writes=(TABLE, "table.md", "summary.json", "evaluations.png"),
     cost="about 20 hours of a core",
 )

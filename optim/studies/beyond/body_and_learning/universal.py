@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
@@ -42,6 +43,7 @@ ARMS = {
     "each": "trained in each body",
     "tuned": "told, then trained in each body",
 }
+COLUMNS: dict[str, Kind] = {"arm": tuple(ARMS), "seed": int, **columns_of("speed seconds", float)}
 
 
 @dataclass(frozen=True)
@@ -222,10 +224,17 @@ def study(folder: Path, settings: UniversalControl, progress: Progress = None, j
     for seed, (_, part) in enumerate(parts):
         rows += part({}, progress and part_of(progress, seed, len(parts)))
         write_records(folder / TABLE, rows)
-    _report(folder, settings, rows)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    _report(folder, settings, rows, peak)
 
 
-def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record]) -> None:
+def tell(data: Data, folder: Path) -> None:
+    """Write ``table.md`` and ``summary.json`` from the table of trainings."""
+    peak = data.summary("peak_memory")["peak_memory"]
+    _report(folder, data.settings(UniversalControl), data.records(TABLE, COLUMNS), peak)
+
+
+def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], peak: int) -> None:
     """Write ``table.md`` and ``summary.json``."""
     lines, summary = [], dict[str, Any]()
     each = column(where(rows, arm="each"), "speed")
@@ -240,7 +249,6 @@ def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record]) ->
         seconds = float(column(part, "seconds").mean())
         lines.append([title, f"{speeds.mean():.3f}{interval}", against, cell(seconds, ".0f")])
         summary[name] = {"speeds": speeds.tolist(), "seconds": seconds}
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     header = ["controller", "mean speed in unseen bodies [lengths/s]", "more than trained in each", "CPU time [s]"]
     met = min(settings.steps * settings.batch, settings.trained)
     told = (
@@ -261,6 +269,7 @@ STUDY = Study(
         "full": UniversalControl(trained=2000, gradients=5000, seeds=10),
     },
     run=study,
+    tell=tell,
     writes=("table.md", TABLE, "summary.json"),
     cost="about 30 hours of a core",
 )

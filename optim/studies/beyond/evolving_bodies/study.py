@@ -8,15 +8,17 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
+from optim.experiments.data import Data, columns_of
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, part_of
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
 from optim.studies.beyond.body_and_learning.study import BodyAndLearning
+from optim.studies.beyond.evolving_bodies.loops import ARMS as SEARCHES
 from optim.studies.beyond.evolving_bodies.loops import TABLE as LOOPS_TABLE
 from optim.studies.beyond.evolving_bodies.loops import Loops, run_loops
 from optim.studies.beyond.evolving_bodies.metrics import ARMS, Evolving, arm_part
-from optim.studies.beyond.evolving_bodies.report import write_report
+from optim.studies.beyond.evolving_bodies.report import BODY_COLUMNS, write_report
 from taichi_sim.base.checks import positive
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -74,6 +76,15 @@ def study(folder: Path, settings: EvolvingBodies, progress: Progress = None, job
     write_report(folder, rows, found, settings.describe())
 
 
+def tell(data: Data, folder: Path) -> None:
+    """Write the report from the rows of bodies and loops."""
+    bodies = data.records(TABLE, {"arm": tuple(ARMS), "seed": int, **columns_of(" ".join(BODY_COLUMNS), float)})
+    loops = data.records(
+        LOOPS_TABLE, {"search": tuple(SEARCHES), "seed": int, "nearer": float | None, "evaluations": int}
+    )
+    write_report(folder, bodies, loops, data.settings(EvolvingBodies).describe())
+
+
 STUDY = Study(
     title="bodies that evolve for learning, and evolution and learning in two loops",
     source="chapters 4 and 6, which evolve bodies of vehicles for M_CI",
@@ -102,6 +113,7 @@ STUDY = Study(
         ),
     },
     run=study,
+    tell=tell,
     writes=(TABLE, LOOPS_TABLE, "table.md", "summary.json", "evolving.png"),
     cost="about a day of a core",
 )

@@ -13,13 +13,14 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, columns_of
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
 from optim.studies.beyond.body_and_learning.study import LEARNERS, learn_until
 from optim.studies.beyond.evolving_vehicles.bodies import BOUND, drawn_body, exact, problem_of, tried
-from optim.studies.beyond.evolving_vehicles.report import BODIES, LEARNED, LOOPED, PICTURE, write_report
+from optim.studies.beyond.evolving_vehicles.report import ARMS, BODIES, COLUMNS, LEARNED, LOOPED, PICTURE, write_report
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS, OBJECTIVES, BodyProblem, evolve, loop
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import positive
@@ -140,6 +141,13 @@ def study(folder: Path, settings: EvolvingVehicles, progress: Progress = None, j
     write_report(folder, bodies, loops, settings.describe())
 
 
+def tell(data: Data, folder: Path) -> None:
+    """Write tables and the picture from the rows of bodies and loops."""
+    bodies = data.records(BODIES, {"arm": tuple(ARMS), "seed": int, **columns_of(" ".join(COLUMNS), float)})
+    loops = data.records(LOOPED, {"arm": tuple(LOOPS), "seed": int, **columns_of("evaluations best seconds", float)})
+    write_report(folder, bodies, loops, data.settings(EvolvingVehicles).describe())
+
+
 STUDY = Study(
     title="vehicles that evolve so that controllers are easily learned in them, and that evolve while they learn",
     source="chapters 3, 4 and 6, which ask for M_CI as an objective of bodies",
@@ -149,6 +157,7 @@ STUDY = Study(
         "full": EvolvingVehicles(30, 32, 30, 256, 121, 256, 10, 16, 8, 5000),
     },
     run=study,
+    tell=tell,
     writes=(BODIES, LOOPED, "table.md", "summary.json", PICTURE),
     cost="about 8 hours of a core",
 )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.body_metrics import Measuring, Tries, controllers_of
+from optim.experiments.data import Data, columns_of
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study, Whole
@@ -90,6 +91,17 @@ def study(folder: Path, settings: Forgetting, progress: Progress = None, jobs: i
             rows.append({**row, "level": level_of[row["body"]], "M_CI": body["M_CI"], "M_L": body["M_L"]})
         write_records(folder / TABLE, rows)
         write_report(folder, rows, measured, settings.describe())
+
+
+MEASURES = "start_a start_b learned_a learned_b final_a final_b worse"  # of a training, in both environments
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write what explains what bodies forgot, and the picture, from both tables."""
+    texts, metrics = columns_of("robot method level", str), columns_of("M_CI M_L", float)
+    told = {"body": int, **texts, **metrics, **columns_of(MEASURES, float)}
+    rows, measured = data.records(TABLE, told), data.records(MEASURED, {"robot": str, "body": int, **metrics})
+    write_report(folder, rows, measured, data.summary("settings")["settings"])
 
 
 def _within(progress: Progress, first: float, last: float) -> Progress:
@@ -191,6 +203,7 @@ STUDY = Study(
         "full": Forgetting(Effort(50, **_FULL), Effort(30, **_FULL), Effort(20, **_FULL)),
     },
     run=study,
+    tell=tell,
     writes=(TABLE, MEASURED, "table.md", "summary.json", "forgetting.png"),
     cost="about 30 hours of a core",
 )

@@ -12,18 +12,21 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Data, columns_of
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, part_of, read_alone, write_json
+from optim.experiments.results import Progress, check_runs, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, markdown, page, write_records
 from optim.studies.beyond.gait_hunt.finalists import (
+    FOUND,
     Finalist,
     Finals,
     Seeds,
     best_of,
     cached_finalists,
-    columns_of,
+    finalist_columns,
+    hill_of,
     write_gaits,
 )
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
@@ -47,13 +50,8 @@ Climbed = tuple[Sequence[Step], Mapping[str, Sequence[Finalist]]]  # steps, and 
 
 
 def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
-    """Write runs, tables, ``summary.json``, ``climb.png``, and the gait that each seed found.
-
-    Where the folder holds the tables alone, the rest is made from them.
-    """
-    if tables := read_alone(folder, "gait-climb", TABLES, FILES, settings.told):
-        write_reports(folder, settings, *tables)
-        return
+    """Write runs, tables, ``summary.json``, ``climb.png``, and the gait that each seed found."""
+    check_runs(folder, "gait-climb", TABLES, FILES)
     tasks = [(f"seed {seed}", partial(_climb, folder / "runs", settings, seed)) for seed in settings.seeds]
     run_parallel(tasks, jobs, where, progress)
     found = dict[int, Climbed]()
@@ -62,6 +60,15 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
         _report(folder, settings, found)
     if progress:
         progress(1.0)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json``, ``table.md`` and ``climb.png`` from the tables of seeds and steps."""
+    rows = data.records(TABLES[0], {"seed": int, "robot_steps": float, "stays": bool, "found_by": str | None, **FOUND})
+    lists = columns_of("speeds hard_speeds", list)
+    steps = data.records(TABLES[1], {"seed": int, **columns_of("step terrains", str), **lists})
+    settings = Climb(tuple(row["seed"] for row in rows), **hill_of(data))
+    write_reports(folder, settings, rows, steps)
 
 
 def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], progress: Progress) -> Climbed:
@@ -102,7 +109,7 @@ def _row(
         "wall_s": float(sum(np.nansum(step.history.seconds) for step in steps)),
         "stays": best.stays if best else False,
         "found_by": next((name for name, each in finalists.items() if best in each), None),
-        **columns_of(best),
+        **finalist_columns(best),
     }
 
 
@@ -176,6 +183,7 @@ STUDY = Study(
         "full": Climb((0, 1, 2, 3, 4)),
     },
     run=study,
+    tell=tell,
     writes=FILES,
     cost="15 h of CPU time",
 )

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.results import Progress
 from optim.experiments.study import Count, Settings
 from optim.problems.inflatable.problem import GaitProblem
@@ -79,13 +80,27 @@ class Finalist(NoisySpeeds):
         return bool(self.hard_speed >= LEAST_HARD_SPEED)
 
 
-def columns_of(best: Finalist | None) -> dict[str, Any]:
+def finalist_columns(best: Finalist | None) -> dict[str, Any]:
     """The columns of tables that tell of the best finalist; None where there is none."""
     if best is None:
         return dict.fromkeys(("generation", "speed", "hard_speed", "pressure", "orientation"))
     speeds = {"speed": best.speed, "hard_speed": best.hard_speed}
     gait = {"pressure": best.design.pressure, "orientation": best.design.orientation}
     return {"generation": best.generation, **speeds, **gait}
+
+
+# Kinds of these columns.
+FOUND: dict[str, Kind] = {
+    "generation": int | None,
+    **columns_of("speed hard_speed orientation", float | None),
+    "pressure": float | list | tuple | None,
+}
+
+
+def hill_of(data: Data) -> dict[str, Any]:
+    """Read what a study's data say of its hill: what ``Finals.told`` gives."""
+    found = data.summary("slope")
+    return {name: found[name] for name in ("slope", "friction") if name in found}
 
 
 def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[InflatableDesign, int]]:

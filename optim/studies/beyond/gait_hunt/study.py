@@ -17,26 +17,29 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.comparison import differences, table_of_differences
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, part_of, read_alone, write_json
+from optim.experiments.results import Progress, check_runs, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt.finalists import (
+    FOUND,
     Finalist,
     Finals,
     Seeds,
     best_of,
     cached_finalists,
-    columns_of,
+    finalist_columns,
+    hill_of,
     write_gaits,
 )
 from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST, SEARCHES, paid, read_spent, search_within
 from robots.inflatable.robustness import LEAST_HARD_SPEED
-from taichi_sim.base.checks import nearest
+from taichi_sim.base.checks import nearest, positive
 from taichi_sim.base.files import write_text
 
 TABLES = ("table.csv", "generations.csv")  # what the summary, the page and the figure are made from
@@ -73,13 +76,8 @@ Course = tuple[History, Sequence[float]]  # of a run, and what each generation h
 
 
 def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
-    """Write runs, tables, ``summary.json``, ``hunt.png``, and the best gait of each run.
-
-    Where the folder holds the tables alone, the rest is made from them.
-    """
-    if tables := read_alone(folder, "gait-hunt", TABLES, FILES, {"budget": settings.budget, **settings.told}):
-        write_reports(folder, settings, *tables)
-        return
+    """Write runs, tables, ``summary.json``, ``hunt.png``, and the best gait of each run."""
+    check_runs(folder, "gait-hunt", TABLES, FILES)
     searches, found, bests = settings.searches, dict[Run, Course](), dict[Run, Finalist | None]()
     parts = [(name, seed) for seed in settings.seeds for name in searches]
     tasks = [(f"{name}-{seed}", partial(_search, folder, settings, name, seed)) for name, seed in parts]
@@ -98,6 +96,16 @@ def study(folder: Path, settings: Hunt, progress: Progress = None, jobs: int = 1
         report(folder, settings, found, bests)
     if progress:
         progress(1.0)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json``, ``table.md`` and ``hunt.png`` from the tables of runs and generations."""
+    about: dict[str, Kind] = {"search": tuple(SEARCHES), "seed": int, "robot_steps": float}
+    rows = data.records(TABLES[0], {**about, "evaluations": int, **FOUND})
+    generations = data.records(TABLES[1], {**about, "generation": int, **columns_of("mean best", float | None)})
+    budget = positive("budget", data.summary("budget")["budget"])
+    searches, seeds = (tuple(distinct(rows, name)) for name in ("search", "seed"))
+    write_reports(folder, Hunt(budget / PUBLISHED_COST, seeds, searches, **hill_of(data)), rows, generations)
 
 
 def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:
@@ -121,7 +129,7 @@ def report(folder: Path, hunt: Hunt, found: Mapping[Run, Course], bests: Mapping
         about, last = dict(zip(("search", "seed"), run, strict=True)), history.generations[-1]
         wall = float(np.nansum(history.seconds))
         effort = {"evaluations": last.evaluations, "robot_steps": float(np.sum(spent)), "wall_s": wall}
-        rows.append({**about, **effort, "score": last.best, **columns_of(bests.get(run))})
+        rows.append({**about, **effort, "score": last.best, **finalist_columns(bests.get(run))})
         for each, steps in zip(history.generations, spent, strict=True):
             effort = {"generation": each.generation, "evaluations": each.evaluations, "robot_steps": steps}
             generations.append({**about, **effort, "mean": each.mean, "best": each.best})
@@ -218,6 +226,7 @@ STUDY = Study(
         "full": Hunt(300, (0, 1, 2, 3, 4)),
     },
     run=study,
+    tell=tell,
     writes=FILES,
     cost="20 h of CPU time",
 )
