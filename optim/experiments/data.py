@@ -3,6 +3,7 @@
 import types
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
+from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
@@ -28,28 +29,42 @@ class Data:
 
     folder: Path
 
-    def records(self, name: str, columns: Mapping[str, Kind]) -> list[Record]:
+    def path(self, name: str) -> Path:
+        """The file of a table, which may be compressed: it then has ``.gz`` at the end of its name."""
+        path = self.folder / name
+        packed = self.folder / f"{name}.gz"
+        return packed if packed.is_file() and not path.is_file() else path
+
+    def records(self, name: str, columns: Mapping[str, Kind], *groups: str) -> list[Record]:
         """Read the rows of a table, which may have more columns than these.
 
         Args:
             name: of its file.
             columns: what the cells of each are: ``int``, ``float``, ``str``, ``bool`` or ``list``; or one of them or
                 None, which is an empty cell, such as ``float | None``; or one of some texts.
+            groups: columns with some texts, whose every combination must have a row.
 
         Raises:
-            ValueError: if the file cannot be read, lacks a column, or has a cell of another kind.
+            ValueError: if the file cannot be read, lacks a column or a group, or has a cell of another kind.
         """
-        path = self.folder / name
+        path = self.path(name)
         rows = read_records(path)
         for missing in (column for column in columns if rows and column not in rows[0]):
             raise ValueError(f"{path}: it has no column {missing}")
         if not rows:
             raise ValueError(f"{path}: it has no rows")
-        return [{**row, **_checked(path, number, row, columns)} for number, row in enumerate(rows, 1)]
+        found: list[Record] = [{**row, **_checked(path, number, row, columns)} for number, row in enumerate(rows, 1)]
+        there = {tuple(row[group] for group in groups) for row in found}
+        allowed = (kind for kind in map(columns.__getitem__, groups) if isinstance(kind, Collection))
+        for each in product(*allowed):
+            if each not in there:
+                about = ", ".join(f"{group} {value}" for group, value in zip(groups, each, strict=True))
+                raise ValueError(f"{path}: it has no rows of {about}")
+        return found
 
     def has(self, name: str) -> bool:
         """Whether there is a file of this name."""
-        return (self.folder / name).is_file()
+        return self.path(name).is_file()
 
     def summary(self, *names: str) -> dict[str, Any]:
         """Read ``summary.json``, which must have these fields.
@@ -60,6 +75,19 @@ class Data:
         def build(record: Any) -> dict[str, Any]:
             found = dict(checks.table("summary", record))
             return {**found, **{name: found[name] for name in names}}
+
+        return files.read_json(self.folder / "summary.json", build)
+
+    def count(self, *names: str) -> int:
+        """Read a whole number of at least 1 from ``summary.json``, from a table in a table where there are more names.
+
+        Raises ValueError if it cannot be read, is missing, or is anything else.
+        """
+
+        def build(record: Any) -> int:
+            for place, name in enumerate(names):
+                record = checks.table(".".join(names[:place]) or "summary", record)[name]
+            return checks.integer(".".join(names), record, 1)
 
         return files.read_json(self.folder / "summary.json", build)
 

@@ -8,22 +8,22 @@ moves, and beside that at random. The settings were chosen on other seeds.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from optim.experiments.comparison import compare, describe_times, ranked
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Study
-from optim.experiments.tables import write_table
-from optim.experiments.trials import Trials, computed_trials, record_trials
+from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.trials import computed_trials, record_trials
 from optim.plots.curves import draw_share_solved
 from optim.studies.chapter4 import co_optimisation
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
 from robots.braitenberg import BASELINE
-from taichi_sim.base.arrays import Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 PROBLEMS: dict[str, tuple[str, dict[str, Any], int]] = {
@@ -39,7 +39,14 @@ PAIRS = (
     ("cma_random", "random"),
     ("borg", "random"),
 )
-Times = Mapping[tuple[str, str], Mapping[str, Ints]]  # by problem and method: counts of trials, by kind
+TABLE = "evaluations-until-all-solved.csv"
+COLUMNS: dict[str, Kind] = {
+    "problem": tuple(PROBLEMS),
+    "method": tuple(LABELS),
+    "seed": int,
+    "evaluations": int,  # -1 of trials that failed
+    "cost": int,
+}
 
 
 def searches(variables: int) -> dict[str, tuple[str, dict[str, Any]]]:
@@ -65,43 +72,44 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
             trial = problem, method, own, settings.seeds, settings.budget
             arms[f"{name}_{label}"] = partial(record_trials, *trial, until_solved=True)
     found = computed_trials(results, arms, progress)
-    trials = {(name, label): found[f"{name}_{label}"] for name in PROBLEMS for label in methods[name]}
-    write_json(folder / "summary.json", report(settings, trials, folder))
-
-
-def report(settings: CoOptimisation, found: Mapping[tuple[str, str], Trials], out: Path) -> dict[str, Any]:
-    """Write raw times as CSV, draw them, and return their numbers."""
-    environments = len(settings.task.starts)
-    times = {
-        each: {"evaluations": trials.first(environments), "cost": trials.cost(environments)}
-        for each, trials in found.items()
-    }
-    summary: dict[str, Any] = {"evaluations": {}, "cost": {}, "tests": {}}
+    environments, rows = len(settings.task.starts), list[Record]()
     for name in PROBLEMS:
+        for label in methods[name]:
+            trials = found[f"{name}_{label}"]
+            each = zip(settings.seeds, trials.first(environments), trials.cost(environments), strict=True)
+            rows += [dict(zip(COLUMNS, (name, label, *row), strict=True)) for row in each]
+    write_records(folder / TABLE, rows)
+    _report(folder, settings.budget, rows)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json`` and the figure from the table of trials."""
+    _report(folder, data.count("budget"), data.records(TABLE, COLUMNS, "problem", "method"))
+
+
+def _report(folder: Path, budget: int, rows: Sequence[Record]) -> None:
+    """Write ``summary.json`` and the figure, which follow from the table of trials."""
+    summary: dict[str, Any] = {"budget": budget, "evaluations": {}, "cost": {}, "tests": {}}
+    for name in PROBLEMS:
+        own = {method: where(rows, problem=name, method=method) for method in LABELS}
         for kind in ("evaluations", "cost"):
-            each = {m: describe_times(times[name, m][kind], settings.budget) for m in LABELS}
+            each = {method: describe_times(column(trials, kind), budget) for method, trials in own.items()}
             if kind == "cost":  # trials that failed cost more than the budget of evaluations
                 each = {m: {k: v for k, v in row.items() if not k.startswith("mean")} for m, row in each.items()}
             summary[kind][name] = each
-        ranks = {m: ranked(times[name, m]["evaluations"], settings.budget) for m in LABELS}
+        ranks = {method: ranked(column(trials, "evaluations"), budget) for method, trials in own.items()}
         summary["tests"][name] = compare(ranks, PAIRS, "less")
-    rows = [
-        (*each, seed, *counts)
-        for each, kinds in times.items()
-        for seed, *counts in zip(settings.seeds, *kinds.values(), strict=True)
-    ]
-    write_table(out / "evaluations-until-all-solved.csv", ("problem", "method", "seed", "evaluations", "cost"), rows)
-    _draw(times, settings.budget, out / "search-comparison.png")
-    return summary
+    write_json(folder / "summary.json", summary)
+    _draw(rows, budget, folder / "search-comparison.png")
 
 
-def _draw(times: Times, budget: int, path: Path) -> None:
+def _draw(rows: Sequence[Record], budget: int, path: Path) -> None:
     """Share of the trials that have solved all, against evaluations; dotted, of gradients, against their cost."""
     with figure(path, PAGE, 2.8, ncols=len(PROBLEMS), sharey=True) as (drawn, panels):
         for axes, (name, (title, _, _)) in zip(panels[0], PROBLEMS.items(), strict=True):
             for (method, label), colour in zip(LABELS.items(), (*COLOURS[:4], COLOURS[-1]), strict=True):
                 for kind, style in (("evaluations", "-"), ("cost", ":"))[: 2 if method == "gradient" else 1]:
-                    values = times[name, method][kind]
+                    values = column(where(rows, problem=name, method=method), kind)
                     line: Any = {"ls": style, "color": colour, "label": label + ", by cost" * (kind == "cost")}
                     draw_share_solved(axes, values[values > 0], len(values), budget, **line)
             axes.set_title(title)
@@ -114,5 +122,6 @@ STUDY = Study(
     source="beyond chapter 4",
     scales=co_optimisation.STUDY.scales,
     run=study,
-    writes=("summary.json", "evaluations-until-all-solved.csv", "search-comparison.png"),
+    tell=tell,
+    writes=("summary.json", TABLE, "search-comparison.png"),
 )

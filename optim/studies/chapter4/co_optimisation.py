@@ -7,26 +7,28 @@ the defaults of BlackBoxOptim.jl: 50 members, boxes of 0.1 m, one child at a tim
 The chapter has the first two arms; the third gives the baseline's controller all four connections.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.results import Part, Progress, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, where, write_records, write_table
+from optim.experiments.tables import Record, column, where, write_table
 from optim.experiments.trials import NOTHING, Trials, computed_trials, first_time, record_trials
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
 from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
-from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.arrays import Arrays, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
 BORG: dict[str, Any] = {"population": 50, "children": 1, "epsilons": 0.1, "window": 1000}
@@ -37,6 +39,21 @@ ARMS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 PAIRS = (("co_optimised", "baseline"), ("co_optimised", "baseline_full"))
 AT_LEAST = 5  # solved trials for a mean over them
+TIMES, SOLVED = "evaluations-until-all-solved.csv", "environments-solved.csv"
+COURSE, CHANGES, ENDS = "homeostasis.csv.gz", "homeostasis-changes.csv", "homeostasis-at-the-end.csv"
+TIMES_OF_TRIALS = ("first_point_solving_all", "reported_solves_all_from", "solved_at_the_end")
+ARMS_AND_SIGNALS = tuple(f"{arm}/{name}" for arm, name in product(ARMS, MEASURES))
+EVERY = "steps_between_samples_in_the_course"
+ARM: dict[str, Kind] = {"arm": tuple(ARMS)}
+SOLUTIONS: dict[str, Kind] = {**ARM, "signals": MEASURES, "solutions": ("all", "solved")}
+TABLES: dict[str, dict[str, Kind]] = {
+    TIMES: {**ARM, "seed": int, **dict.fromkeys(TIMES_OF_TRIALS, int)},
+    SOLVED: {**ARM, "evaluations": int, **columns_of("mean low high", float)},
+    COURSE: {**SOLUTIONS, "evaluations": int, "trials": int, **columns_of("mean low high median", float)},
+    CHANGES: {**SOLUTIONS, "seed": int, **columns_of("first last", float)},
+    ENDS: {"arm_and_signals": ARMS_AND_SIGNALS, "distance": float},
+}
+Tables = dict[str, list[Record]]
 
 
 @dataclass(frozen=True)
@@ -64,37 +81,20 @@ class CoOptimisation(Settings):
         return {**numbers, "problem": self.problem().describe()}
 
 
-def report(
-    settings: CoOptimisation, found: Mapping[str, Trials], reported: Mapping[str, Ints], out: Path
-) -> tuple[dict[str, Any], list[Record]]:
-    """Write curves and raw times as CSV, and return the numbers of this study, and the curves.
+def solved_tables(settings: CoOptimisation, found: Mapping[str, Trials], reported: Mapping[str, Ints]) -> Tables:
+    """When each trial solved all, and how many environments are solved after each evaluation, with a band.
 
     ``reported`` is the number of the point that each trial would report after each evaluation, shape (R, B).
     """
-    environments, times, curves, raw = len(settings.task.starts), {}, list[Record](), []
-    summary: dict[str, Any] = {"evaluations_until_all_solved": {}, "environments_solved_at_the_end": {}}
+    environments, times, curves = len(settings.task.starts), list[Record](), list[Record]()
     for arm, trials in found.items():
         solved = trials.of_points(trials.solved, reported[arm], 0)
-        any_point, reported_point = trials.first(environments), first_time(solved == environments)
-        times[arm] = ranked(any_point, settings.budget)
+        first = trials.first(environments), first_time(solved == environments)
+        each = zip(settings.seeds, *first, solved[:, -1], strict=True)
+        times += [dict(zip(TABLES[TIMES], (arm, *row), strict=True)) for row in each]
         course = np.stack([solved.mean(axis=0), *mean_band(solved)], axis=1).tolist()
-        for n, (mean, low, high) in enumerate(course, 1):
-            curves.append({"arm": arm, "evaluations": n, "mean": mean, "low": low, "high": high})
-        raw += [(arm, *row) for row in zip(settings.seeds, any_point, reported_point, solved[:, -1], strict=True)]
-        summary["evaluations_until_all_solved"][arm] = {
-            "any_point": describe_times(any_point, settings.budget),
-            "reported_point": describe_times(reported_point, settings.budget),
-        }
-        summary["environments_solved_at_the_end"][arm] = {
-            "mean": course[-1][0],
-            "interval": course[-1][1:],
-            "trials_with_each": np.bincount(solved[:, -1], minlength=environments + 1).tolist(),
-        }
-    summary["tests_of_evaluations_until_all_solved"] = compare(times, PAIRS, "less")
-    write_records(out / "environments-solved.csv", curves)
-    header = ("arm", "seed", "first_point_solving_all", "reported_solves_all_from", "solved_at_the_end")
-    write_table(out / "evaluations-until-all-solved.csv", header, raw)
-    return summary, curves
+        curves += [dict(zip(TABLES[SOLVED], (arm, n, *row), strict=True)) for n, row in enumerate(course, 1)]
+    return {TIMES: times, SOLVED: curves}
 
 
 def distances_of_reported(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
@@ -115,42 +115,33 @@ def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints
     return distances_of(problem, trials.points[rows, last], chosen)
 
 
-def follow_homeostasis(
+def homeostasis_tables(
     settings: CoOptimisation,
     found: Mapping[str, Trials],
     reported: Mapping[str, Ints],
     folder: ResultsFolder,
     progress: Progress,
-) -> tuple[dict[str, Any], list[Record]]:
-    """Write the course of the distances as CSV, and return their numbers, and the course; see :func:`report`."""
+) -> Tables:
+    """The course of the distances, the first and the last of each trial, and those of full signals in the end."""
     parts: dict[str, Part] = {}
     for arm, trials in found.items():
         given = settings.problem(**ARMS[arm][1]), trials, reported[arm]
         parts[f"course_{arm}"] = partial(distances_of_reported, *given)
         parts[f"end_{arm}"] = partial(distances_at_the_end, *given)
     distances = computed(folder, parts, progress)
-    every, curves, ends = decimation(settings.task), list[Record](), dict[str, Floats]()
-    summary: dict[str, Any] = {"steps_between_samples_in_the_course": every, "course": {}, "end": {}}
+    tables: Tables = {COURSE: [], CHANGES: [], ENDS: []}
     for arm, trials in found.items():
         solved = trials.of_points(trials.solved, reported[arm], 0) == len(settings.task.starts)
-        summary["course"][arm], summary["end"][arm] = {}, {}
         for name in MEASURES:
             values = trials.of_points(distances[f"course_{arm}"][name], reported[arm], np.nan)
             for solutions, shown in (("all", values), ("solved", np.where(solved, values, np.nan))):
                 about = {"arm": arm, "signals": name, "solutions": solutions}
-                curves += [{**about, **row} for row in _curve(shown)]
-            summary["course"][arm][name] = from_first_to_last(values, solved)
+                tables[COURSE] += [{**about, **row} for row in _curve(shown)]
+                tables[CHANGES] += [{**about, **row} for row in first_and_last(shown, settings.seeds)]
             end = distances[f"end_{arm}"][name]
-            ends[f"{arm}/{name}"] = done = end[np.isfinite(end)]
-            summary["end"][arm][name] = quartiles(done)
-    pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in MEASURES]
-    if all(len(ends[name]) > 1 for pair in pairs for name in pair):
-        summary["tests_of_the_end"] = compare(ends, pairs, "two-sided")
-    header = ("arm", "signals", "solutions", "evaluations", "trials", "mean", "low", "high", "median")
-    write_table(folder.path / "homeostasis.csv.gz", header, [tuple(row.values()) for row in curves])
-    rows = [(name, value) for name, values in ends.items() for value in values.tolist()]
-    write_table(folder.path / "homeostasis-at-the-end.csv", ("arm_and_signals", "distance"), rows)
-    return summary, curves
+            rows = [{"arm_and_signals": f"{arm}/{name}", "distance": value} for value in end[np.isfinite(end)].tolist()]
+            tables[ENDS] += rows
+    return tables
 
 
 def _curve(values: Floats) -> list[dict[str, Any]]:
@@ -165,32 +156,33 @@ def _curve(values: Floats) -> list[dict[str, Any]]:
     return rows
 
 
-def from_first_to_last(values: Floats, solved: Bools) -> dict[str, Any]:
-    """Compare the first and the last solution that each trial reports, over trials that report any.
+def first_and_last(values: Floats, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """The first and the last value of each trial that has any, NaN where there is none, shape (R, B)."""
+    return [
+        {"seed": seed, "first": float(known[0]), "last": float(known[-1])}
+        for seed, known in ((seed, each[np.isfinite(each)]) for seed, each in zip(seeds, values, strict=True))
+        if len(known)
+    ]
 
-    Values are those of what is reported after each evaluation, shape (R, B), ``solved`` whether that solves all.
+
+def compare_first_and_last(rows: Sequence[Record]) -> dict[str, Any]:
+    """Compare the first and the last solution that each trial reports, see :func:`first_and_last`.
 
     Returns:
-        Medians, trials in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test; for
-        solutions that solve all alone, and for everything reported, from the first report to the last.
+        Medians, trials in which the distance fell and rose, and p of the two-sided Wilcoxon signed-rank test.
     """
     from scipy.stats import wilcoxon  # slow to import
 
-    found: dict[str, Any] = {}
-    for name, there in (("solved", solved & np.isfinite(values)), ("all", np.isfinite(values))):
-        trials = np.flatnonzero(there.any(axis=1))
-        first = values[trials, there[trials].argmax(axis=1)]
-        last = values[trials, there.shape[1] - 1 - there[trials, ::-1].argmax(axis=1)]
-        change = last - first
-        found[name] = {
-            "trials": len(trials),
-            "fell": int((change < 0).sum()),
-            "rose": int((change > 0).sum()),
-            "median_first": float(np.median(first)) if len(first) else None,
-            "median_last": float(np.median(last)) if len(last) else None,
-            "p_wilcoxon_two_sided": float(wilcoxon(last, first).pvalue) if change.any() else 1.0,
-        }
-    return found
+    first, last = column(rows, "first"), column(rows, "last")
+    change = last - first
+    return {
+        "trials": len(rows),
+        "fell": int((change < 0).sum()),
+        "rose": int((change > 0).sum()),
+        "median_first": float(np.median(first)) if len(first) else None,
+        "median_last": float(np.median(last)) if len(last) else None,
+        "p_wilcoxon_two_sided": float(wilcoxon(last, first).pvalue) if change.any() else 1.0,
+    }
 
 
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
@@ -202,10 +194,68 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     }
     found = computed_trials(results, arms, part_of(progress, 0, 2))
     reported = {arm: trials.reported(BORG["epsilons"]) for arm, trials in found.items()}
-    summary, solved = report(settings, found, reported, folder)
-    summary["homeostasis"], course = follow_homeostasis(settings, found, reported, results, part_of(progress, 1, 2))
+    tables = {
+        **solved_tables(settings, found, reported),
+        **homeostasis_tables(settings, found, reported, results, part_of(progress, 1, 2)),
+    }
+    for name, rows in tables.items():
+        write_table(folder / name, tuple(TABLES[name]), [tuple(row[each] for each in TABLES[name]) for row in rows])
+    _report(folder, tables, decimation(settings.task))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json`` and the figure from the tables."""
+    complete = (TIMES, SOLVED)  # where nothing is solved, the others have no rows of an arm
+    tables = {
+        name: data.records(name, columns, *(("arm",) if name in complete else ())) for name, columns in TABLES.items()
+    }
+    _report(folder, tables, data.count("homeostasis", EVERY))
+
+
+def _report(folder: Path, tables: Tables, every: int) -> None:
+    """Write ``summary.json`` and the figure, which follow from the tables and the steps between samples."""
+    summary = {**_of_times(tables[TIMES], tables[SOLVED]), "homeostasis": {EVERY: every, **_of_homeostasis(tables)}}
     write_json(folder / "summary.json", summary)
-    draw(solved, course, folder / "co-optimisation.png")
+    draw(tables[SOLVED], tables[COURSE], folder / "co-optimisation.png")
+
+
+def _of_times(times: Sequence[Record], curves: Sequence[Record]) -> dict[str, Any]:
+    """Evaluations until all is solved, with tests, and what is solved at the end."""
+    needed, ends, ranks = {}, {}, {}
+    for arm in ARMS:
+        rows, course = where(times, arm=arm), where(curves, arm=arm)
+        any_point, reported, last = (column(rows, name) for name in TIMES_OF_TRIALS)
+        needed[arm] = {
+            "any_point": describe_times(any_point, len(course)),
+            "reported_point": describe_times(reported, len(course)),
+        }
+        ends[arm] = {
+            "mean": course[-1]["mean"],
+            "interval": [course[-1]["low"], course[-1]["high"]],
+            "trials_with_each": np.bincount(last.astype(int), minlength=len(PUBLISHED.starts) + 1).tolist(),
+        }
+        ranks[arm] = ranked(any_point, len(course))
+    return {
+        "evaluations_until_all_solved": needed,
+        "environments_solved_at_the_end": ends,
+        "tests_of_evaluations_until_all_solved": compare(ranks, PAIRS, "less"),
+    }
+
+
+def _of_homeostasis(tables: Tables) -> dict[str, Any]:
+    """How distances change from the first to the last solution of trials, and those in the end, with tests."""
+    course: dict[str, Any] = {}
+    for arm, name in product(ARMS, MEASURES):
+        own = where(tables[CHANGES], arm=arm, signals=name)
+        course.setdefault(arm, {})[name] = {
+            kind: compare_first_and_last(where(own, solutions=kind)) for kind in ("solved", "all")
+        }
+    ends = {each: column(where(tables[ENDS], arm_and_signals=each), "distance") for each in ARMS_AND_SIGNALS}
+    found = {"course": course, "end": {arm: {n: quartiles(ends[f"{arm}/{n}"]) for n in MEASURES} for arm in ARMS}}
+    pairs = [(f"co_optimised/{name}", f"baseline/{name}") for name in MEASURES]
+    if all(len(ends[name]) > 1 for pair in pairs for name in pair):
+        return {**found, "tests_of_the_end": compare(ends, pairs, "two-sided")}
+    return found
 
 
 def draw(solved: list[Record], course: list[Record], path: Path) -> None:
@@ -233,8 +283,6 @@ STUDY = Study(
     source="chapter 4, figure neurips_cooptimization",
     scales={"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()},
     run=study,
-    writes=(
-        *("summary.json", "environments-solved.csv", "evaluations-until-all-solved.csv"),
-        *("homeostasis.csv.gz", "homeostasis-at-the-end.csv", "co-optimisation.png"),
-    ),
+    tell=tell,
+    writes=("summary.json", *TABLES, "co-optimisation.png"),
 )

@@ -8,7 +8,7 @@ objective cannot change how soon it comes. Controllers that never see the light 
 similarity counts only among those that solve all environments, and any of these is better in it than all others.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare, describe_times, quartiles
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.results import Progress, cached, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Several, Study
-from optim.experiments.tables import write_table
+from optim.experiments.tables import Record, column, where, write_records
 from optim.experiments.trials import NOTHING, Trials, computed_trials, record_trials
 from optim.measures import interference, learnability
 from optim.problem import Evaluation
@@ -82,6 +83,10 @@ OUTCOMES = {
     "M_CI": "resistance $M_{CI}$",
     "survival": "survival of perturbations",
 }
+REPORTED, TIMES = "reported.csv", "evaluations-until-all-solved.csv"
+SEARCHES = ("without", "with")
+COLUMNS: dict[str, Kind] = {"way": tuple(LABELS), **dict.fromkeys(OUTCOMES, float)}
+COLUMNS_OF_TIMES: dict[str, Kind] = {"way": SEARCHES, "seed": int, "evaluations": int}  # -1 of runs that failed
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,7 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
 
 
 def study(folder: Path, settings: HomeostasisObjective, progress: Progress = None) -> None:
-    """Write ``summary.json``, ``reported.csv`` and a figure."""
+    """Write ``summary.json``, tables as CSV and a figure."""
     results, own = ResultsFolder(folder, "homeostasis-objective", settings.describe()), settings.searches
     vehicle = own.problem()
     boxes = [*[BORG["epsilons"]] * len(vehicle.objective_names), BOX]
@@ -167,39 +172,57 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
     points = reported(settings, found, results)
     parts = {way: partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
     outcomes = computed(results, parts, part_of(progress, 1, 2), "judged_{}")
-    write_json(folder / "summary.json", report(settings, found, outcomes))
-    rows = [
-        (way, seed, *(float(arrays[name][n]) for name in OUTCOMES), *points[way][n].tolist())
-        for way, arrays in outcomes.items()
-        for n, seed in enumerate(own.seeds)
+    times = [
+        {"way": way, "seed": seed, "evaluations": evaluations}
+        for way, trials in found.items()
+        for seed, evaluations in zip(own.seeds, trials.first(len(own.task.starts)).tolist(), strict=True)
     ]
-    write_table(folder / "reported.csv", ("way", "seed", *OUTCOMES, *vehicle.space.names), rows)
-    draw(outcomes, folder / "homeostasis-objective.png")
+    header = ("way", "seed", *OUTCOMES, *vehicle.space.names)
+    rows = [
+        dict(zip(header, (way, seed, *values, *point), strict=True))
+        for way, arrays in outcomes.items()
+        for seed, point, *values in zip(
+            own.seeds, points[way].tolist(), *(arrays[name].tolist() for name in OUTCOMES), strict=True
+        )
+    ]
+    write_records(folder / TIMES, times)
+    write_records(folder / REPORTED, rows)
+    _report(folder, own.budget, times, rows)
 
 
-def report(
-    settings: HomeostasisObjective, found: Mapping[str, Trials], outcomes: Mapping[str, Arrays]
-) -> dict[str, Any]:
-    """Evaluations until success, and quartiles and two-sided tests of every outcome."""
-    own, goal = settings.searches, len(settings.searches.task.starts)
-    needed = {arm: describe_times(trials.first(goal), own.budget) for arm, trials in found.items()}
-    summary: dict[str, Any] = {"evaluations_until_all_solved": needed, "outcomes": {}, "tests": {}}
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json`` and the figure from the tables."""
+    times, rows = data.records(TIMES, COLUMNS_OF_TIMES, "way"), data.records(REPORTED, COLUMNS, "way")
+    _report(folder, data.count("budget"), times, rows)
+
+
+def _report(folder: Path, budget: int, times: Sequence[Record], rows: Sequence[Record]) -> None:
+    """Write ``summary.json`` and the figure: evaluations until success, quartiles and two-sided tests of outcomes."""
+    needed = {way: describe_times(column(where(times, way=way), "evaluations"), budget) for way in SEARCHES}
+    summary: dict[str, Any] = {"budget": budget, "evaluations_until_all_solved": needed, "outcomes": {}, "tests": {}}
     for name in OUTCOMES:
-        samples = {way: arrays[name][np.isfinite(arrays[name])] for way, arrays in outcomes.items()}
+        samples = {way: _known(rows, way, name) for way in LABELS}
         summary["outcomes"][name] = {way: quartiles(values) for way, values in samples.items()}
         pairs = [pair for pair in PAIRS if all(len(samples[way]) > 1 for way in pair)]
         summary["tests"][name] = compare(samples, pairs, "two-sided")
-    return summary
+    write_json(folder / "summary.json", summary)
+    draw(rows, folder / "homeostasis-objective.png")
 
 
-def draw(outcomes: Mapping[str, Arrays], path: Path) -> None:
+def _known(rows: Sequence[Record], way: str, name: str) -> Floats:
+    """An outcome of a way, of the trials that have it."""
+    values = column(where(rows, way=way), name)
+    return values[np.isfinite(values)]
+
+
+def draw(rows: Sequence[Record], path: Path) -> None:
     """Every outcome of every trial, with medians, a panel each."""
     with figure(path, PAGE, 2.2, ncols=len(OUTCOMES)) as (drawn, panels):
         for axes, (name, label) in zip(panels.flat, OUTCOMES.items(), strict=True):
-            for place, ((way, arrays), colour) in enumerate(zip(outcomes.items(), COLOURS, strict=False)):
-                values = arrays[name][np.isfinite(arrays[name])]
+            for place, ((way, meaning), colour) in enumerate(zip(LABELS.items(), COLOURS, strict=False)):
+                values = _known(rows, way, name)
                 spread = np.linspace(-0.25, 0.25, len(values))
-                axes.plot(place + spread, values, ".", color=colour, markersize=3, alpha=0.7, label=LABELS[way])
+                axes.plot(place + spread, values, ".", color=colour, markersize=3, alpha=0.7, label=meaning)
                 if len(values):
                     axes.plot([place - 0.35, place + 0.35], [np.median(values)] * 2, color=colour)
                     if name in MEASURES:
@@ -216,5 +239,6 @@ STUDY = Study(
         "full": HomeostasisObjective(),
     },
     run=study,
-    writes=("summary.json", "reported.csv", "homeostasis-objective.png"),
+    tell=tell,
+    writes=("summary.json", TIMES, REPORTED, "homeostasis-objective.png"),
 )

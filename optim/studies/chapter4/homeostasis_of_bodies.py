@@ -13,10 +13,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
-from optim.experiments.tables import write_columns
+from optim.experiments.tables import column, write_columns
 from optim.measures import interference, learnability
 from optim.measures.statistics import pearson, spearman
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
@@ -28,7 +29,9 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
+TABLE = "bodies.csv"
 METRICS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$"}
+COLUMNS: dict[str, Kind] = columns_of("M_L M_CI raw normalised", float)
 BODIES_PER_PART = 50
 
 
@@ -101,8 +104,19 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
     }
     found = list(computed(results, parts, part_of(progress, 1, 2), "bodies_{}").values())
     table = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
-    write_columns(folder / "bodies.csv", table)
-    numbers = {"bodies": len(bodies), "steps_between_samples": decimation(settings.sweep.task, settings.samples)}
+    write_columns(folder / TABLE, table)
+    _report(folder, table, decimation(settings.sweep.task, settings.samples))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json`` and the figure from the table of bodies."""
+    rows = data.records(TABLE, COLUMNS)
+    _report(folder, {name: column(rows, name) for name in COLUMNS}, data.count("steps_between_samples"))
+
+
+def _report(folder: Path, table: Arrays, every: int) -> None:
+    """Write ``summary.json`` and the figure, which follow from the table of bodies and the steps between samples."""
+    numbers = {"bodies": len(table["M_L"]), "steps_between_samples": every}
     write_json(folder / "summary.json", {**numbers, "correlations": correlate(table)})
     draw(table, folder / "homeostasis-of-bodies.png")
 
@@ -126,5 +140,6 @@ STUDY = Study(
         "full": BodyHomeostasis(),
     },
     run=study,
-    writes=("summary.json", "bodies.csv", "homeostasis-of-bodies.png"),
+    tell=tell,
+    writes=("summary.json", TABLE, "homeostasis-of-bodies.png"),
 )

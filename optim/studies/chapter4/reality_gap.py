@@ -18,10 +18,11 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.tables import Record, column, distinct, where, write_records
 from optim.measures.statistics import mean_band
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
@@ -112,6 +113,12 @@ def survival(
 
 
 DESIGNS = {BASELINE.design or 0: "baseline", 162: "best by both metrics", 5841: "sensors at opposite corners"}
+TABLE = "controllers.csv.gz"
+COLUMNS: dict[str, Kind] = {
+    "design": int,
+    "perturbation": tuple(dict.fromkeys(p.name for p in PERTURBATIONS)),
+    **columns_of("strength w1 w2 survival", float),
+}
 
 
 @dataclass(frozen=True)
@@ -141,26 +148,54 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path, _: Progress) 
 
 
 def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``summary.json``, ``survival.csv`` and ``reality-gap.png``."""
+    """Write ``summary.json``, tables as CSV and ``reality-gap.png``."""
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     swept = sweep_folder or folder / "sweep"
     parts = {design: partial(measure, settings, design, swept) for design in DESIGNS}
     found = computed(results, parts, progress, "design_{}")
-    rows: list[Record] = []
-    for design, arrays in found.items():
-        for perturbation, shares in zip(PERTURBATIONS, arrays["survival"], strict=True):
-            if len(shares):
-                mean, low, high = map(float, (shares.mean(), *mean_band(shares)))
-                about = {"design": design, "perturbation": perturbation.name, "strength": perturbation.strength}
-                rows.append({**about, "controllers": len(shares), "mean": mean, "low": low, "high": high})
-    write_records(folder / "survival.csv", rows)
-    write_json(folder / "summary.json", _tests(found))
-    draw(rows, folder / "reality-gap.png")
+    rows = [
+        dict(zip(COLUMNS, (design, perturbation.name, perturbation.strength, *weights, share), strict=True))
+        for design, arrays in found.items()
+        for perturbation, shares in zip(PERTURBATIONS, arrays["survival"], strict=True)
+        for weights, share in zip(arrays["weights"].tolist(), shares.tolist(), strict=True)
+    ]
+    write_records(folder / TABLE, rows)
+    _report(folder, rows)
 
 
-def _tests(found: Mapping[int, Arrays]) -> dict[str, Any]:
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json``, ``survival.csv`` and the figure from the table of controllers."""
+    rows = data.records(TABLE, COLUMNS)
+    for design in distinct(rows, "design"):
+        if len(set(map(len, _survival(rows, design)))) > 1:
+            raise ValueError(
+                f"{data.path(TABLE)}: design {design} has more controllers in some perturbations than in others"
+            )
+    _report(folder, rows)
+
+
+def _survival(rows: Sequence[Record], design: int) -> list[Floats]:
+    """Shares that survive each perturbation, by controller."""
+    own = where(rows, design=design)
+    return [column(where(own, perturbation=p.name, strength=p.strength), "survival") for p in PERTURBATIONS]
+
+
+def _report(folder: Path, rows: Sequence[Record]) -> None:
+    """Write ``summary.json``, ``survival.csv`` and the figure, which follow from the table of controllers."""
+    found = {design: np.array(_survival(rows, design)) for design in distinct(rows, "design")}
+    means: list[Record] = []
+    for design, survivals in found.items():
+        for perturbation, shares in zip(PERTURBATIONS, survivals, strict=True):
+            mean, low, high = map(float, (shares.mean(), *mean_band(shares)))
+            about = {"design": design, "perturbation": perturbation.name, "strength": perturbation.strength}
+            means.append({**about, "controllers": len(shares), "mean": mean, "low": low, "high": high})
+    write_records(folder / "survival.csv", means)
+    write_json(folder / "summary.json", _tests({str(design): each.mean(axis=0) for design, each in found.items()}))
+    draw(means, folder / "reality-gap.png")
+
+
+def _tests(means: Mapping[str, Floats]) -> dict[str, Any]:
     """Mann-Whitney tests of every controller's mean survival over all perturbations: the baseline's are less."""
-    means = {str(design): a["survival"].mean(axis=0) for design, a in found.items() if a["survival"].size}
     first, *others = map(str, DESIGNS)
     pairs = [(first, other) for other in others if first in means and other in means]
     overall = {design: {"controllers": len(m), "mean": float(m.mean())} for design, m in means.items()}
@@ -191,5 +226,6 @@ STUDY = Study(
     source="chapter 6, figure of weight manifolds",
     scales={"small": RealityGap(controllers=10, draws=2), "full": RealityGap()},
     run=study,
-    writes=("summary.json", "survival.csv", "reality-gap.png"),
+    tell=tell,
+    writes=("summary.json", TABLE, "survival.csv", "reality-gap.png"),
 )

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
 from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
@@ -26,7 +27,7 @@ from optim.problems.braitenberg import VehicleProblem
 from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
-from optim.studies.chapter3.sweep_table import SweepTable, sample_designs, sweep_published
+from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table, sample_designs, sweep_published
 from optim.wording import counted
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, Sweep, VehicleBody, VehicleTask
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
@@ -235,6 +236,17 @@ def study(
     sweep = sweep_published(designs, Sweep(weights=settings.weights), overlaps, part_of(progress, 0, 2))
     table = train(designs, TRAINERS, settings.training, out=folder / "runs", progress=part_of(progress, 1, 2))
     table.write(folder / "runs.csv")
+    _report(folder, table, sweep)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write ``summary.json`` and ``training.png`` from the tables of all runs and of the sweep."""
+    runs = read_training_table(data.path("vehicle-training-all.csv"))
+    _report(folder, runs, read_sweep_table(data.path("vehicle-sweep.csv")).rows(runs.designs))
+
+
+def _report(folder: Path, table: TrainingTable, sweep: SweepTable) -> None:
+    """Write ``summary.json`` and ``training.png``, which follow from the tables of runs and of the sweep."""
     found = [asdict(one) for one in metric_correlations(table, sweep)]
     write_json(folder / "summary.json", {"correlations": found, "metrics": asdict(correlation_of_metrics(sweep))})
     save_training(table, sweep, folder / "training.png")
@@ -275,6 +287,7 @@ STUDY = Study(
     source="chapter 4, figure of sample efficiency",
     scales={"small": TrainingInBodies(20, 41, Training(repetitions=2)), "full": TrainingInBodies()},
     run=study,
+    tell=tell,
     writes=("summary.json", "runs.csv", "training.png"),
 )
 

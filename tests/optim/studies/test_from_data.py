@@ -1,5 +1,6 @@
 """Studies told again from their committed data: the same tables and numbers, and nothing is run."""
 
+import gzip
 import json
 from pathlib import Path
 
@@ -63,6 +64,30 @@ def test_cells_get_the_kinds_of_their_columns(tmp_path):
     first, second = Data(tmp_path).records("rows.csv", {"number": float, "none": float | None, "text": str})
     assert first["number"] != first["number"] and first["none"] is None and first["text"] == "162"
     assert second == {"number": 2, "none": 3, "text": "a", "more": 8}
+
+
+def test_groups_without_rows_are_told(tmp_path):
+    kinds = {"a": ("x", "y"), "b": ("u", "v")}
+    (tmp_path / "rows.csv.gz").write_bytes(gzip.compress(b"a,b\nx,u\nx,v\ny,u\n"))  # is found, compressed or not
+    assert Data(tmp_path).has("rows.csv") and len(Data(tmp_path).records("rows.csv", kinds, "a")) == 3
+    with pytest.raises(ValueError) as caught:
+        Data(tmp_path).records("rows.csv", kinds, "a", "b")
+    assert str(caught.value).endswith("rows.csv.gz: it has no rows of a y, b v")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{}", "'a' is missing"),
+        ('{"a": 1}', "a: 1 is not allowed; give values by name"),
+        ('{"a": {"b": 0}}', "a.b: 0 is not allowed; give a whole number, at least 1"),
+    ],
+)
+def test_numbers_of_a_summary_that_are_none_are_told(tmp_path, text, message):
+    (tmp_path / "summary.json").write_text(text)
+    with pytest.raises(ValueError) as caught:
+        Data(tmp_path).count("a", "b")
+    assert "summary.json: " in str(caught.value) and str(caught.value).endswith(message)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from optim.experiments.data import Data
 from optim.measures.statistics import pearson
 from optim.problems.braitenberg import VehicleProblem
 from optim.search import build_method
@@ -254,3 +255,15 @@ def test_the_compressed_table_of_the_published_sweep_can_be_read(tmp_path):
         (tmp_path / "c.csv.gz").write_bytes(content)
         with pytest.raises(ValueError, match=r"c\.csv\.gz: "):
             read_sweep_table(tmp_path / "c.csv.gz")
+
+
+def test_the_committed_tables_tell_the_correlations_that_the_docs_have(tmp_path):
+    training.tell(Data(Path(__file__).parents[3] / "docs/data"), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"summary.json", "training.png", "training.csv"}
+    told = json.loads((tmp_path / "summary.json").read_text())["correlations"]
+    found = [f"{one['found']['r']:.2f}" for one in told if one["over"] == "bodies"]
+    rows = zip(TRAINERS, found[::2], found[1::2], strict=True)
+    assert [*rows] == [
+        *(("random", "-0.79", "-0.86"), ("generating-set", "-0.69", "-0.75")),
+        *(("nes", "-0.68", "-0.76"), ("de", "-0.78", "-0.85")),
+    ]

@@ -1,18 +1,20 @@
 """The studies of chapter 4's co-optimisation, on a task that takes milliseconds."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from optim.experiments.tables import read_table
+from optim.experiments.data import Data
+from optim.experiments.tables import read_table, write_records
 from optim.measures import homeostasis
 from optim.problems.braitenberg import VehicleProblem
 from optim.studies.beyond import search_comparison
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter4 import co_optimisation, homeostasis_objective, homeostasis_of_bodies, reality_gap
-from optim.studies.chapter4.co_optimisation import CoOptimisation, from_first_to_last
+from optim.studies.chapter4.co_optimisation import CoOptimisation, compare_first_and_last, first_and_last
 from optim.studies.chapter4.homeostasis_objective import HomeostasisObjective, HomeostasisProblem
 from optim.studies.chapter4.homeostasis_of_bodies import BodyHomeostasis
 from optim.studies.chapter4.reality_gap import PERTURBATIONS, RealityGap, survival
@@ -70,6 +72,10 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
     first = files(folder)
     assert set(CATALOGUE[name].writes) <= set(first)
     assert fractions == sorted(fractions) and fractions[-1] == 1.0
+    (tmp_path / "told").mkdir()
+    CATALOGUE[name].tell(Data(folder), tmp_path / "told")
+    told = files(tmp_path / "told")
+    assert {"summary.json", f"{name}.png"} <= set(told) and told.items() <= first.items()
     parts = sorted(folder.glob("*-????????????????.npz"))
     parts[0].unlink()
     stamps = {path: path.stat().st_mtime_ns for path in parts[1:]}
@@ -120,12 +126,14 @@ def test_distances_of_many_controllers_are_those_of_each_and_follow_the_definiti
 def test_first_and_last_solutions_are_compared_within_trials():
     values = np.array([[np.nan, 3.0, 2.0], [5.0, 5.0, 5.0], [1.0, 2.0, 4.0]])
     solved = np.array([[False, False, True], [True, True, True], [False, True, True]])
-    found = from_first_to_last(values, solved)
-    assert (found["solved"]["fell"], found["solved"]["rose"], found["solved"]["trials"]) == (0, 1, 3)
-    assert (found["all"]["fell"], found["all"]["rose"]) == (1, 1)
-    assert (found["solved"]["median_first"], found["all"]["median_last"]) == (2.0, 4.0)
-    nothing = from_first_to_last(np.full((2, 3), np.nan), np.zeros((2, 3), bool))
-    assert nothing["all"]["median_first"] is None and nothing["all"]["p_wilcoxon_two_sided"] == 1.0
+    rows = first_and_last(np.where(solved, values, np.nan), range(3))
+    assert rows[2] == {"seed": 2, "first": 2.0, "last": 4.0}
+    found, every = compare_first_and_last(rows), compare_first_and_last(first_and_last(values, range(3)))
+    assert (found["fell"], found["rose"], found["trials"]) == (0, 1, 3)
+    assert (every["fell"], every["rose"]) == (1, 1)
+    assert (found["median_first"], every["median_last"]) == (2.0, 4.0)
+    nothing = compare_first_and_last(first_and_last(np.full((2, 3), np.nan), range(2)))
+    assert nothing["median_first"] is None and nothing["p_wilcoxon_two_sided"] == 1.0
 
 
 @pytest.mark.kernels
@@ -171,3 +179,14 @@ def test_perturbations_without_strength_change_nothing_and_others_do_what_their_
     shaken = by_name["places of sensors"]
     one, two = (survival(sites, controllers, NEAR, shaken, 4, 1) for _ in range(2))
     assert np.array_equal(one, two) and set(one * 4) <= {0, 1, 2, 3, 4}
+
+
+def test_controllers_that_a_perturbation_lacks_are_told(tmp_path):
+    rows = [
+        dict(zip(reality_gap.COLUMNS, (162, one.name, one.strength, 0.5, 0.5, 1.0), strict=True))
+        for one in PERTURBATIONS
+    ]
+    write_records(tmp_path / reality_gap.TABLE, rows[:-1])
+    message = f"{tmp_path / reality_gap.TABLE}: design 162 has more controllers in some perturbations than in others"
+    with pytest.raises(ValueError, match=re.escape(message)):
+        reality_gap.tell(Data(tmp_path), tmp_path / "told")
