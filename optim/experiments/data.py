@@ -1,14 +1,18 @@
 """Data of a study that has been run: tables and settings, read and checked, from which it can be told again."""
 
 import types
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar, get_args
 
+from numpy.typing import NDArray
+
 from optim.experiments.tables import Record, read_records
 from taichi_sim.base import checks, files
+from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.results_folder import build_settings, load_parts
 
 Kind = type | types.UnionType | Collection[str]  # such as ``float``, ``float | None``, or all allowed texts
 Of = TypeVar("Of")
@@ -35,7 +39,7 @@ class Data:
         packed = self.folder / f"{name}.gz"
         return packed if packed.is_file() and not path.is_file() else path
 
-    def records(self, name: str, columns: Mapping[str, Kind], *groups: str) -> list[Record]:
+    def records(self, name: str, columns: Mapping[str, Kind], *groups: str, may_be_empty: bool = False) -> list[Record]:
         """Read the rows of a table, which may have more columns than these.
 
         Args:
@@ -43,6 +47,7 @@ class Data:
             columns: what the cells of each are: ``int``, ``float``, ``str``, ``bool`` or ``list``; or one of them or
                 None, which is an empty cell, such as ``float | None``; or one of some texts.
             groups: columns with some texts, whose every combination must have a row.
+            may_be_empty: whether a table without rows is allowed.
 
         Raises:
             ValueError: if the file cannot be read, lacks a column or a group, or has a cell of another kind.
@@ -51,7 +56,7 @@ class Data:
         rows = read_records(path)
         for missing in (column for column in columns if rows and column not in rows[0]):
             raise ValueError(f"{path}: it has no column {missing}")
-        if not rows:
+        if not rows and not may_be_empty:
             raise ValueError(f"{path}: it has no rows")
         found: list[Record] = [{**row, **_checked(path, number, row, columns)} for number, row in enumerate(rows, 1)]
         there = {tuple(row[group] for group in groups) for row in found}
@@ -65,6 +70,26 @@ class Data:
     def has(self, name: str) -> bool:
         """Whether there is a file of this name."""
         return self.path(name).is_file()
+
+    def kept(self, kind: str, build: Callable[[dict[str, Any]], Of]) -> Of:
+        """Read the settings that a :class:`ResultsFolder` keeps in the file of its kind, and make something of them.
+
+        Raises ValueError if there is no such file, or it is damaged, or refused by ``build``.
+        """
+        return build_settings(self.folder, kind, build)
+
+    def part(self, name: str, **kinds: str) -> Arrays | None:
+        """Read the arrays of a part that a :class:`ResultsFolder` keeps, of kinds such as ``speeds="f2"``.
+
+        None if it is missing; one that is damaged is as good as missing, and warned of.
+        """
+        return next(load_parts(self.folder, name, **kinds), None)
+
+    def array(self, name: str, key: str, kind: str) -> NDArray[Any]:
+        """Read one array of a :meth:`part`; raises ValueError if it is missing."""
+        if (found := self.part(name, **{key: kind})) is None:
+            raise ValueError(f"{self.folder}: its part {name} is missing")
+        return found[key]
 
     def summary(self, *names: str) -> dict[str, Any]:
         """Read ``summary.json``, which must have these fields.

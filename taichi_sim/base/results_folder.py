@@ -4,9 +4,9 @@ import hashlib
 import io
 import json
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ from taichi_sim.base.files import (
     write_bytes,
     write_text,
 )
+
+Made = TypeVar("Made")
 
 
 class ResultsFolder:
@@ -69,40 +71,51 @@ class ResultsFolder:
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
 
     def load(self, name: str, **kinds: str) -> Iterator[Arrays]:
-        """Load the arrays of every file of that name; damaged files are skipped with a warning.
+        """Load the arrays of every file of that name; see :func:`load_parts`."""
+        return load_parts(self.path, name, **kinds)
 
-        Args:
-            name: of the part.
-            kinds: kind of type and number of axes of each array that a file must have, such as ``solved="b2"``.
-        """
-        for path in sorted(self.path.glob(f"{name}-*.npz")):
-            try:
-                found = arrays_of(content_of(path))  # archives have checksums of their own
-                for each, kind in kinds.items():
-                    if each not in found:
-                        raise ValueError(f"{each} is missing")
-                    if f"{found[each].dtype.kind}{found[each].ndim}" != kind:
-                        told = f"{found[each].dtype} of shape {found[each].shape}"
-                        raise ValueError(f"{each}: {told} is not allowed; give type and axes {kind}")
-                if len({len(found[each]) for each in kinds}) > 1:
-                    raise ValueError(f"{', '.join(kinds)}: have different lengths")
-            except UNREADABLE as error:
-                reason = why_unread(error)
-                warnings.warn(f"{path}: is damaged, and as good as missing ({reason})", stacklevel=2)
-            else:
-                yield found
+
+def load_parts(folder: Path, name: str, **kinds: str) -> Iterator[Arrays]:
+    """Load the arrays of every file of that name in a folder of results; damaged files are skipped with a warning.
+
+    Args:
+        folder: which is only read.
+        name: of the part.
+        kinds: kind of type and number of axes of each array that a file must have, such as ``solved="b2"``.
+    """
+    for path in sorted(folder.glob(f"{name}-*.npz")):
+        try:
+            found = arrays_of(content_of(path))  # archives have checksums of their own
+            for each, kind in kinds.items():
+                if each not in found:
+                    raise ValueError(f"{each} is missing")
+                if f"{found[each].dtype.kind}{found[each].ndim}" != kind:
+                    told = f"{found[each].dtype} of shape {found[each].shape}"
+                    raise ValueError(f"{each}: {told} is not allowed; give type and axes {kind}")
+            if len({len(found[each]) for each in kinds}) > 1:
+                raise ValueError(f"{', '.join(kinds)}: have different lengths")
+        except UNREADABLE as error:
+            reason = why_unread(error)
+            warnings.warn(f"{path}: is damaged, and as good as missing ({reason})", stacklevel=2)
+        else:
+            yield found
 
 
 def read_settings(path: Path, kind: str) -> dict[str, Any]:
-    """Read the settings of the work whose results a folder holds.
+    """Read the settings of the work whose results a folder holds; see :func:`build_settings`."""
+    return build_settings(path, kind, dict)
+
+
+def build_settings(path: Path, kind: str, build: Callable[[dict[str, Any]], Made]) -> Made:
+    """Read the settings of the work whose results a folder holds, and return what ``build`` makes of them.
 
     Raises:
-        ValueError: if it holds none, or the file of settings is damaged.
+        ValueError: if it holds none, or the file of settings is damaged, or refused by ``build``.
     """
     file = path / f"{kind}.json"
     if not file.is_file():
         raise ValueError(f"{path}: holds no {kind}")
-    return read_record(file, _form(kind), lambda record: {n: v for n, v in record.items() if n != "format"})
+    return read_record(file, _form(kind), lambda record: build({n: v for n, v in record.items() if n != "format"}))
 
 
 def _difference(before: str, now: str) -> str:

@@ -8,6 +8,7 @@ begins a genetic search of levels, shift, feet and settling under draws (*robust
 draws, which no search has seen. Speeds are of the time simulated, without pneumatic lag.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -17,10 +18,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.results import Progress, computed_arrays, part_of, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
-from optim.experiments.tables import MISSING, Record, cell, markdown, page, write_records
+from optim.experiments.tables import MISSING, Record, cell, distinct, markdown, page, where, write_records
 from optim.problem import Request, judge
 from optim.problems.inflatable.encoding import LEAST_MOTION, SETTLING
 from optim.problems.inflatable.problem import GaitProblem
@@ -43,7 +45,22 @@ PRESSURE = 12e3  # of the core [Pa]
 BATCH = 8  # gaits, or draws, of a part whose results are kept
 HAND_MADE = {"inching": repeated(INCHING, 1), "rolling": repeated(ROLLING, 1)}
 TAIL = 0.1  # of the draws, which a slope may beat
-FILES = ("table.md", "screen.csv", "speeds.csv", "draws.csv", "robust.png", "summary.json", "gaits", "runs")
+SCREEN, DRAWS, GAITS = "screen.csv", "draws.csv", "gaits"
+FILES = ("table.md", SCREEN, "speeds.csv", DRAWS, "robust.png", "summary.json", GAITS, "runs")
+SCREENED: dict[str, Kind] = {
+    "slope": float,
+    "levels": str,
+    "full": int,
+    "settling": float,
+    "speed": float,
+}
+DRAWN: dict[str, Kind] = {
+    "gait": str,
+    "slope": float,
+    "precision": str,
+    "draw": int,
+    "speed": float,
+}
 
 
 def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
@@ -103,7 +120,7 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
     """Write screened waves, gaits, speeds of all draws, the page and the figure."""
     parts = ResultsFolder(folder, NAME, settings.describe())
     screened = _screen(settings, parts, threads, part_of(progress, 0, 10, 3))
-    write_records(folder / "screen.csv", screened)
+    write_records(folder / SCREEN, screened)
     found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal")}
     for number, (slope, robust) in enumerate(product(settings.slopes, (True, False))):
         best = max((row for row in screened if row["slope"] == slope), key=lambda row: row["speed"])
@@ -119,17 +136,30 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
         f"robust {steepest:g}° on {steepest + more:g}°": (found["robust"][steepest], steepest + more)
         for more in settings.steeper
     }
-    (folder / "gaits").mkdir(exist_ok=True)
+    (folder / GAITS).mkdir(exist_ok=True)
     for name, (design, _) in gaits.items():
-        save_design(design, folder / "gaits" / f"{_file(name)}.json")
-    judged = {
-        name: (load_design(folder / "gaits" / f"{_file(name)}.json"), slope) for name, (_, slope) in gaits.items()
-    }
+        save_design(design, folder / GAITS / f"{_file(name)}.json")
+    judged = {name: (load_design(folder / GAITS / f"{_file(name)}.json"), slope) for name, (_, slope) in gaits.items()}
     draws = _judge(settings, parts, judged, threads, part_of(progress, 7, 10, 3))
-    write_records(folder / "draws.csv", draws)
-    report(folder, settings, screened, draws, judged)
+    write_records(folder / DRAWS, draws)
+    report(folder, settings.describe(), screened, draws, {name: design for name, (design, _) in judged.items()})
     if progress:
         progress(1.0)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write table, page, figure and summary from the tables of waves and draws, and from gaits.
+
+    Nothing is told of the settings where their file is missing, nor of the bladders of a gait whose file is.
+    """
+    screened, draws = data.records(SCREEN, SCREENED), data.records(DRAWS, DRAWN)
+    for name in distinct(draws, "gait"):
+        if not any(row["draw"] >= 0 for row in where(draws, gait=name)):
+            raise ValueError(f"{data.folder / DRAWS}: gait {name} has no held-out draw (draw: at least 0)")
+    files = {name: data.folder / GAITS / f"{_file(name)}.json" for name in distinct(draws, "gait")}
+    settings = data.kept(NAME, dict) if data.has(f"{NAME}.json") else {}
+    designs = {name: load_design(path) for name, path in files.items() if path.exists()}
+    report(folder, settings, screened, draws, designs)
 
 
 def _file(name: str) -> str:
@@ -245,74 +275,77 @@ def _judge(
     for name, (_, slope) in gaits.items():
         for first in firsts:
             for number, speed in enumerate(next(each)):
-                rows.append({"gait": name, "slope": slope, "draw": first + number, "speed": float(speed)})
+                about = {"gait": name, "slope": slope, "precision": settings.precision}
+                rows.append({**about, "draw": first + number, "speed": float(speed)})
     return rows
 
 
 def report(
     folder: Path,
-    settings: RobustGaits,
+    settings: Mapping[str, Any],
     screened: Sequence[Record],
     draws: Sequence[Record],
-    gaits: Mapping[str, tuple[InflatableDesign, float]],
+    designs: Mapping[str, InflatableDesign],
 ) -> None:
-    """Write what follows from the records: table, page, figure and summary."""
-    rows = [_row(name, settings, draws, gaits[name][0]) for name in gaits]
+    """Write what follows from the records: table, page, figure and summary.
+
+    Settings are those of the study as it describes them, as far as they are known, and so are the designs of gaits.
+    """
+    rows = [_row(where(draws, gait=name), designs.get(name)) for name in distinct(draws, "gait")]
     write_records(folder / "speeds.csv", rows)
     best = [
         {"slope": slope, "full": full, **max(mine, key=lambda row: row["speed"])}
-        for slope in settings.slopes
-        for full in range(1, settings.most_full + 1)
-        if (mine := [row for row in screened if row["slope"] == slope and row["full"] == full])
+        for slope in distinct(screened, "slope")
+        for full in sorted(distinct(screened, "full"))
+        if (mine := where(screened, slope=slope, full=full))
     ]
-    write_json(folder / "summary.json", {**settings.describe(), "rows": rows, "screened": best})
+    write_json(folder / "summary.json", {**settings, "rows": rows, "screened": best})
     write_text(folder / "table.md", text_of(settings, rows, best))
     draw(rows, draws, folder / "robust.png")
 
 
-def _row(name: str, settings: RobustGaits, draws: Sequence[Record], design: InflatableDesign) -> dict[str, Any]:
-    """A gait in a line; a draw that diverged counts as standing still."""
-    mine = [row for row in draws if row["gait"] == name]
+def _row(mine: Sequence[Record], design: InflatableDesign | None) -> dict[str, Any]:
+    """A gait in a line, of its draws; one that diverged counts as standing still."""
     speeds = np.nan_to_num([row["speed"] for row in mine if row["draw"] >= 0])
-    (nominal,) = (row["speed"] for row in mine if row["draw"] < 0)
+    nominal = next((row["speed"] for row in mine if row["draw"] < 0 and math.isfinite(row["speed"])), None)
     found = summary(speeds.tolist(), 0.2) if len(speeds) > 1 else {}
     told = {key: found.get(key) for key in ("mean", "mean_low", "mean_high", "worst", "sd")}
-    full = float(design.schedule.inflation.sum(axis=0).max())
-    forward = float((speeds > 0).mean())
     return {
-        "gait": name,
-        "slope": mine[0]["slope"],
+        **{key: mine[0][key] for key in ("gait", "slope", "precision")},
         "nominal": nominal,
         **told,
-        "forward": forward,
-        "full": full,
+        "forward": float((speeds > 0).mean()),
+        "full": None if design is None else float(design.schedule.inflation.sum(axis=0).max()),
         "n": len(speeds),
     }
 
 
-def text_of(settings: RobustGaits, rows: Sequence[Record], best: Sequence[Record]) -> str:
+def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[Record]) -> str:
     """The page: every gait under the held-out draws, and the best waves by how many bladders are full at a time."""
-    header = ("gait", "nominal", "mean", "95 % interval", "worst", "climb", "full bladders", "n")
+    header = ("gait", "precision", "nominal", "mean", "95 % interval", "worst", "climb", "full bladders", "n")
     table = [
         (
             row["gait"],
+            row["precision"],
             cell(row["nominal"]),
             cell(row["mean"]),
             MISSING if row["mean"] is None else f"{row['mean_low']:.4f} to {row['mean_high']:.4f}",
             cell(row["worst"]),
             f"{100 * row['forward']:.0f} %",
-            f"{row['full']:.1f}",
+            cell(row["full"], ".1f"),
             row["n"],
         )
         for row in rows
     ]
     waved = [(f"{r['slope']:g}°", r["full"], r["levels"], f"{r['settling']:g}", cell(r["speed"])) for r in best]
+    floor = f" on {settings['floor']}" if "floor" in settings else ""
+    uncertain = f" of {settings['uncertain']}" if "uncertain" in settings else ""
     return page(
-        f"Speeds on {settings.floor} with bladders that weigh, under {settings.held_out} draws of {settings.uncertain} "
-        f"that no search has seen, in {settings.precision} [body lengths/s of the time simulated, no pneumatic lag]. "
-        "Robust: searched for the worst of draws; nominal: at the same cost without. Climb: the share of draws that go "
-        "forward. Full bladders: the sum of levels, at most.",
-        markdown(header, "lrrrrrrr", table),
+        f"Speeds{floor} with bladders that weigh, under {rows[0]['n']} draws{uncertain} that no search has seen "
+        "[body lengths/s of the time simulated, no pneumatic lag]. Robust: searched for the worst of draws; nominal: "
+        "at the same cost without. Climb: the share of draws that go forward. Full bladders: the sum of levels, at "
+        "most.",
+        markdown(header, "llrrrrrrr", table),
         "Best waves without draws, by how many bladders are full at a time; levels of a bladder in 8 columns.",
         markdown(("slope", "full", "levels", "settling", "speed"), "rrlrr", waved),
     )
@@ -330,7 +363,8 @@ def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:
                 spread = place + 0.3 * (np.arange(len(each)) / max(len(each) - 1, 1) - 0.5)
                 axes.plot(spread, each, ".", markersize=2, color=COLOURS[place % len(COLOURS)])
             axes.axhline(0, color="0.7", linewidth=0.6, zorder=0)
-            axes.set_xticks(range(len(here)), [row["gait"].rpartition(" ")[0] for row in here], rotation=40, ha="right")
+            names = [row["gait"].replace(f" {slope:g}°", "").replace(", ", ",\n") for row in here]
+            axes.set_xticks(range(len(here)), names, rotation=40, ha="right")
             axes.set_title(f"{slope:g}°")
         panels[0, 0].set_ylabel("speed [BL/s]")
 
@@ -348,6 +382,7 @@ STUDY = Study(
         ),
     },
     run=study,
+    tell=tell,
     writes=FILES,
     cost="20 h of CPU time",
 )

@@ -10,16 +10,20 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
 from optim.experiments.tables import cell, markdown, page
-from optim.studies.chapter5.gaits import Case, Robot, shown, spread
+from optim.studies.chapter5.gaits import Case, Robot, kept_speeds, shown, spread
 from robots.inflatable.design import INCHING
 from robots.world import Terrain
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
+NAME = "friction-sweeps"
+Point = tuple[str, float, float, float]  # sweep, friction of sliding and of gripping feet, published speed
 Points = Mapping[str, Sequence[tuple[float, float, float]]]  # by sweep: (low, high) friction, published speed
 FRICTION: Points = {
     "difference": (
@@ -51,17 +55,46 @@ class FrictionSweeps:
             if not points:
                 raise ValueError(f"points: sweep {name} has none; give at least one")
 
+    @property
+    def listed(self) -> list[Point]:
+        """All points, in the order in which they are played."""
+        return [(name, *point) for name, points in self.points.items() for point in points]
+
 
 def study(
     folder: Path, settings: FrictionSweeps, progress: Progress = None, threads: int | None = None
 ) -> dict[str, Any]:
     """Write a table and a figure of both sweeps, and all numbers."""
-    points = [point for sweep in settings.points.values() for point in sweep]
-    cases = [Case(INCHING, Terrain(high_friction=high, low_friction=low)) for low, high, _ in points]
+    points = settings.listed
+    cases = [Case(INCHING, Terrain(high_friction=high, low_friction=low)) for _, low, high, _ in points]
     about = {"robot": settings.robot.describe(), "cases": [case.describe() for case in cases]}
-    parts = ResultsFolder(folder, "friction-sweeps", about)
-    speeds = settings.robot.speeds_in_parts(cases, parts, threads, progress)
-    rows = rows_of(settings, speeds)
+    parts = ResultsFolder(folder, NAME, about)
+    return _report(folder, points, settings.robot.speeds_in_parts(cases, parts, threads, progress))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write all that the study writes from the speeds that its folder keeps."""
+    points = data.kept(NAME, _points_of)
+    _report(folder, points, kept_speeds(data, len(points)))
+
+
+def _points_of(settings: Mapping[str, Any]) -> list[Point]:
+    """The points that were played: what is published of the friction of each case."""
+    published = {(low, high): (name, low, high, speed) for name, low, high, speed in FrictionSweeps().listed}
+    points = list[Point]()
+    if not settings["cases"]:
+        raise ValueError("cases: none is there; give at least one")
+    for case in settings["cases"]:
+        ground = checks.table("terrain", case["terrain"])
+        if (key := (ground["low_friction"], ground["high_friction"])) not in published:
+            raise ValueError(f"cases: friction of {key[0]} and {key[1]} is none of the published points")
+        points.append(published[key])
+    return points
+
+
+def _report(folder: Path, points: Sequence[Point], speeds: Floats) -> dict[str, Any]:
+    """Write what follows from the speeds, of shape (points, copies)."""
+    rows = rows_of(points, speeds)
     worst = largest_deviation(rows)
     summary = {"largest_deviation": worst, "tolerance": TOLERANCE, "rows": rows}
     write_summary(folder, "friction", summary, text_of(rows, worst))
@@ -69,9 +102,8 @@ def study(
     return summary
 
 
-def rows_of(settings: FrictionSweeps, speeds: Floats) -> list[dict[str, Any]]:
+def rows_of(points: Sequence[Point], speeds: Floats) -> list[dict[str, Any]]:
     """A row for each point, of speeds of shape (points, copies)."""
-    points = [(name, *point) for name, points in settings.points.items() for point in points]
     rows = []
     for (sweep, low, high, published), copies in zip(points, speeds, strict=True):
         found = spread(copies)
@@ -137,5 +169,6 @@ STUDY = Study(
     source="chapter 5, figure of friction, d and e",
     scales={"small": FrictionSweeps(Robot(copies=2)), "full": FrictionSweeps()},
     run=study,
+    tell=tell,
     writes=("friction.md", "friction.csv", "friction.png", "summary.json"),
 )

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.data import Data
 from optim.experiments.results import Progress, computed_arrays
 from optim.experiments.study import Settings, Whole
 from robots.inflatable import simulation
@@ -101,6 +102,23 @@ class Robot(Settings):
         batches = [cases[first : first + size] for first in range(0, len(cases), size)]
         parts = {f"speeds_{n}": partial(self.speeds, batch, threads) for n, batch in enumerate(batches)}
         return np.concatenate(computed_arrays(folder, "speeds", parts, progress))
+
+
+def kept_speeds(data: Data, cases: int) -> Floats:
+    """Read the speeds of so many cases that :meth:`Robot.speeds_in_parts` has kept, shape (cases, copies).
+
+    Raises ValueError if a part is missing, or they are those of other cases.
+    """
+    parts: list[Floats] = []
+    while sum(map(len, parts)) < cases:
+        parts.append(data.array(f"speeds_{len(parts)}", "speeds", "f2"))
+    count, copies = sum(map(len, parts)), {part.shape[1] for part in parts}
+    if count != cases or len(copies) > 1:
+        numbers = " or ".join(map(str, sorted(copies)))
+        raise ValueError(
+            f"{data.folder}: its parts have {count} cases of {numbers} copies; give {cases} of as many each"
+        )
+    return np.concatenate(parts)
 
 
 def repeated(design: InflatableDesign, repeats: int) -> InflatableDesign:

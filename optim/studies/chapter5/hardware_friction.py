@@ -13,9 +13,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study
-from optim.experiments.tables import write_records
+from optim.experiments.tables import Record, write_records
 from optim.studies.chapter5.gaits import Case, Robot, repeated
 from optim.studies.chapter5.hardware_speeds import (
     AGREES,
@@ -37,6 +38,14 @@ from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
+
+COPIES = "copies.csv"
+COLUMNS: dict[str, Kind] = {
+    "weight": WEIGHTS,
+    "condition": tuple(measured.name for measured in MEASURED),
+    **columns_of("ground timing", str),
+    **columns_of("inflation pressure measured speed", float),
+}
 
 
 def _shares(field_name: str, value: Any) -> tuple[float, ...]:
@@ -105,9 +114,24 @@ def study(
         for about, each in zip(batch.rows, found, strict=True)
         for copy, speed in enumerate(each)
     ]
-    write_records(folder / "copies.csv", copies)
+    write_records(folder / COPIES, copies)
+    return _report(folder, copies)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write tables, summary and figure from the table of copies."""
+    copies = data.records(COPIES, COLUMNS)
+    for copy in copies:
+        checks.positive(f"{data.folder / COPIES}: measured", copy["measured"])
+    _report(folder, copies)
+
+
+def _report(folder: Path, copies: Sequence[Record]) -> dict[str, Any]:
+    """Write what follows from the speeds of all copies."""
     rows = rows_of(copies)
-    sets = sets_of(rows)
+    if not (sets := sets_of(rows)):
+        conditions = "; ".join(measured.name for measured in MEASURED)
+        raise ValueError(f"{COPIES}: no parameters have speeds in all conditions, which are {conditions}")
     write_records(folder / "sets.csv", sets)
     summary = {"agrees_within": AGREES, "best": sets[0], "sets": sets, "effects": effects_of(sets), "rows": rows}
     write_summary(folder, "hardware", summary, text_of(rows, sets))
@@ -194,5 +218,6 @@ STUDY = Study(
         ),
     },
     run=study,
-    writes=("hardware.md", "hardware.csv", "sets.csv", "copies.csv", "hardware.png", "summary.json"),
+    tell=tell,
+    writes=("hardware.md", "hardware.csv", "sets.csv", COPIES, "hardware.png", "summary.json"),
 )

@@ -5,6 +5,7 @@ too. There a body is a place of sensors and a controller two weights; here a bod
 a controller is a gait, and the environments are flat ground and a hill.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -13,6 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.figures import PAGE, caption, figure
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study, Whole
@@ -29,10 +31,12 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
+NAME = "soft-robot-metrics"
 COLUMNS = 8  # of a gait, played twice, as published
 # Least speed on flat ground and on the hill that counts as success [BL/s]. For measure: inching has 0.06 and 0.02, the
 # mean of searched gaits 0.09 and 0.00, and a robot that slides back by 0.01 has lost a fifth of its length in the end.
 THRESHOLDS = {"lenient": (0.01, -0.01), "climbing": (0.02, 0.0), "strict": (0.05, 0.005)}
+SAMPLE = ("gaits", "slope", "seed")  # settings that say what is tried in every body
 LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothing
 
 
@@ -63,6 +67,11 @@ class SoftRobotMetrics(Settings):
             InflatableDesign(*body, GaitSchedule(np.zeros((ROWS, COLUMNS), bool)))  # refuses what is not allowed
 
     @property
+    def sample(self) -> dict[str, Any]:
+        """What is tried in every body: gaits and how they are drawn, and the hill."""
+        return {name: getattr(self, name) for name in SAMPLE}
+
+    @property
     def bodies(self) -> list[tuple[float, float]]:
         """Pressure and orientation of each body."""
         return [(pressure, orientation) for pressure in self.pressures for orientation in self.orientations]
@@ -82,16 +91,54 @@ def study(
     folder: Path, settings: SoftRobotMetrics, progress: Progress = None, threads: int | None = None
 ) -> dict[str, Any]:
     """Write a table, heat maps and all numbers; more bodies may follow in the same folder."""
-    about = {name: getattr(settings, name) for name in ("gaits", "slope", "seed")}
-    results = ResultsFolder(folder, "soft-robot-metrics", {**about, "robot": settings.robot.describe()})
-    flat = {f"flat_{pressure:g}": partial(on_flat, settings, pressure, threads) for pressure in settings.pressures}
-    hill = {f"hill_{body[0]:g}_{body[1]:g}": partial(on_hill, settings, body, threads) for body in settings.bodies}
+    results = ResultsFolder(folder, NAME, {**settings.sample, "robot": settings.robot.describe()})
+    flat = {_flat_part(pressure): partial(on_flat, settings, pressure, threads) for pressure in settings.pressures}
+    hill = {_hill_part(*body): partial(on_hill, settings, body, threads) for body in settings.bodies}
     found = computed_arrays(results, "speeds", flat | hill, progress)
-    ways, climbs = np.array(found[: len(flat)]), np.array(found[len(flat) :])
+    return _report(folder, settings, found[: len(flat)], found[len(flat) :])
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write all that the study writes from the speeds that its folder keeps, of all bodies that it has begun."""
+    bodies = _begun(data)
+    settings = data.kept(NAME, lambda kept: SoftRobotMetrics(*bodies, *(kept[name] for name in SAMPLE)))
+    flat = [data.array(_flat_part(pressure), "speeds", "f2") for pressure in settings.pressures]
+    hill = [data.array(_hill_part(*body), "speeds", "f1") for body in settings.bodies]
+    for speeds in (*flat, *hill):
+        if speeds.shape not in ((2, settings.gaits), (settings.gaits,)):
+            raise ValueError(f"{data.folder}: a part has speeds of shape {speeds.shape}, not of {settings.gaits} gaits")
+    _report(folder, settings, flat, hill)
+
+
+def _begun(data: Data) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Pressures and orientations of which a folder has parts."""
+    names = " ".join(path.name for path in data.folder.glob("*.npz"))
+    on_hill = re.findall(r"\bhill_([\d.]+)_([\d.]+)-", names)
+    if not on_hill:
+        raise ValueError(
+            f"{data.folder}: it has no part on the hill (hill_PRESSURE_ORIENTATION), so there is no metric"
+        )
+    pressures = {float(pressure) for pressure, _ in on_hill} | set(map(float, re.findall(r"\bflat_([\d.]+)-", names)))
+    return tuple(sorted(pressures)), tuple(sorted({float(orientation) for _, orientation in on_hill}))
+
+
+def _flat_part(pressure: float) -> str:
+    """What the part of a body on flat ground is called."""
+    return f"flat_{pressure:g}"
+
+
+def _hill_part(pressure: float, orientation: float) -> str:
+    """What the part of a body on the hill is called."""
+    return f"hill_{pressure:g}_{orientation:g}"
+
+
+def _report(folder: Path, settings: SoftRobotMetrics, flat: Sequence[Floats], hill: Sequence[Floats]) -> dict[str, Any]:
+    """Write what follows from the speeds, by pressure on flat ground and by body on the hill."""
+    ways, climbs = np.array(flat), np.array(hill)
     level = (travel_directions(np.array(settings.orientations)) @ ways).reshape(climbs.shape)
     rows = rows_of(settings.bodies, np.stack([level, climbs], axis=1))
     thresholds = {name: list(least) for name, least in THRESHOLDS.items()}
-    summary = {**about, "thresholds": thresholds, "correlations": correlations(rows), "rows": rows}
+    summary = {**settings.sample, "thresholds": thresholds, "correlations": correlations(rows), "rows": rows}
     write_summary(folder, "metrics", summary)
     draw(rows, folder / "metrics.png")
     return summary
@@ -189,6 +236,7 @@ STUDY = Study(
         "full": SoftRobotMetrics(),
     },
     run=study,
+    tell=tell,
     writes=("metrics.csv", "metrics.png", "summary.json"),
     cost="20 h of two cores",
 )

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Count, Settings, Study
@@ -28,6 +29,7 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
+NAME = "hand-gait-sensitivity"
 FULL_PRESSURE = ACTUATION.round_pressure  # Pa, of the round robot
 
 
@@ -184,11 +186,39 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
     """Write a table, a figure and all numbers; more factors may follow in the same folder."""
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     parts = {
-        re.sub(r"\W+", "_", f"{name} {factor:.6g}"): partial(travelled, settings, variant, threads)
-        for (name, factor), variant in settings.variants.items()
+        _part(*change): partial(travelled, settings, variant, threads) for change, variant in settings.variants.items()
     }
-    lengths = computed_arrays(ResultsFolder(folder, "hand-gait-sensitivity", about), "lengths", parts, progress)
-    rows = rows_of(dict(zip(settings.variants, lengths, strict=True)), tuple(settings.behaviours))
+    lengths = computed_arrays(ResultsFolder(folder, NAME, about), "lengths", parts, progress)
+    return _report(folder, about, dict(zip(settings.variants, lengths, strict=True)))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write all that the study writes from the distances that its folder keeps; published factors only.
+
+    Names of parts have no more than six digits of a factor, too few to tell others from them.
+    """
+    about = data.kept(NAME, lambda settings: {name: settings[name] for name in ("robot", "repeats", "slope")})
+    usual, *changes = Sensitivity().variants
+    found = {usual: data.array(_part(*usual), "lengths", "f2")}
+    for change in changes:
+        if (part := data.part(_part(*change), lengths="f2")) is not None:
+            found[change] = part["lengths"]
+    for change, lengths in found.items():
+        if len(lengths) != len(Sensitivity().behaviours):
+            raise ValueError(
+                f"{data.folder}: part {_part(*change)} has {len(lengths)} behaviours, not those of the study"
+            )
+    _report(folder, about, found)
+
+
+def _part(name: str, factor: float) -> str:
+    """What the part of a change is called."""
+    return re.sub(r"\W+", "_", f"{name} {factor:.6g}")
+
+
+def _report(folder: Path, about: Mapping[str, Any], found: Mapping[tuple[str, float], Floats]) -> dict[str, Any]:
+    """Write what follows from distances, of shape (behaviours, copies), by change."""
+    rows = rows_of(found, tuple(Sensitivity().behaviours))
     summary = {**about, "survives_from": SURVIVES, "rows": rows}
     write_summary(folder, "sensitivity", summary, text_of(rows))
     draw(rows, folder / "sensitivity.png")
@@ -272,6 +302,7 @@ STUDY = Study(
     source="chapter 5, discussion of the simulator's parameters",
     scales={"small": Sensitivity(FEW_FACTORS, Robot(precision="f32", copies=5), repeats=1), "full": Sensitivity()},
     run=study,
+    tell=tell,
     writes=("sensitivity.md", "sensitivity.csv", "sensitivity.png", "summary.json"),
     cost="1 h of two cores",
 )

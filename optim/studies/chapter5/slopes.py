@@ -12,18 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, COLUMN, figure, legend_above
 from optim.experiments.results import Progress, write_summary
 from optim.experiments.study import Study
 from optim.experiments.tables import markdown, page
 from optim.measures.statistics import bootstrap_means
 from optim.plots import draw_band
-from optim.studies.chapter5.gaits import Case, Robot, shown, spread
+from optim.studies.chapter5.gaits import Case, Robot, kept_speeds, shown, spread
 from robots.inflatable.design import INCHING, ROLLING
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
+NAME = "slope-sweep"
 GAITS = {"rolling": ROLLING, "inching": INCHING}
 LEAST_COPIES = 5  # of fewer a bootstrap interval is hardly more than their range
 
@@ -45,9 +47,20 @@ class SlopeSweep:
 def study(folder: Path, settings: SlopeSweep, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a table, a figure, the transition and all numbers."""
     slopes, robot = settings.slopes, settings.robot
-    parts = ResultsFolder(folder, "slope-sweep", {"slopes": slopes, "robot": robot.describe()})
+    parts = ResultsFolder(folder, NAME, {"slopes": slopes, "robot": robot.describe()})
     cases = [Case(design, Terrain(slope)) for slope in slopes for design in GAITS.values()]
-    speeds = robot.speeds_in_parts(cases, parts, threads, progress).reshape(len(slopes), len(GAITS), robot.copies)
+    return _report(folder, slopes, robot.speeds_in_parts(cases, parts, threads, progress))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write all that the study writes from the speeds that its folder keeps."""
+    slopes = data.kept(NAME, lambda settings: SlopeSweep(tuple(settings["slopes"])).slopes)
+    _report(folder, slopes, kept_speeds(data, len(slopes) * len(GAITS)))
+
+
+def _report(folder: Path, slopes: Sequence[float], played: Floats) -> dict[str, Any]:
+    """Write what follows from the speeds of both gaits on each slope, of shape (cases, copies)."""
+    speeds = played.reshape(len(slopes), len(GAITS), -1)
     rows = [
         {"slope": slope, "gait": gait, **spread(copies)}
         for slope, both in zip(slopes, speeds, strict=True)
@@ -155,5 +168,6 @@ STUDY = Study(
         "full": SlopeSweep(),
     },
     run=study,
+    tell=tell,
     writes=("slopes.md", "slopes.csv", "slopes.png", "summary.json"),
 )

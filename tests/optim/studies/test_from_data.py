@@ -11,8 +11,9 @@ from optim.experiments.data import Data
 from optim.studies.catalogue import STUDIES
 
 DATA = Path(__file__).parents[3] / "docs/data"
-NOT_RUN = {"evolving-bodies"}  # yet, at a budget that shows anything
-TOLD = [name for name in STUDIES if STUDIES[name].tell is not None and name not in NOT_RUN]
+# No data, or too little of it.
+NOT_THERE = ("evolving-bodies", "pouches-and-learning", "slope-sweep", "hand-gait-sensitivity", "soft-robot-metrics")
+TOLD = [name for name in STUDIES if STUDIES[name].tell is not None and name not in NOT_THERE]
 
 
 def close(one, other):
@@ -104,6 +105,13 @@ def test_bad_input_is_told(tmp_path, monkeypatch, capsys, options, message):
     assert cli.main(["reproduce", *options, "--out", "out"]) == 2
     assert message in capsys.readouterr().err
     assert not Path("out").exists()
+
+
+def test_data_of_which_nothing_can_be_told_say_what_is_missing(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert cli.main(["reproduce", "soft-robot-metrics", "--from-data", str(DATA), "--out", str(out)]) == 2
+    message = "soft-robot-metrics: it has no part on the hill (hill_PRESSURE_ORIENTATION), so there is no metric"
+    assert capsys.readouterr().err.endswith(f"{message}\n") and not out.exists()
 
 
 def test_a_folder_that_holds_something_stays(tmp_path, capsys):

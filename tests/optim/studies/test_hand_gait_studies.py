@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from graded import QUICK, TINY
 
+from optim.experiments.data import Data
 from optim.studies.chapter5 import friction, metrics, sensitivity, slopes
 from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.metrics import draw
@@ -18,6 +19,7 @@ from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import travel_directions
 from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
+from taichi_sim.base.results_folder import ResultsFolder
 
 TWO = Robot(copies=2)
 
@@ -58,7 +60,7 @@ def test_the_committed_speeds_of_friction_sweeps_make_their_table_and_nothing_is
 
 def test_the_largest_deviation_from_the_published_speeds_is_told():
     settings = friction.FrictionSweeps(TWO, {"difference": [(0.0, 2.0, 0.06), (0.5, 1.5, 0.03), (1.0, 1.0, 0.0)]})
-    rows = friction.rows_of(settings, np.array([[0.061, 0.063], [0.02, 0.03], [np.nan, np.nan]]))
+    rows = friction.rows_of(settings.listed, np.array([[0.061, 0.063], [0.02, 0.03], [np.nan, np.nan]]))
     worst = friction.largest_deviation(rows)
     assert worst == {"low": 0.5, "high": 1.5, "difference": pytest.approx(-0.005), "within": 1, "of": 3}
     text = friction.text_of(rows, worst)
@@ -282,6 +284,82 @@ def test_one_run_on_flat_ground_tells_the_speeds_of_all_orientations(monkeypatch
     speeds = robot.play(cases).distance / (TINY.body_length * counted)
     found = travel_directions(np.array(settings.orientations)) @ ways[:, 0]
     assert found == pytest.approx(speeds, rel=1e-3) and (found != 0).all()
+
+
+SMALL_STUDIES = {
+    friction: friction.FrictionSweeps(TWO),
+    slopes: slopes.SlopeSweep((0.0, 7.5, 15.0), Robot(copies=3)),
+    sensitivity: sensitivity.Sensitivity({"density": (0.5, 2.0), "voxels per bladder": (2 / 3,)}, TWO),
+    metrics: metrics.SoftRobotMetrics((0.0, 12e3), (22.5, 90.0), gaits=5),
+}
+
+
+def told_again(study, data, folder):
+    """What a study makes of the data in a folder, by name."""
+    folder.mkdir(exist_ok=True)
+    study.STUDY.tell(Data(data), folder)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("study", SMALL_STUDIES, ids=lambda study: study.NAME)
+def test_a_study_is_told_again_from_what_its_folder_keeps(simulator, tmp_path, study):
+    study.study(tmp_path / "a", SMALL_STUDIES[study])
+    simulator.calls.clear()
+    found = told_again(study, tmp_path / "a", tmp_path / "b")
+    assert set(found) == set(study.STUDY.writes) and not simulator.calls
+    for name, content in found.items():
+        assert content == (tmp_path / "a" / name).read_bytes(), name
+
+
+@pytest.mark.parametrize(
+    ("study", "part", "message"),
+    [
+        (friction, "speeds_1", "its part speeds_1 is missing"),
+        (slopes, "slope-sweep", "holds no slope-sweep"),
+        (sensitivity, "unchanged_1", "its part unchanged_1 is missing"),
+        (metrics, "flat_12000", "its part flat_12000 is missing"),
+        (metrics, "hill_0_22.5", "its part hill_0_22.5 is missing"),
+    ],
+)
+def test_a_part_that_is_missing_is_told(simulator, tmp_path, study, part, message):
+    study.study(tmp_path / "a", SMALL_STUDIES[study])
+    (lost,) = [path for path in (tmp_path / "a").iterdir() if path.stem == part or path.name.startswith(f"{part}-")]
+    lost.unlink()
+    with pytest.raises(ValueError) as error:
+        told_again(study, tmp_path / "a", tmp_path / "b")
+    assert str(error.value) == f"{tmp_path / 'a'}: {message}"
+    assert not list((tmp_path / "b").iterdir())
+
+
+@pytest.mark.parametrize(
+    ("study", "kept", "message"),
+    [
+        (friction, {"cases": []}, "friction-sweeps.json: cases: none is there; give at least one"),
+        (friction, {}, "friction-sweeps.json: 'cases' is missing"),
+        (
+            friction,
+            {"cases": [{"terrain": {"low_friction": 0.5, "high_friction": 1.0}}]},
+            "friction-sweeps.json: cases: friction of 0.5 and 1.0 is none of the published points",
+        ),
+        (slopes, {"slopes": [3.0, 0.0]}, "slope-sweep.json: slopes: (3.0, 0.0) are not allowed; give at least two"),
+        (
+            friction,
+            {"cases": [{"terrain": {"low_friction": 0.2, "high_friction": 1.8}}]},
+            "its parts have 2 cases of 8 copies; give 1 of as many each",
+        ),
+        (sensitivity, {"robot": {}}, "hand-gait-sensitivity.json: 'repeats' is missing"),
+        (metrics, {"gaits": 5, "slope": 15.0, "seed": 1}, "a part has speeds of shape (2, 2), not of 5 gaits"),
+    ],
+)
+def test_settings_that_do_not_fit_their_parts_are_told(tmp_path, study, kept, message):
+    folder = ResultsFolder(tmp_path / "a", study.NAME, kept)
+    for number in range(3):
+        folder.add(f"speeds_{number}", b"", speeds=np.zeros((2, 8)))
+    folder.add("flat_0", b"", speeds=np.zeros((2, 2)))
+    folder.add("hill_0_0", b"", speeds=np.zeros(2))
+    with pytest.raises(ValueError) as error:
+        told_again(study, tmp_path / "a", tmp_path / "b")
+    assert message in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(

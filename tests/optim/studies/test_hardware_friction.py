@@ -10,6 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from optim import cli
+from optim.experiments.data import Data
+from optim.experiments.tables import write_records
 from optim.studies.chapter5 import hardware_friction
 from optim.studies.chapter5.gaits import Robot
 from optim.studies.chapter5.hardware_friction import HardwareFriction
@@ -153,6 +156,27 @@ def test_nearby_sets_of_the_docs_are_those_of_the_data(simulator, tmp_path):
     told = (tmp_path / "a/hardware.md").read_text().splitlines()
     lines = [line for line in told if line.startswith("| simulator | physical | feet as measured")]
     assert not simulator.calls and len(lines) == len(sets) == 4 and all(line in docs for line in lines)
+
+
+def test_nearby_sets_are_told_again_from_their_table(simulator, tmp_path, capsys):
+    out, data = tmp_path / "out", DOCS / "data/hardware-friction/near"
+    assert cli.main(["reproduce", "hardware-friction", "--from-data", str(data), "--out", str(out)]) == 0
+    told, docs = (out / "hardware.md").read_text().splitlines(), (DOCS / "hardware-speeds.md").read_text()
+    lines = [line for line in told if line.startswith("| simulator | physical | feet as measured")]
+    assert len(lines) == 4 and all(line in docs for line in lines) and not simulator.calls
+    assert {path.name for path in out.iterdir()} == set(hardware_friction.STUDY.writes) - {"copies.csv"}
+
+
+def test_tables_of_copies_of_which_nothing_can_be_told_are_refused(tmp_path):
+    for copies, message in (
+        (copies_of([1.0] * 4)[2:], "copies.csv: no parameters have speeds in all conditions, which are inching, wood;"),
+        ([{**copies_of([1.0] * 4)[0], "measured": 0}], "copies.csv: measured: 0 is not allowed; give a positive"),
+        ([{**copies_of([1.0] * 4)[0], "condition": "rolling, ice"}], "row 1 has 'rolling, ice' as condition; allowed"),
+    ):
+        write_records(tmp_path / "copies.csv", copies)
+        with pytest.raises(ValueError) as error:
+            hardware_friction.tell(Data(tmp_path), tmp_path / "out")
+        assert message in str(error.value) and "\n" not in str(error.value)
 
 
 def test_the_dissertations_calibration_is_that_of_its_measurements():

@@ -1,14 +1,19 @@
 """Gaits for a real floor: waves, and what the study writes."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from optim.experiments.tables import read_records
+from optim.experiments.data import Data
+from optim.experiments.tables import read_records, write_records
 from optim.studies.beyond import robust_gaits
 from optim.studies.beyond.robust_gaits import RobustGaits, study, waves
 from robots.inflatable.design import load_design
+
+DATA = Path(__file__).parents[3] / "docs/data/robust-gaits"
 
 
 def test_waves_are_all_necklaces_once():
@@ -29,6 +34,24 @@ def test_settings_are_checked():
     ):
         with pytest.raises(ValueError, match="^" + message):
             RobustGaits(**bad)
+
+
+def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(tmp_path):
+    """Of committed draws: none of them is of a gait without draws."""
+    robust_gaits.tell(Data(DATA), tmp_path)
+    table = (tmp_path / "table.md").read_text()
+    assert table.startswith("Speeds with bladders that weigh, under 64 draws that no search has seen")
+    assert "| robust 9°, played twice as long | f32 | – | 0.3434 |" in table and "100 % | – | 64 |" in table
+    assert "| nominal 9° | f32 | – | 0.2390 |" in table and "89 % | 3.9 | 64 |" in table
+
+
+def test_a_gait_without_held_out_draws_is_told(tmp_path):
+    """In one line."""
+    shutil.copy(DATA / "screen.csv", tmp_path)
+    draws = read_records(DATA / "draws.csv")
+    write_records(tmp_path / "draws.csv", [*draws, {**draws[0], "gait": "still", "draw": -1}])
+    with pytest.raises(ValueError, match=r"draws\.csv: gait still has no held-out draw"):
+        robust_gaits.tell(Data(tmp_path), tmp_path / "out")
 
 
 @pytest.mark.slow
@@ -57,6 +80,11 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     assert len(draws) == 6 * 3 and np.isfinite([row["speed"] for row in draws]).all()
     assert load_design(tmp_path / "gaits" / "flat-body-0.json").pressure == 0
     table = (tmp_path / "table.md").read_text()
+    (tmp_path / "again").mkdir()
+    robust_gaits.tell(Data(tmp_path), tmp_path / "again")
+    for path in (tmp_path / "again").iterdir():
+        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
+    shutil.rmtree(tmp_path / "again")
     monkeypatch.setattr(robust_gaits, "judge", None)
     monkeypatch.setattr(robust_gaits, "InflatableRobot", None)
     study(tmp_path, settings, threads=2)

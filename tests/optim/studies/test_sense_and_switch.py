@@ -1,11 +1,14 @@
 """Machines that notice a change of ground by their senses, on courses."""
 
 import json
+import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from optim.experiments.tables import read_records
+from optim.experiments.data import Data
+from optim.experiments.tables import read_records, write_records
 from optim.studies.beyond.sense_and_switch.machine import Grounds, machine
 from optim.studies.beyond.sense_and_switch.noticing import LAST, noticed
 from optim.studies.beyond.sense_and_switch.pilots import Crew, by_chance, exploring, fixed, samples, staying, told
@@ -15,6 +18,7 @@ from robots.lattice_robot.repertoire import Played, Repertoire
 from robots.world import Terrain
 
 GROUNDS = Grounds(0.12, 8.0, 0.004, 0.05)
+DATA = Path(__file__).parents[3] / "docs/data/sense-and-switch"
 COURSE = GROUNDS.course(FIRST_HELD_OUT)
 
 
@@ -110,6 +114,33 @@ def test_the_share_that_is_kept_has_an_interval_over_seeds_and_courses():
     assert low < 0.6 < share < 0.95 < high
 
 
+@pytest.mark.parametrize(
+    ("table", "lost", "message"),
+    [
+        ("runs.csv", 3, "runs.csv: it lacks rows of machine sensing, no hysteresis of seed 0, or has others; give "),
+        (
+            "gaits.csv",
+            1,
+            "gaits.csv: seed 0 must have gaits level, slope, ridges, slippery, of which one is best_alone",
+        ),
+    ],
+)
+def test_tables_that_are_not_whole_are_told(tmp_path, table, lost, message):
+    shutil.copytree(DATA, tmp_path / "a")
+    rows = read_records(DATA / table)
+    write_records(tmp_path / "a" / table, rows[:lost] + rows[lost + 1 :])
+    with pytest.raises(ValueError) as error:
+        STUDY.tell(Data(tmp_path / "a"), tmp_path / "out")
+    assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_study_without_changes_of_ground_is_told(tmp_path):
+    shutil.copytree(DATA, tmp_path / "a")
+    (tmp_path / "a/changes.csv").write_text("seed,course,machine,from,to,looks\n")
+    STUDY.tell(Data(tmp_path / "a"), tmp_path)
+    assert json.loads((tmp_path / "summary.json").read_text())["noticed"] == {}
+
+
 @pytest.mark.kernels
 @pytest.mark.slow
 def test_the_study_goes_on_where_it_was(tmp_path):
@@ -121,6 +152,11 @@ def test_the_study_goes_on_where_it_was(tmp_path):
     assert all((tmp_path / "a" / name).stat().st_size for name in STUDY.writes)
     names = ("runs.csv", "gaits.csv", "changes.csv", "summary.json", "table.md")
     before = {name: (tmp_path / "a" / name).read_bytes() for name in names}
+    (tmp_path / "told").mkdir()
+    STUDY.tell(Data(tmp_path / "a"), tmp_path / "told")
+    told_again = {path.name: path.read_bytes() for path in (tmp_path / "told").iterdir()}
+    assert set(told_again) == {"table.md", "summary.json", "course.png"}
+    assert all(content == (tmp_path / "a" / name).read_bytes() for name, content in told_again.items())
     for name in ("judged5001", "slope", f"tuned{settings.training[0]}"):
         (lost,) = (tmp_path / "a/parts/0").glob(f"{name}-*.npz")
         lost.unlink()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, figure
+from optim.experiments.figures import COLOURS, COLUMN, PAGE, figure
 from optim.experiments.tables import Record, where
 from robots.course import KINDS, Course
 from taichi_sim.base.arrays import Floats, Ints
@@ -29,23 +29,29 @@ class Example:
         names: of the machines that are shown, shape (B,).
         gaits: that they played, shape (B, L).
         places: of their middles [m], shape (B, L).
-        look: seconds from one look to the next.
     """
 
     course: Course
     names: Sequence[str]
     gaits: Ints
     places: Floats
-    look: float
 
 
-def draw(path: Path, example: Example, machines: Mapping[str, Mapping[str, Any]], events: Sequence[Record]) -> None:
-    """Write the picture."""
-    with figure(path, PAGE, 4.6, nrows=2, ncols=2, width_ratios=(1.5, 1)) as (_, axes):
-        _course(axes[0, 0], example)
-        _time(axes[1, 0], example)
-        _shares(axes[0, 1], machines)
-        _delays(axes[1, 1], events, example.look)
+def draw(
+    path: Path,
+    example: Example | None,
+    machines: Mapping[str, Mapping[str, Any]],
+    events: Sequence[Record],
+    look: float,
+) -> None:
+    """Write the picture; without an example only its right half. A look is so many seconds from the next."""
+    columns: dict[str, Any] = {"ncols": 2, "width_ratios": (1.5, 1)} if example else {}
+    with figure(path, PAGE if example else COLUMN, 4.6, nrows=2, **columns) as (_, axes):
+        if example:
+            _course(axes[0, 0], example)
+            _time(axes[1, 0], example, look)
+        _shares(axes[0, -1], machines)
+        _delays(axes[1, -1], events, look)
 
 
 def _course(axes: "Axes", example: Example) -> None:
@@ -69,9 +75,9 @@ def _course(axes: "Axes", example: Example) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=len(KINDS), handlelength=1.0, columnspacing=1.0)
 
 
-def _time(axes: "Axes", example: Example) -> None:
+def _time(axes: "Axes", example: Example, look: float) -> None:
     """How far each machine of the example is, over time."""
-    times = example.look * np.arange(example.places.shape[1])
+    times = look * np.arange(example.places.shape[1])
     for row, name in enumerate(example.names):
         axes.plot(times, example.places[row], color=LINES[row], label=name)
     axes.set(xlabel="time [s]", ylabel="along the way [m]")

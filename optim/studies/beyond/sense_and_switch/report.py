@@ -17,7 +17,8 @@ from taichi_sim.base.files import write_text
 
 LOOK = 1.0 / (FREQUENCY * SEGMENTS)  # s from one look to the next
 RESAMPLES = 10_000
-TOLD, TOLD_STAYING, BEST = "told", "told, staying", "best single gait"
+TOLD, TOLD_STAYING, BEST, CHANCE = "told", "told, staying", "best single gait", "by chance"
+RULES = ("sensing", "sensing, no hysteresis")
 HEADER = (
     "machine",
     "distance [m]",
@@ -86,7 +87,7 @@ def report(
     """Write ``summary.json`` and ``table.md``, which follow from the tables; what each kind of machine did."""
     seconds = _seconds(settings)
     every = with_best(rows, gaits)
-    names = [TOLD, TOLD_STAYING, "sensing", "sensing, no hysteresis", BEST, "by chance"]
+    names = [TOLD, TOLD_STAYING, *RULES, BEST, CHANCE]
     names += [name for name in distinct(rows, "machine") if name not in names]
     found = {name: _summary(every, name, seconds) for name in names}
     seen = {name: told for name in names if (told := _noticed(events, name))}

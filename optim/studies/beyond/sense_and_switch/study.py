@@ -9,11 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.data import Data, Kind, columns_of
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study, Whole
@@ -33,7 +35,7 @@ from optim.studies.beyond.sense_and_switch.pilots import (
     staying,
     told,
 )
-from optim.studies.beyond.sense_and_switch.report import LOOK, TOLD, TOLD_STAYING, report
+from optim.studies.beyond.sense_and_switch.report import CHANCE, LOOK, RULES, TOLD, TOLD_STAYING, report
 from robots.control.switching import Switching, fitted
 from robots.course import KINDS
 from robots.lattice_robot.repertoire import Played
@@ -46,7 +48,25 @@ FIRST_TRAINED, FIRST_HELD_OUT = 1000, 5000  # seeds of courses
 WINDOW = 16  # looks that features are of: one cycle
 MARGINS, STAYS = (0.0, 0.1, 0.2, 0.4), (16, 32)
 EXPLORERS = 6  # machines on every training course of which readings are taken
-CHANGE = ("seed", "course", "machine", "from", "to", "looks")  # columns of the table of changes
+# Columns of the tables of machines on courses, of changes, and of gaits.
+WENT: dict[str, Kind] = {
+    "machine": str,
+    **columns_of("seed course switches false", int),
+    **columns_of("distance right", float),
+}
+CHANGE: dict[str, Kind] = {
+    **columns_of("seed course", int),
+    "machine": str,
+    "from": KINDS,
+    "to": KINDS,
+    "looks": int | None,
+}
+SEARCHED: dict[str, Kind] = {
+    "seed": int,
+    "gait": KINDS,
+    **columns_of(" ".join(f"on_{kind}" for kind in KINDS), float),
+    "best_alone": bool,
+}
 ALONE = "always {}"  # machines with one gait
 
 
@@ -127,7 +147,7 @@ class Part:
     def __init__(self, folder: Path, settings: SenseAndSwitch, seed: int) -> None:
         """Continue the seed's folder."""
         described = {"seed": seed, **settings.lasting("seeds", "held_out")}
-        self.kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", described)
+        self.kept = ResultsFolder(_parts(folder, seed), "seed", described)
         self.settings, self.seed, self.grounds = settings, seed, settings.grounds
 
     def repertory(self, progress: Progress) -> Repertory:
@@ -191,7 +211,7 @@ class Part:
                 *_alone(found),
             ]
         )
-        names = [TOLD, TOLD_STAYING, *rules, "by chance", *(ALONE.format(kind) for kind in KINDS)]
+        names = [TOLD, TOLD_STAYING, *rules, CHANCE, *(ALONE.format(kind) for kind in KINDS)]
         played = self._course("judged", found, seed, crew)
         went, rows, events = distances(played), list[Record](), list[Noticed]()
         for row, name in enumerate(names):
@@ -215,7 +235,7 @@ def seed_part(
     found = part.repertory(part_of(progress, 0, 10, 5))
     plain = part.fitted(found, part_of(progress, 5, 10))
     tuned, best = part.tuned(found, plain, part_of(progress, 6, 10))
-    rules = {"sensing": tuned, "sensing, no hysteresis": plain}
+    rules = dict(zip(RULES, (tuned, plain), strict=True))
     rows, events = list[Record](), list[Noticed]()
     for number in range(settings.held_out):
         more, changes = part.judged(found, rules, number)
@@ -247,26 +267,72 @@ def study(folder: Path, settings: SenseAndSwitch, progress: Progress = None, job
         for table, more in zip(tables, part({}, part_of(progress, seed, len(parts))), strict=True):
             table += more
         write_records(folder / TABLE, tables[0])
-        write_table(folder / EVENTS, CHANGE, [[change[name] for name in CHANGE] for change in tables[1]])
+        write_table(folder / EVENTS, tuple(CHANGE), [[change[name] for name in CHANGE] for change in tables[1]])
         write_records(folder / GAITS, tables[2])
-    machines = report(folder, settings, *tables)
-    draw(folder / "course.png", _example(folder, settings, tables[0]), machines, tables[1])
+    _report(folder, settings, *tables, folder)
 
 
-def _example(folder: Path, settings: SenseAndSwitch, rows: Sequence[Record]) -> Example:
-    """Of the first repertoire the held-out course on which the sensing machine keeps its median share."""
+def tell(data: Data, folder: Path) -> None:
+    """Write table, summary and figure from the tables; without panels of a course where no run is kept beside them."""
+    settings = data.settings(SenseAndSwitch)
+    rows, gaits = sorted(data.records(TABLE, WENT), key=itemgetter("seed")), data.records(GAITS, SEARCHED)
+    _check_whole(data, settings, rows, gaits)
+    _report(folder, settings, rows, data.records(EVENTS, CHANGE, may_be_empty=True), gaits, data.folder)
+
+
+def _check_whole(data: Data, settings: SenseAndSwitch, rows: Sequence[Record], gaits: Sequence[Record]) -> None:
+    """Refuse tables in which a machine, a repertoire or a course of the settings is missing."""
+    courses = [FIRST_HELD_OUT + number for number in range(settings.held_out)]
+    machines = (TOLD, TOLD_STAYING, *RULES, CHANCE, *(ALONE.format(kind) for kind in KINDS))
+    for seed, name in product(range(settings.seeds), machines):
+        if [row["course"] for row in where(rows, seed=seed, machine=name)] != courses:
+            told = f"lacks rows of machine {name} of seed {seed}, or has others; give courses"
+            raise ValueError(f"{data.folder / TABLE}: it {told} {courses[0]} to {courses[-1]} once, in this order")
+    for seed in range(settings.seeds):
+        own = where(gaits, seed=seed)
+        if tuple(row["gait"] for row in own) != KINDS or sum(row["best_alone"] for row in own) != 1:
+            kinds = ", ".join(KINDS)
+            raise ValueError(f"{data.folder / GAITS}: seed {seed} must have gaits {kinds}, of which one is best_alone")
+    if len(rows) != settings.seeds * len(courses) * len(machines) or len(gaits) != settings.seeds * len(KINDS):
+        raise ValueError(f"{data.folder}: its tables have other rows than {settings.seeds} seeds of its settings")
+
+
+def _report(
+    folder: Path,
+    settings: SenseAndSwitch,
+    rows: Sequence[Record],
+    events: Sequence[Record],
+    gaits: Sequence[Record],
+    parts: Path,
+) -> None:
+    """Write what follows from the tables, and from the run whose parts are in a folder, if they are."""
+    machines = report(folder, settings, rows, events, gaits)
+    draw(folder / "course.png", _example(parts, settings, rows), machines, events, LOOK)
+
+
+def _example(folder: Path, settings: SenseAndSwitch, rows: Sequence[Record]) -> Example | None:
+    """Of the first repertoire the held-out course on which the sensing machine keeps its median share.
+
+    None where what machines did there is not kept.
+    """
     own = where(rows, seed=0)
     whole, part = (column(where(own, machine=name), "distance") for name in (TOLD, "sensing"))
     shares = part / np.where(whole > 0, whole, np.inf)
     number = int(np.argsort(shares, kind="stable")[len(shares) // 2])
-    part_of_seed = Part(folder, settings, 0)
-    (arrays,) = part_of_seed.kept.load(f"judged{FIRST_HELD_OUT + number}")
     names = distinct(own, "machine")
+    arrays = Data(_parts(folder, 0)).part(f"judged{FIRST_HELD_OUT + number}", gaits="i2", places="f2")
+    if arrays is None or len(arrays["gaits"]) != len(names):
+        return None
     best = int(np.argmax([column(where(own, machine=ALONE.format(kind)), "distance").mean() for kind in KINDS]))
-    shown = [TOLD, "sensing", "sensing, no hysteresis", "by chance", ALONE.format(KINDS[best])]
+    shown = [TOLD, *RULES, CHANCE, ALONE.format(KINDS[best])]
     chosen = [names.index(name) for name in shown]
     gaits, places = arrays["gaits"][chosen], arrays["places"][chosen]
-    return Example(settings.grounds.course(FIRST_HELD_OUT + number), shown, gaits, places, LOOK)
+    return Example(settings.grounds.course(FIRST_HELD_OUT + number), shown, gaits, places)
+
+
+def _parts(folder: Path, seed: int) -> Path:
+    """Where what a seed has computed is kept."""
+    return folder / "parts" / f"{seed}"
 
 
 STUDY = Study(
@@ -280,6 +346,7 @@ STUDY = Study(
         "full": SenseAndSwitch(seeds=10, generations=150, further=100, trained=16, held_out=64, cycles=60),
     },
     run=study,
+    tell=tell,
     writes=("table.md", TABLE, EVENTS, GAITS, "summary.json", "course.png"),
     cost="about three hours of a core; medium takes 20 minutes",
 )
