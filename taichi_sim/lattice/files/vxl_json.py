@@ -57,10 +57,9 @@ def read_vxl_json(text: str) -> VoxelFile:
     if index.min() < 0 or index.max() >= len(found):
         raise ValueError(f"voxels: material {index.max()} is unknown; the file has 0 to {len(found) - 1}")
     fixed, loads = _externals(_list(document, "externals", needed=False), len(voxels))
-    regions, cut_links, normals = _own(document.get(_OWN, {}), labels(index, loads))
-    body = LatticeBody(
-        voxels, tuple(m for m, _ in found), index, _number(document, "voxelSize"), regions, cut_links, fixed, normals
-    )
+    own = _own(document.get(_OWN, {}), labels(index, loads))
+    materials = tuple(m for m, _ in found)
+    body = LatticeBody(voxels, materials, index, _number(document, "voxelSize"), fixed=fixed, **own)
     if document.get("relativeAmbientTemperature"):
         ignored.append("relativeAmbientTemperature")
     gravity, floor = document.get("gravityAcceleration"), document.get("floorEnabled")
@@ -98,6 +97,7 @@ def write_vxl_json(file: VoxelFile) -> str:
         "regions": np.asarray(body.regions).tolist(),
         "cutLinks": body.cut_links.tolist() or None,
         "pressureNormals": normals.tolist() if normals.any() else None,
+        "chambers": np.asarray(body.chambers).tolist() if body.has_chambers else None,
     }
     return json.dumps({**document, **_given(optional), _OWN: _given(own)}, allow_nan=False)
 
@@ -151,8 +151,8 @@ def _whole(given: Any, name: str) -> Ints:
     return numbers.astype(np.int64)
 
 
-def _own(record: Any, regions: Ints) -> tuple[Ints, Ints, Ints]:
-    """Read the entries that only this project writes: regions, cut links and pressure normals.
+def _own(record: Any, regions: Ints) -> dict[str, Ints]:
+    """Read the entries that only this project writes: regions, cut links, pressure normals and chambers.
 
     Without regions in the file, those given are returned.
     """
@@ -160,14 +160,27 @@ def _own(record: Any, regions: Ints) -> tuple[Ints, Ints, Ints]:
         raise ValueError(f"{_OWN}: it is no object")
     if "regions" in record:
         regions = _whole(record["regions"], "regions")
-        if regions.max(initial=0) >= max(len(regions), 1):  # labels are counted, and memory is taken for each
-            raise ValueError(f"regions: label {regions.max()} is not allowed; give 0 to {len(regions) - 1}")
+        _check_labels("regions", regions)
+    chambers = _whole(record.get("chambers", [0] * len(regions)), "chambers")
+    _check_labels("chambers", chambers)
     links = record.get("cutLinks", [])
     normals = record.get("pressureNormals", [[0, 0, 0]] * len(regions))
     try:
-        return regions, np.array(links, np.int64).reshape(-1, 2), np.array(normals, np.int64).reshape(-1, 3)
+        return {
+            "regions": regions,
+            "cut_links": np.array(links, np.int64).reshape(-1, 2),
+            "pressure_normals": np.array(normals, np.int64).reshape(-1, 3),
+            "chambers": chambers,
+        }
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{_OWN}: cutLinks or pressureNormals are damaged") from None
+
+
+def _check_labels(name: str, labels: Ints) -> None:
+    """Refuse labels beyond the voxels: they are counted, and memory is taken for each."""
+    if labels.min(initial=0) < 0 or labels.max(initial=0) >= max(len(labels), 1):
+        found = labels.min() if labels.min() < 0 else labels.max()
+        raise ValueError(f"{name}: label {found} is not allowed; give 0 to {len(labels) - 1}")
 
 
 def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tuple[Material, list[int]]:

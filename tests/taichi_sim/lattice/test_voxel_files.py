@@ -296,6 +296,7 @@ def random_robot(seed):
         pairs[rng.permutation(len(pairs))[:4]],
         rng.random((count, 6)) < 0.2,
         rng.integers(-1, 2, (count, 3)),
+        rng.integers(0, 3, count),
     )
     rows = lambda width: np.round(rng.normal(size=(3, width)), 1)[rng.integers(0, 3, count)]  # noqa: E731
     colours = rng.integers(0, 256, (3, 4)).astype(np.uint8)
@@ -308,7 +309,7 @@ def test_export_then_import_is_the_identity(tmp_path, seed):
     save_vxl_json(robot, tmp_path / "robot.vxl.json")
     again = load_voxel_file(tmp_path / "robot.vxl.json")
     assert again.body.materials == robot.body.materials and again.body.voxel_size == robot.body.voxel_size
-    for name in ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals"):
+    for name in ("voxels", "material_index", "regions", "cut_links", "fixed", "pressure_normals", "chambers"):
         assert np.array_equal(getattr(again.body, name), getattr(robot.body, name)), name
     for name in ("colours", "force", "moment", "displacement", "gravity", "floor", "heat"):
         assert np.array_equal(getattr(again, name), getattr(robot, name)), name
@@ -336,10 +337,13 @@ def test_export_then_import_is_the_identity(tmp_path, seed):
         (vxl(ROWS, externals=[{**HELD, "force": [1]}]), "externals: one is damaged"),
         (vxl(ROWS, morpholab={"regions": [0, 1, 2, 3, 4, 2**40]}), "regions: it is no list of whole numbers"),
         (vxl(ROWS, morpholab={"regions": [0, 1, 2, 3, 4, 10**6]}), "regions: label 1000000 is not allowed"),
+        (vxl(ROWS, morpholab={"chambers": [0, 1, 2, 3, 4, 10**6]}), "chambers: label 1000000 is not allowed"),
+        (vxl(ROWS, morpholab={"chambers": [0, 0, -1, 0, 0, 0]}), "chambers: label -1 is not allowed; give 0 to 5"),
+        (vxl(ROWS, morpholab={"chambers": [0, 1]}), "chambers: "),
         (vxl(ROWS, morpholab={"cutLinks": [[0, 5]]}), "cut_links: (0, 5) are not neighbouring voxels"),
         (vxl(ROWS, morpholab={"cutLinks": [[0]]}), "morpholab: cutLinks or pressureNormals are damaged"),
     ],
-    ids=range(20),
+    ids=range(23),
 )
 def test_broken_json_is_refused_in_one_line(tmp_path, text, message):
     with pytest.raises(ValueError, match=r"robot\.vxl\.json: ") as error:
