@@ -141,6 +141,7 @@ KINDS = _Kinds(
         "freeform": "robots.freeform.kind:FreeformKind",
         "lattice": "robots.lattice_robot.kind:LatticeRobotKind",
         "articulated": "robots.articulated.kind:ArticulatedKind",
+        "pouch": "robots.inflatable.feeling_kind:PouchKind",
         "quadruped": "robots.quadruped.kind:QuadrupedKind",
         "rover": "robots.rover.kind:RoverKind",
         "vehicle": "robots.braitenberg.kind:VehicleKind",

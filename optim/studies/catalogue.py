@@ -27,6 +27,7 @@ STUDIES: Registry[Study] = Registry(
         "gait-climb": "optim.studies.beyond.gait_hunt.climb:STUDY",
         "tasks": "optim.studies.beyond.tasks:STUDY",
         "body-and-learning": "optim.studies.beyond.body_and_learning.study:STUDY",
+        "pouches-and-learning": "optim.studies.beyond.body_and_learning.pouches:STUDY",
         "evolving-bodies": "optim.studies.beyond.evolving_bodies:STUDY",
         "evolving-vehicles": "optim.studies.beyond.evolving_vehicles.study:STUDY",
         "universal-control": "optim.studies.beyond.body_and_learning.universal:STUDY",

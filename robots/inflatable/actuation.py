@@ -95,6 +95,13 @@ class InflatableActuation:
         """Coulomb coefficient of the bladders."""
         return self.high_friction / 3 if self.bladder_friction is None else self.bladder_friction
 
+    def growth(self, pressure: Any) -> tuple[float, Any, float]:
+        """Growth of a bladder per growth in thickness at a core pressure [Pa]: across, along, through."""
+        along = (
+            self.lengthening_flat + (self.lengthening_round - self.lengthening_flat) * pressure / self.round_pressure
+        )
+        return self.widening, 1 / along, 1.0
+
     def initial_steps(self, pressure: float) -> int:
         """Steps of the initialisation: a ramp to a core pressure [Pa], the highest of several, then a hold."""
         ramp = math.floor(pressure / self.pressure_ramp) + 1 if self.ramp_steps is None else self.ramp_steps

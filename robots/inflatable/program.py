@@ -325,7 +325,7 @@ class RobotEvents:
         moves, arrives = np.flatnonzero(motion.moving), np.flatnonzero(motion.arrives)
         done = step + motion.moving[arrives]
         rate = motion.direction * motion.rate
-        for axis, share in enumerate(_growth(self.felt, a)):
+        for axis, share in enumerate(a.growth(self.felt)):
             if axis == 1 and column.pressures:
                 self._lengthen(column, step)
                 continue
@@ -349,7 +349,7 @@ class RobotEvents:
         pressures = (before, before + (after - before) * (time / column.motion_steps), after)
         levels = (motion.levels, motion.ends, motion.ends)
         start, arrived, end = (
-            1.0 + _growth(p, a)[1] * (level - a.deflated) for p, level in zip(pressures, levels, strict=True)
+            1.0 + a.growth(p)[1] * (level - a.deflated) for p, level in zip(pressures, levels, strict=True)
         )
         rate = (arrived - start)[moves] / time[moves]
         self._set(along, start[moves] + rate, FIRST_BLADDER + moves, step, rate)
@@ -371,9 +371,3 @@ class RobotEvents:
 
 def _times(factor: Array, vector: Vector) -> Vector:
     return factor * vector[0], factor * vector[1], factor * vector[2]
-
-
-def _growth(pressure: Scalar, a: InflatableActuation) -> Vector:
-    """Growth of a bladder per growth in thickness: across, along, through."""
-    along = a.lengthening_flat + (a.lengthening_round - a.lengthening_flat) * pressure / a.round_pressure
-    return a.widening, 1 / along, 1.0

@@ -71,6 +71,8 @@ class Drive:
         knots: of a curve instead of the sine: its values at equal times of the cycle, which it joins by straight lines
             and closes to a ring; at least two.
         axes: of the scale: some of "xyz", in the voxel's frame.
+        proportions: of a scale that swings about its material's: how far along each of the axes, the first by 1; none
+            is as far along all. So a bladder that thickens may lengthen a little.
         gains: factors of the amplitude, one for each region; none is as said. They are no part of a description: what
             is drawn of a robot whose drives are uncertain.
     """
@@ -83,6 +85,7 @@ class Drive:
     phase: Values = 0.0
     knots: tuple[Value, ...] = ()
     axes: str = "xyz"
+    proportions: tuple[float, ...] = ()
     gains: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -96,6 +99,7 @@ class Drive:
             raise ValueError(f"regions: {self.regions} of {self.name} are not allowed; give at least one, none twice")
         if not self.axes or set(self.axes) - set("xyz") or len(set(self.axes)) < len(self.axes):
             raise ValueError(f"axes: {self.axes!r} of {self.name} are not allowed; give some of xyz")
+        self._check_proportions()
         if len(self.knots) == 1:
             raise ValueError(f"knots: one of {self.name} is not allowed; give none, or at least two")
         for field, values in list(self._fields()):
@@ -105,6 +109,17 @@ class Drive:
                 )
             checked = tuple(v if isinstance(v, Free) else number(f"{self.name}_{field}", v) for v in values)
             object.__setattr__(self, field, checked if isinstance(getattr(self, field), tuple) else checked[0])
+
+    def _check_proportions(self) -> None:
+        given = tuple(number("proportions", each) for each in self.proportions)
+        object.__setattr__(self, "proportions", given)
+        if given and (self.quantity != "scale" or self.mean is not None):
+            why = "a mean" if self.quantity == "scale" else self.quantity
+            raise ValueError(f"proportions: {given} of {self.name} are not allowed with {why}; leave them out")
+        if given and (len(given) != len(self.axes) or given[0] != 1.0):
+            raise ValueError(
+                f"proportions: {given} of {self.name} are not allowed; give one for each of {self.axes}, the first 1"
+            )
 
     def _fields(self) -> Iterator[tuple[str, tuple[Value, ...]]]:
         """Fields that hold values, and those."""
@@ -138,6 +153,8 @@ class Drive:
     def describe(self) -> dict[str, Any]:
         """All of the drive, fit for JSON; a free value is a record of its fields."""
         told = {"name": self.name, "regions": list(self.regions), "quantity": self.quantity, "axes": self.axes}
+        if self.proportions:
+            told["proportions"] = list(self.proportions)
         values = self._each(lambda value: asdict(value) if isinstance(value, Free) else value)
         return told | {field: list(held) if isinstance(held, tuple) else held for field, held in values.items()}
 
@@ -171,7 +188,14 @@ class Drive:
         if "mean" in arrays:
             wave = self._of_regions(arrays["mean"])[..., None] + wave
         several = np.repeat(wave[:, None], len(rest), axis=1)
+        if self.proportions:
+            several = several * np.array(self.proportions)[:, None, None]
         return several if "mean" in arrays else rest[..., None] + several
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """How far each channel of a region goes for what the first does."""
+        return self.proportions or (1.0,) * len(self.quantities)
 
     def _of_regions(self, values: Any) -> Any:
         return np.broadcast_to(values, (len(values), len(self.regions)))

@@ -11,7 +11,7 @@ from robots.frames import Frames, last_whole
 from robots.lattice_robot.reflexes import Anatomy, Reflexes, felt_by
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Rollout, frames_from
-from robots.lattice_robot.simulation import answers_in, channels_of, swing_of
+from robots.lattice_robot.simulation import answers_in, channels_of, shares_in, swing_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.compute import Compute
@@ -64,7 +64,7 @@ class Episodes:
         self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
         self.seconds = robot.cycle.segment * robot.cycle.time_step
         answers = answers_in(robot, channels)
-        self._moves = (answers[None, :] == np.arange(self.regions)[:, None]).astype(float)
+        self._moves = (answers[None, :] == np.arange(self.regions)[:, None]) * shares_in(robot)
         self._channels, self._rest = channels, np.broadcast_to(np.asarray(channels.rest, float), self._swing.shape[:2])
         body = robot.placed.robot if robot.placed is not None else robot.body
         self.own = body.voxel_count

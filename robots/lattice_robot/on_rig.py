@@ -107,6 +107,12 @@ def played_robot(robot: "LatticeRobot", table: ChannelTable) -> "LatticeRobot":
         if own is None or not set(about["regions"]) <= set(own.regions) or own.quantity != about["quantity"]:
             raise ValueError(f"channel: {wave.name} of the table is none of the robot's; give the robot that it is of")
         mean, knots = (None, values - about["rest"]) if about["relative"] else (0.0, values)
-        given = {"mean": mean, "amplitude": 1.0, "knots": tuple(knots.tolist()), "axes": about["axes"]}
+        given = {
+            "mean": mean,
+            "amplitude": 1.0,
+            "knots": tuple(knots.tolist()),
+            "axes": about["axes"],
+            "proportions": own.proportions,
+        }
         drives.append(Drive(wave.name, tuple(about["regions"]), about["quantity"], **given))
     return dataclasses.replace(robot, drives=tuple(drives), frequency=table.played_frequency)

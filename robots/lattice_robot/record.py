@@ -49,7 +49,7 @@ def _reflexes(record: Mapping[str, Any]) -> Reflexes:
 
 
 def _drive(record: Mapping[str, Any]) -> Drive:
-    given = {field: _value(record[field]) for field in FIELDS if field in record}
+    given = {field: _value(record[field]) for field in (*FIELDS, "proportions") if field in record}
     return Drive(record["name"], tuple(record["regions"]), record["quantity"], axes=record["axes"], **given)
 
 

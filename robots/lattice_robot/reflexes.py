@@ -110,6 +110,7 @@ class Feeling:
         weights: shape (B, K).
         regions: that are driven, R of them, in the order of answers.
         answers: which answer moves each channel, -1 for none, shape (C,).
+        shares: how far a network's answer moves each channel, shape (C,).
         lights: where each robot's light is, from where its centre starts [m], shape (B, 2); None is the reflexes'.
         seed: of the noise.
     """
@@ -118,6 +119,7 @@ class Feeling:
     weights: Floats
     regions: tuple[int, ...]
     answers: Ints
+    shares: Floats
     lights: Floats | None = None
     seed: int = 0
 
@@ -254,6 +256,7 @@ class ReflexLoop:
         self.seed = feeling.seed
         self.rest, self.swing, self.first = rest, swing, first
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
+        self.shares = self.moves * feeling.shares
         self.network = self.reflexes.network(len(feeling.regions))
         self.oscillators = self.reflexes.oscillators_of(self.network)
         self.decisions: Sequence[Decision] = []
@@ -301,7 +304,7 @@ class ReflexLoop:
     def _answer(self, node: int, weights: Any, swing: Any, at: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
         """Value and rate of the channels, where they go at a node of the cycle, and the oscillators' state there."""
         if self.oscillators is None:
-            added = (self.network.answer(weights, felt)[:, :, None] * self.moves).sum(axis=1)
+            added = (self.network.answer(weights, felt)[:, :, None] * self.shares).sum(axis=1)
         else:
             state = self.oscillators.step(weights, felt, 1 / SEGMENTS, *state)
             lead, growth = ((each[:, :, None] * self.moves).sum(axis=1) for each in state[:2])

@@ -395,7 +395,7 @@ class LatticeRobot(OutOfTheLab):
     def fault(self, point: ArrayLike) -> str:
         """Why a point, shape (P,), is no robot; empty if it is one."""
         for drive, every in zip(self.drives, self.nodes(self.points(point)), strict=True):
-            nodes = every[0, 0]
+            nodes = every[0].reshape(-1, every.shape[-1])
             least = float(nodes.min())
             if drive.quantity == "temperature":
                 alphas = np.array([m.thermal_expansion for m in self.body.materials])[self.body.material_index]

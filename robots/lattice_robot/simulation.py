@@ -268,12 +268,18 @@ def answers_in(robot: "LatticeRobot", channels: Channels) -> Ints:
     return np.array([places[r] if scale else -1 for r, scale in zip(driven.tolist(), scales.tolist(), strict=True)])
 
 
+def shares_in(robot: "LatticeRobot") -> Floats:
+    """How far each channel goes for an answer, shape (C,)."""
+    return np.concatenate([np.repeat(drive.shares, len(drive.regions)) for drive in robot.drives])
+
+
 def _feeling(robot: "LatticeRobot", points: Floats, channels: Channels, lights: Floats | None) -> Feeling | None:
     """The reflexes of a robot at N points, shape (N, P), and which of them answers in each channel."""
     if robot.reflexes is None:
         return None
     answers = answers_in(robot, channels)
-    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, answers, lights, robot.seed)
+    shares = shares_in(robot)
+    return Feeling(robot.reflexes, robot.weights_of(points), robot.felt_regions, answers, shares, lights, robot.seed)
 
 
 def result_of(rollout: Rollout, moved: Moved, gradients: Mapping[str, Floats]) -> LatticeRobotResult:

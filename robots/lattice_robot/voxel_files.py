@@ -73,6 +73,8 @@ def _check(drive: Drive) -> None:
         why = "its wave is no sine"
     elif drive.quantity == "scale" and set(drive.axes) != set("xyz"):
         why = f"it acts along {drive.axes} only"
+    elif set(drive.proportions) - {1.0}:
+        why = f"it acts by {drive.proportions} along {drive.axes}"
     elif drive.mean is not None and (_of_regions(drive, "mean") != (drive.quantity == "scale")).any():
         why = f"it swings about {drive.mean}"
     if why:

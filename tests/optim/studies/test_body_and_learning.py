@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from optim.experiments.tables import read_records
-from optim.studies.beyond.body_and_learning import universal
+from optim.studies.beyond.body_and_learning import pouches, universal
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
+from optim.studies.beyond.body_and_learning.pouches import pouch
 from optim.studies.beyond.body_and_learning.report import correlations, foretold
 from optim.studies.beyond.body_and_learning.study import LEARNERS, STUDY, BodyAndLearning
 from optim.studies.beyond.body_and_learning.universal import Controller
@@ -22,6 +23,14 @@ def test_walkers_differ_in_their_bodies_and_share_their_controllers():
     told = np.array([described(number) for number in range(12)])
     assert told.shape == (12, 13) and (np.abs(told) <= 1).all() and (told[:, -1] == 1).all()
     assert np.ptp([np.hypot(*world.light) for world in WORLDS]) < 1e-4  # as far away in every world
+
+
+def test_pouches_differ_in_their_bodies_and_share_their_controllers():
+    robots = [pouch(number) for number in range(12)]
+    assert len({robot.body.voxel_count for robot in robots}) > 6
+    assert len({tuple(p.name for p in robot.parameters) for robot in robots}) == 1
+    assert all(0 < robot.drives[-1].mean < 12e3 and robot.felt_regions == tuple(range(5, 13)) for robot in robots)
+    assert pouches.STUDY.scales["medium"].robot(3).describe() == robots[3].describe()
 
 
 def test_what_metrics_foretell():
@@ -40,9 +49,10 @@ def test_what_metrics_foretell():
 
 @pytest.mark.slow
 @pytest.mark.kernels
-def test_the_study_goes_on_where_it_was(tmp_path):
+@pytest.mark.parametrize("kind", [BodyAndLearning, pouches.PouchesAndLearning])
+def test_the_study_goes_on_where_it_was(tmp_path, kind):
     """To the same rows."""
-    settings = BodyAndLearning(bodies=2, controllers=4, repetitions=1, budget=4, cycles=1, nearer=0.001)
+    settings = kind(bodies=2, controllers=4, repetitions=1, budget=4, cycles=1, nearer=0.001)
     STUDY.run(tmp_path / "a", settings)
     first = read_records(tmp_path / "a/bodies.csv")
     for name in ("controllers0", "learned_nes"):

@@ -164,6 +164,14 @@ def test_drives_do_at_their_nodes_what_they_say():
     assert sine[0, 0, 0] == pytest.approx(3 * np.cos(2 * np.pi * np.arange(16) / 16))
 
 
+def test_a_scale_may_swing_less_along_one_axis_than_along_another():
+    """About what the material says of each."""
+    drive = Drive("a", (0,), amplitude=0.2, axes="zy", proportions=(1.0, -0.5))
+    nodes = drive.nodes(np.zeros((1, 0)), np.array([[1.0], [0.9]]))
+    wave = 0.2 * np.sin(2 * np.pi * np.arange(16) / 16)
+    assert nodes[0, 0, 0] == pytest.approx(1.0 + wave) and nodes[0, 1, 0] == pytest.approx(0.9 - 0.5 * wave)
+
+
 @pytest.mark.kernels
 def test_points_that_are_no_robots_are_told_apart():
     robot = LatticeRobot(lopsided().body, (Drive("legs", (0,), amplitude=Free(0, 2)),), cycles=1, settling=0.05)
@@ -222,6 +230,13 @@ def test_a_robot_stands_on_the_ground_wherever_its_array_lies():
         (lambda: Drive("a", (1, 1)), r"regions: \(1, 1\) of a are not allowed"),
         (lambda: Drive("a", (0,), "colour"), "quantity: 'colour' is unknown; choose one of scale, temperature"),
         (lambda: Drive("a", (0,), axes="xw"), "axes: 'xw' of a are not allowed"),
+        (
+            lambda: Drive("a", (0,), axes="zy", proportions=(1.0,)),
+            r"proportions: \(1.0,\) of a are not allowed; give one for each of zy, the first 1",
+        ),
+        (lambda: Drive("a", (0,), axes="zy", proportions=(0.5, 1.0)), r"proportions: \(0.5, 1.0\) of a are not"),
+        (lambda: Drive("a", (0,), "pressure", proportions=(1.0,)), r"proportions: \(1.0,\) of a .* with pressure;"),
+        (lambda: Drive("a", (0,), mean=1.0, axes="z", proportions=(1.0,)), r"proportions: .* not allowed with a mean;"),
         (lambda: Drive("a", (0,), knots=(1.0,)), "knots: one of a is not allowed"),
         (lambda: Drive("a", (0, 1), phase=(0.1, 0.2, 0.3)), "phase: 3 values of a are not allowed; give one, or 2"),
         (lambda: Drive("a", (0,), amplitude=np.nan), "a_amplitude: nan is not allowed"),

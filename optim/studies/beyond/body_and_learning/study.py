@@ -32,7 +32,7 @@ from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
 
-NAME, TABLE = "body-and-learning", "bodies.csv"
+TABLE = "bodies.csv"
 FILES = (TABLE, "table.md", "summary.json", "evaluations.png", "parts")
 OBJECTIVE = ("worst", "minimise:remaining")
 
@@ -82,6 +82,12 @@ class BodyAndLearning(Settings):
     nearer: Annotated[float, positive] = 0.01
     cycles: Count = 3
 
+    name = "body-and-learning"
+
+    def robot(self, number: int) -> LatticeRobot:
+        """The walker of a number."""
+        return walker(number, self.cycles)
+
     @property
     def bound(self) -> float:
         """Distance to the light at which a controller has succeeded [m]."""
@@ -100,7 +106,7 @@ class BodyAndLearning(Settings):
 
 def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jobs: int = 1) -> None:
     """Write a row for each body, what goes with what, and a picture; bodies that are whole are not tried again."""
-    ResultsFolder(folder, NAME, settings.lasting("bodies"))
+    ResultsFolder(folder, settings.name, settings.lasting("bodies"))
     numbers = range(settings.bodies)
     parts = [(f"body {number}", partial(body_part, folder, settings, number)) for number in numbers]
     run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
@@ -111,11 +117,11 @@ def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jo
     _report(folder, rows, settings)
 
 
-def tell(data: Data, folder: Path) -> None:
-    """Write what goes with what, and the picture, from the rows of the bodies."""
+def tell_as(kind: type[BodyAndLearning], data: Data, folder: Path) -> None:
+    """Write what goes with what, and the picture, from the rows of bodies of a kind."""
     of_learners = {name: kind for each in LEARNERS for name, kind in ((each, float), (f"{each}_solved", int))}
     columns = {"body": int, "M_L": float, "M_CI": float, "all": int, "any": int, **of_learners}
-    _report(folder, data.records(TABLE, columns), data.settings(BodyAndLearning))
+    _report(folder, data.records(TABLE, columns), data.settings(kind))
 
 
 def _report(folder: Path, rows: Sequence[Record], settings: BodyAndLearning) -> None:
@@ -125,7 +131,7 @@ def _report(folder: Path, rows: Sequence[Record], settings: BodyAndLearning) -> 
 def body_part(folder: Path, settings: BodyAndLearning, number: int, _: Mapping[str, Any], progress: Progress) -> Record:
     """Measure a body and learn in it, unless that is done; its row."""
     parts = ResultsFolder(folder / "parts" / f"{number:03d}", "body", {"number": number, **settings.lasting("bodies")})
-    robot, compute = walker(number, settings.cycles), Compute(precision="f32", threads=1)
+    robot, compute = settings.robot(number), Compute(precision="f32", threads=1)
     measuring = Measuring(settings.controllers, seed=1)
     share = 1 + len(LEARNERS)
     found = measure_body(robot, settings.environments, measuring, compute, parts, part_of(progress, 0, share))
@@ -192,7 +198,7 @@ STUDY = Study(
         "full": BodyAndLearning(bodies=128, controllers=1024, repetitions=10, budget=256),
     },
     run=study,
-    tell=tell,
+    tell=partial(tell_as, BodyAndLearning),
     writes=(TABLE, "table.md", "summary.json", "evaluations.png"),
     cost="about 20 hours of a core",
 )

@@ -1,0 +1,87 @@
+"""The inflatable robot as a lattice robot that feels: waves in its bladders and feet, which its reflexes change.
+
+Its own kind plays strokes from a table and feels nothing. Here the same body swings its bladders as waves, at a core
+pressure that stays, so that what it feels may answer while it moves, with exact derivatives.
+"""
+
+from dataclasses import replace
+
+from robots.inflatable.actuation import ACTUATION
+from robots.inflatable.body import BLADDER_COUNT, BLADDER_REGIONS, FOOT_REGIONS, SKIN_REGIONS, InflatableGeometry
+from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.reflexes import Reflexes
+from robots.lattice_robot.robot import LatticeRobot
+from taichi_sim.base import checks
+from taichi_sim.lattice import LatticeBody
+
+SWING = 0.75 * (1.0 - ACTUATION.deflated)  # most of a wave, about a voxel's own thickness
+GAIN = SWING / 3  # most by which reflexes change it: together they deflate a bladder
+
+
+def feeling_pouch(
+    geometry: InflatableGeometry,
+    pressure: float = 0.0,
+    reflexes: Reflexes | None = None,
+    frequency: float = 2.0,
+    cycles: int = 3,
+    settling: float = 0.1,
+    name: str = "pouch",
+) -> LatticeRobot:
+    """The robot of a geometry and a core pressure [Pa], with free waves and free weights of its reflexes.
+
+    Bladders are built half inflated and swing about that, until they are deflated at most. As they thicken they grow
+    along and across the pouch, as much as the published experiment has it at this pressure. The friction of either
+    foot swings between none and the published one.
+
+    Args:
+        geometry: shape and materials; of one core.
+        pressure: of the core [Pa], from the start on.
+        reflexes: what it feels and answers; by default strain, touch, tilt, velocity and the time, linearly.
+        frequency: of all waves [Hz].
+        cycles: of a trial.
+        settling: time on the floor before waves begin [s].
+        name: for people.
+
+    Raises:
+        ValueError: for several cores, and pressures that are no numbers of at least 0.
+    """
+    if geometry.cores > 1:
+        raise ValueError(f"cores: {geometry.cores} is not allowed; give a geometry of one core")
+    checks.number("pressure", pressure, low=0.0, unit="Pa")
+    count, bladders = BLADDER_COUNT, tuple(BLADDER_REGIONS.tolist())
+    across, along, through = ACTUATION.growth(pressure)
+    swelling = Drive(
+        "bladder",
+        bladders,
+        amplitude=(Free(0.0, SWING),) * count,
+        phase=(Free(0.0, 1.0),) * count,
+        axes="zyx",
+        proportions=(through, along, across),
+    )
+    half = ACTUATION.high_friction / 2
+    feet = Drive(
+        "foot",
+        tuple(FOOT_REGIONS.tolist()),
+        "friction",
+        mean=half,
+        amplitude=(Free(0.0, half),) * len(FOOT_REGIONS),
+        phase=(Free(0.0, 1.0),) * len(FOOT_REGIONS),
+    )
+    core = (Drive("core", tuple(SKIN_REGIONS.tolist()), "pressure", mean=pressure),) if pressure > 0 else ()
+    return LatticeRobot(
+        _body(geometry),
+        (swelling, feet, *core),
+        frequency=frequency,
+        cycles=cycles,
+        settling=settling,
+        name=name,
+        reflexes=reflexes or Reflexes(gain=GAIN),
+    )
+
+
+def _body(geometry: InflatableGeometry) -> LatticeBody:
+    """The body of a geometry with the published friction."""
+    *skin, bladder = geometry.body.materials
+    grip, slip = ACTUATION.high_friction, ACTUATION.friction_of_bladders
+    skins = [replace(each, static_friction=grip, kinetic_friction=grip) for each in skin]
+    return geometry.body.with_materials([*skins, replace(bladder, static_friction=slip, kinetic_friction=slip)])
