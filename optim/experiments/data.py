@@ -8,6 +8,7 @@ from typing import Any, TypeVar, get_args
 
 from optim.experiments.tables import Record, read_records
 from taichi_sim.base import checks, files
+from taichi_sim.base.arrays import Arrays
 
 Kind = type | types.UnionType | Collection[str]  # such as ``float``, ``float | None``, or all allowed texts
 Of = TypeVar("Of")
@@ -25,14 +26,14 @@ class Data:
         """Read the rows of a table, which may have more columns than these.
 
         Args:
-            name: of its file.
+            name: of its file, which may be compressed, with ``.gz`` after its name.
             columns: what the cells of each are: ``int``, ``float``, ``str``, ``bool`` or ``list``; or one of them or
                 None, which is an empty cell, such as ``float | None``; or one of some texts.
 
         Raises:
             ValueError: if the file cannot be read, lacks a column, or has a cell of another kind.
         """
-        path = self.folder / name
+        path = self.path(name)
         rows = read_records(path)
         for missing in (column for column in columns if rows and column not in rows[0]):
             raise ValueError(f"{path}: it has no column {missing}")
@@ -42,7 +43,26 @@ class Data:
 
     def has(self, name: str) -> bool:
         """Whether there is a file of this name."""
-        return (self.folder / name).is_file()
+        return self.path(name).is_file()
+
+    def path(self, name: str) -> Path:
+        """Where a file is, compressed if it is not there as it is."""
+        plain, compressed = self.folder / name, self.folder / f"{name}.gz"
+        return compressed if compressed.is_file() and not plain.is_file() else plain
+
+    def arrays(self, name: str, names: Collection[str]) -> Arrays:
+        """Read arrays of these names from an ``.npz`` file.
+
+        Raises ValueError if the file cannot be read, or lacks one.
+        """
+        path = self.folder / name
+        try:
+            found = files.arrays_of(files.content_of(path))
+        except files.UNREADABLE as error:
+            raise ValueError(f"{path}: cannot be read ({files.why_unread(error)})") from None
+        for missing in (each for each in names if each not in found):
+            raise ValueError(f"{path}: it has no array {missing!r}")
+        return {each: found[each] for each in names}
 
     def summary(self, *names: str) -> dict[str, Any]:
         """Read ``summary.json``, which must have these fields.
