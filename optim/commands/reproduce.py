@@ -94,7 +94,8 @@ def _told_again(args: argparse.Namespace, study: "Study") -> Report:
     data = found(args.from_data, args.study)
     with claimed_folder("out", args.out):
         study.tell(data, args.out)
-        files = sorted(path.name for path in args.out.iterdir() if not path.name.startswith(ASIDE))
+        there = (path for path in args.out.rglob("*") if path.is_file() and not path.name.startswith(ASIDE))
+        files = sorted(path.relative_to(args.out).as_posix() for path in there)
     document = {"folder": str(args.out), "study": args.study, "data": str(data.folder), "files": files}
     return Report(document, f"{args.out}: {', '.join(files)}")
 

@@ -43,7 +43,7 @@ class Data:
         """Read the rows of a table, which may have more columns than these.
 
         Args:
-            name: of its file.
+            name: of its file, which may be compressed, with ``.gz`` after its name.
             columns: what the cells of each are: ``int``, ``float``, ``str``, ``bool`` or ``list``; or one of them or
                 None, which is an empty cell, such as ``float | None``; or one of some texts.
             groups: columns with some texts, whose every combination must have a row.
@@ -90,6 +90,20 @@ class Data:
         if (found := self.part(name, **{key: kind})) is None:
             raise ValueError(f"{self.folder}: its part {name} is missing")
         return found[key]
+
+    def arrays(self, name: str, names: Collection[str]) -> Arrays:
+        """Read arrays of these names from an ``.npz`` file.
+
+        Raises ValueError if the file cannot be read, or lacks one.
+        """
+        path = self.folder / name
+        try:
+            found = files.arrays_of(files.content_of(path))
+        except files.UNREADABLE as error:
+            raise ValueError(f"{path}: cannot be read ({files.why_unread(error)})") from None
+        for missing in (each for each in names if each not in found):
+            raise ValueError(f"{path}: it has no array {missing!r}")
+        return {each: found[each] for each in names}
 
     def summary(self, *names: str) -> dict[str, Any]:
         """Read ``summary.json``, which must have these fields.

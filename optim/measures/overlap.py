@@ -26,7 +26,7 @@ def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
         ValueError: if the overlaps are no matrices of whole numbers from 0 to E, or E is below 1.
     """
     counts = _checked(overlap, environments)
-    return np.asarray((counts == environments).mean(axis=(-2, -1)))
+    return learnability_of((counts == environments).sum(axis=(-2, -1)), counts.shape[-2] * counts.shape[-1])
 
 
 def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
@@ -47,7 +47,17 @@ def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
     """
     counts = _checked(overlap, environments)
     solving_all, solving_any = ((counts >= least).sum(axis=(-2, -1)) for least in (environments, 1))
-    return np.asarray(solving_all / np.maximum(solving_any, 1))
+    return interference_of(solving_all, solving_any)
+
+
+def learnability_of(solving_all: ArrayLike, controllers: int) -> Floats:
+    """M_L from how many of all controllers solve every environment, shape (...)."""
+    return np.asarray(np.asarray(solving_all) / controllers)
+
+
+def interference_of(solving_all: ArrayLike, solving_any: ArrayLike) -> Floats:
+    """M_CI from how many controllers solve every environment, and how many any, shape (...); 0 if none does."""
+    return np.asarray(np.asarray(solving_all) / np.maximum(solving_any, 1))
 
 
 def _checked(overlap: ArrayLike, environments: int) -> NDArray[np.integer]:

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Kind
 from optim.experiments.results import Progress, part_of
-from optim.experiments.tables import write_table
+from optim.experiments.tables import Record, column, where, write_records
 from optim.studies.chapter2.evolution import Runs, by_treatment, evolve
-from optim.studies.chapter2.settings import Interference, Treatment
+from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
 from optim.studies.chapter2.tables import measure
 from robots.quadruped import TIME_STEP
 from taichi_sim.base.arrays import Bools, Floats
@@ -75,7 +76,13 @@ def typical(seen: Champions) -> int:
     return int(order[(len(order) - 1) // 2])
 
 
-COLUMNS = ("robot", "x", "y", "run", "distance", "time_near", "time_near_at_the_end")
+# Of ``alone.csv``: whose champion, of which light and run, after so many generations; and what it does.
+MEANS = ("distance", "time_near", "time_near_at_the_end")
+COLUMNS: dict[str, Kind] = {
+    **{"robot": tuple(ROBOTS), "x": float, "y": float, "run": int},
+    **dict.fromkeys(MEANS, float),
+    "generations": int,
+}
 
 
 def train_alone(
@@ -87,15 +94,11 @@ def train_alone(
     threads: int | None = None,
     progress: Progress = None,
 ) -> list[dict[str, Any]]:
-    """Train each robot on each light alone, and write what its champions do as ``alone.csv``.
+    """Train each robot on each light alone, and write what its champions do, see :func:`write_alone`.
 
     Each of the lights has a folder of its own in ``out / "alone"``.
-
-    Returns:
-        For each robot and light: means of the champions' distance from the light at the end [m], and of the time that
-        they spend within half a metre of it, in all and up to the end [s].
     """
-    rows, summary = [], []
+    rows = []
     chosen = [Treatment(robot, "min") for robot in robots]  # all ways to combine one environment are the same
     for n, light in enumerate(settings.lights):
         single = replace(settings, lights=(light,))
@@ -103,9 +106,24 @@ def train_alone(
         found = by_treatment(evolve(single, chosen, runs, generations, folder, threads, share))
         for treatment, seen in champions_of(single, found, threads).items():
             near, waiting = time_near(seen, single.lights)
-            numbers = np.column_stack([seen.distance, near, waiting])
-            rows += [(treatment.robot, *light, run, *values) for run, values in enumerate(numbers.tolist())]
-            means = dict(zip(COLUMNS[4:], numbers.mean(axis=0).tolist(), strict=True))
-            summary.append({"robot": treatment.robot, "light": list(light), "runs": runs, **means})
-    write_table(out / "alone.csv", COLUMNS, rows)
+            for run, values in enumerate(np.column_stack([seen.distance, near, waiting]).tolist()):
+                cells = treatment.robot, *light, run, *values, generations
+                rows.append(dict(zip(COLUMNS, cells, strict=True)))
+    return write_alone(rows, out)
+
+
+def write_alone(rows: Sequence[Record], out: Path) -> list[dict[str, Any]]:
+    """Write what champions that were trained on a light alone do as ``alone.csv``.
+
+    Returns:
+        For each robot, light and number of generations: means of the champions' distance from the light at the end
+        [m], and of the time that they spend within half a metre of it, in all and up to the end [s].
+    """
+    write_records(out / "alone.csv", [{name: row[name] for name in COLUMNS} for row in rows])
+    summary = []
+    for robot, x, y, generations in dict.fromkeys((r["robot"], r["x"], r["y"], r["generations"]) for r in rows):
+        part = where(rows, robot=robot, x=x, y=y, generations=generations)
+        means = {name: float(column(part, name).mean()) for name in MEANS}
+        about = {"robot": robot, "light": [x, y], "runs": len(part), "generations": generations}
+        summary.append({**about, **means})
     return summary

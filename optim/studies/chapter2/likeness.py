@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.comparison import compare
+from optim.experiments.data import Kind
 from optim.experiments.tables import cell, distinct, markdown, write_table
 from optim.measures.homeostasis import homeostasis
 from optim.search.method import generator
 from optim.studies.chapter2.champions import Champions, follow
-from optim.studies.chapter2.settings import Interference, Treatment
+from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
+from optim.studies.chapter2.tables import Cells
 from robots.control.neural import random_weights
 from robots.quadruped import MOTORS, SENSORS
 from taichi_sim.base.arrays import Floats
@@ -35,8 +37,7 @@ QUANTITIES = {
     "asymmetry": "mean distance of paths once turned so that the lights coincide [m]",
     "divergence": "when paths are a body length apart [s]",
 }
-
-Cells = dict[tuple[str, str], Floats]  # by row and robot
+COLUMNS: dict[str, Kind] = {"quantity": tuple(QUANTITIES), "fitness": str, "robot": tuple(ROBOTS), "value": float}
 
 
 def warping(light: Floats, threads: int | None = None) -> Floats:
@@ -108,7 +109,7 @@ def write_likeness(found: Mapping[str, Cells], out: Path) -> dict[str, Any]:
             tests[row] = compare(samples, list(combinations(samples, 2)), "two-sided")
         summary[name] = {"means": means, "tests": tests}
         text += _readable(name, summary[name])
-    write_table(out / "likeness.csv", ("quantity", "fitness", "robot", "value"), rows)
+    write_table(out / "likeness.csv", tuple(COLUMNS), rows)
     write_text(out / "likeness.md", "\n".join(text) + "\n")
     return summary
 

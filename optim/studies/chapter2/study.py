@@ -5,21 +5,25 @@ to M4, tests and pictures say which of them suffer when what helps in one enviro
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from optim.experiments.data import Data
 from optim.experiments.results import Progress, check_folder, part_of, write_json
 from optim.experiments.study import Study, StudyReport, StudySection
-from optim.experiments.tables import read_table
-from optim.studies.chapter2.champions import champions_of, train_alone, write_champions
+from optim.experiments.tables import read_table, where
+from optim.studies.chapter2.champions import COLUMNS as ALONE
+from optim.studies.chapter2.champions import champions_of, train_alone, write_alone, write_champions
 from optim.studies.chapter2.curves import all_mutations, write_curves
 from optim.studies.chapter2.evolution import KIND, by_treatment, evolve
-from optim.studies.chapter2.likeness import likeness, write_likeness
+from optim.studies.chapter2.likeness import COLUMNS as LIKENESS
+from optim.studies.chapter2.likeness import QUANTITIES, likeness, write_likeness
 from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
-from optim.studies.chapter2.tables import measure, write_tables
-from taichi_sim.base.files import read_text
+from optim.studies.chapter2.tables import COLUMNS as RUNS
+from optim.studies.chapter2.tables import Cells, cells_of, measure, rows_of, write_tables
+from taichi_sim.base.files import make_folder, read_text
 from taichi_sim.base.results_folder import read_settings
 
 TABLES = (
@@ -34,6 +38,8 @@ PICTURES_OF_TWO = {
     "changes.png": "What beneficial mutations change in two environments",
     "changes-of-champions.png": "The same along the lines of champions",
 }
+# Experiments in folders, of so many environments each: those of the study, and climbers led by gradients.
+ENVIRONMENTS = {"two": 2, "four": 4, "gradient": 2}
 DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 
@@ -64,11 +70,10 @@ def train(
     check_folder(out, (*TABLES, *drawn, "runs", "alone", "alone.csv"))
     found = by_treatment(evolve(settings, chosen, runs, generations, out / "runs", threads, progress))
     about = {**asdict(settings), "runs": runs, "generations": generations}
-    summary = write_tables(found, out, about)
+    summary = write_tables(rows_of(found), len(settings.lights), out, about)
     champions = champions_of(settings, found, threads)
     write_champions(champions, out / "champions")
-    summary["likeness"] = write_likeness(likeness(champions, settings, threads), out)
-    write_json(out / "summary.json", summary)
+    _add_likeness(summary, likeness(champions, settings, threads), out)
     curves = write_curves(found, out / "curves.csv")
     if figures:
         from optim.studies.chapter2.figures import draw_changes, draw_curves, draw_traces
@@ -79,6 +84,12 @@ def train(
             draw_changes(all_mutations(found), out / "changes.png")
             draw_changes(all_mutations(found, measure(found)), out / "changes-of-champions.png")
     return summary
+
+
+def _add_likeness(summary: dict[str, Any], found: Mapping[str, Cells], out: Path) -> None:
+    """Write tables of likeness, and ``summary.json`` again, with what they tell."""
+    summary["likeness"] = write_likeness(found, out)
+    write_json(out / "summary.json", summary)
 
 
 def files_of(settings: Interference, figures: bool) -> list[str]:
@@ -93,7 +104,8 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     Writes ``two`` and ``four``, with tables and pictures each, and ``alone.csv``.
     """
     check_folder(folder, ("two", "four", "alone", "alone.csv", "summary.json"))
-    for n, (name, environments) in enumerate((("two", 2), ("four", 4))):
+    for n, name in enumerate(("two", "four")):
+        environments = ENVIRONMENTS[name]
         world = Interference(LIGHTS[environments], settings.population)
         effort, share = (settings.runs, settings.generations), part_of(progress, n, 3)
         train(world, treatments(), *effort, folder / name, figures=True, progress=share)
@@ -102,11 +114,32 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
     write_json(folder / "summary.json", {"alone": alone})
 
 
+def tell(data: Data, folder: Path) -> None:
+    """Write the tables of each experiment that has a folder with the table of its runs, and of each light alone.
+
+    Pictures need what climbers kept, and the paths of champions, which are in no table.
+    """
+    for name, environments in ENVIRONMENTS.items():
+        part, told = Data(data.folder / name), folder / name
+        if not part.has("runs.csv"):
+            continue
+        make_folder(told)
+        runs = part.records("runs.csv", RUNS)
+        summary = write_tables(runs, environments, told, {"runs": 1 + max(row["run"] for row in runs)})
+        if part.has("likeness.csv"):
+            rows = part.records("likeness.csv", LIKENESS)
+            found = {quantity: cells_of(where(rows, quantity=quantity), "value") for quantity in QUANTITIES}
+            _add_likeness(summary, found, told)
+    alone = write_alone(data.records("alone.csv", ALONE), folder)
+    write_json(folder / "summary.json", {"alone": alone})
+
+
 STUDY = Study(
     title="which robots, trained in several environments, suffer when what helps in one harms in another",
     source="chapter 2, tables M1 to M4 and figures",
     scales={"small": Effort(20, 3, 40, 2, 40), "full": Effort(100, 30, 3000, 5, 400)},  # full: as published
     run=study,
+    tell=tell,
     writes=(
         *(f"two/{name}" for name in ("tables.md", *PICTURES_OF_TWO, *PICTURES)),
         *(f"four/{name}" for name in ("tables.md", *PICTURES)),

@@ -5,23 +5,24 @@ all of a column, 18 of nine treatments, Bonferroni's correction. Standard deviat
 are those of the experiment's own records.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Kind
 from optim.experiments.results import write_json
-from optim.experiments.tables import MISSING, Record, distinct, markdown, where, write_records, write_table
+from optim.experiments.tables import MISSING, Record, column, distinct, markdown, where, write_records, write_table
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Runs
-from optim.studies.chapter2.settings import Treatment
+from optim.studies.chapter2.settings import ROBOTS, Treatment
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
-Cells = Mapping[Treatment, Floats]
+Cells = dict[tuple[str, str], Floats]  # by row and robot
 SIGNIFICANT = 0.05
 
 MEASURES = {
@@ -31,6 +32,15 @@ MEASURES = {
     "M4": "beneficial mutations that are better in every environment [%]",
 }
 DEFINITIONS = ("defined", "computed")
+COLUMNS: dict[str, Kind] = {  # of ``runs.csv``
+    "definition": DEFINITIONS,
+    "fitness": str,
+    "robot": tuple(ROBOTS),
+    "run": int,
+    "champion": int,
+    **dict.fromkeys(MEASURES, float),
+    "changes": int,
+}
 
 
 def _grid(*numbers: float) -> dict[tuple[str, str], float]:
@@ -59,27 +69,37 @@ def measure(found: Runs, definition: str = "defined") -> dict[Treatment, list[Ru
         }
 
 
-def cells_of(measured: Mapping[Treatment, Sequence[RunMeasures]]) -> dict[str, dict[Treatment, Floats]]:
-    """By measure and treatment, the numbers of its runs, without those of runs that have none."""
-    columns = {
-        t: np.array([(m.worst, m.angle, m.length, 100 * m.share) for m in runs]).T for t, runs in measured.items()
-    }
-    return {
-        name: {treatment: each[n][np.isfinite(each[n])] for treatment, each in columns.items()}
-        for n, name in enumerate(MEASURES)
-    }
+def rows_of(found: Runs) -> list[Record]:
+    """M1 to M4 of each run, as defined and as computed: the rows of ``runs.csv``."""
+    rows: list[Record] = []
+    for definition in DEFINITIONS:
+        for treatment, each in measure(found, definition).items():
+            for run, m in enumerate(each):
+                numbers = m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes
+                cells = definition, treatment.row, treatment.robot, run, *numbers
+                rows.append(dict(zip(COLUMNS, cells, strict=True)))
+    return rows
+
+
+def cells_of(rows: Iterable[Record], name: str) -> Cells:
+    """By row and robot, the numbers of a column, without those that are not finite, as of runs that have none."""
+    parts: dict[tuple[str, str], list[Record]] = {}
+    for row in rows:
+        parts.setdefault((row["fitness"], row["robot"]), []).append(row)
+    numbers = {place: column(part, name) for place, part in parts.items()}
+    return {place: values[np.isfinite(values)] for place, values in numbers.items()}
 
 
 def compare_cells(cells: Cells) -> list[dict[str, Any]]:
     """Two-sided Mann-Whitney tests of all pairs of several values in a row or column, corrected for their number."""
-    pairs = [(a, b) for a, b in combinations(cells, 2) if (a.row == b.row) != (a.robot == b.robot)]
+    pairs = [(a, b) for a, b in combinations(cells, 2) if (a[0] == b[0]) != (a[1] == b[1])]
     known = [(a, b) for a, b in pairs if min(len(cells[a]), len(cells[b])) > 1]
     effects = [effect(cells[a], cells[b]) for a, b in known]
     corrected = bonferroni([each.p for each in effects])
     return [
         {
-            "first": [a.row, a.robot],
-            "second": [b.row, b.robot],
+            "first": list(a),
+            "second": list(b),
             "difference": each.difference,
             "interval": [each.low, each.high],
             "A12": each.superiority,
@@ -94,9 +114,9 @@ def compare_cells(cells: Cells) -> list[dict[str, Any]]:
 def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]]:
     """A row for each treatment: number of runs, mean, standard deviation, 95 % bootstrap interval, published values."""
     rows = []
-    for treatment, values in cells.items():
-        place, several = (treatment.row, treatment.robot), len(values) > 1
-        row = {"measure": name, "fitness": treatment.row, "robot": treatment.robot, "runs": len(values)}
+    for place, values in cells.items():
+        several = len(values) > 1
+        row = {"measure": name, "fitness": place[0], "robot": place[1], "runs": len(values)}
         row["mean"] = float(values.mean()) if len(values) else None
         row["deviation"] = float(values.std(ddof=1)) if several else None
         row["low"], row["high"] = map(float, mean_band(values)) if several else (None, None)
@@ -106,23 +126,19 @@ def summarise(cells: Cells, name: str, environments: int) -> list[dict[str, Any]
     return rows
 
 
-def write_tables(found: Runs, out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
-    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last."""
-    environments = next(iter(found.values()))[0]["distance"].shape[1]
-    runs, rows, tests, text, definitions = [], list[Any](), [], list[str](), {}
+def write_tables(runs: Sequence[Record], environments: int, out: Path, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Write ``tables.md``, ``tables.csv``, ``runs.csv``, ``tests.csv`` and ``summary.json``; return the last.
+
+    Runs are the rows of ``runs.csv``.
+    """
+    rows, tests, text, definitions = list[Any](), [], list[str](), {}
     for definition in DEFINITIONS:
-        measured = measure(found, definition)
-        cells = cells_of(measured)
+        cells = {name: cells_of(where(runs, definition=definition), name) for name in MEASURES}
         part: dict[str, Any] = {
             "cells": [row for name in MEASURES for row in summarise(cells[name], name, environments)],
             "tests": {name: compare_cells(cells[name]) for name in MEASURES},
         }
         definitions[definition] = part
-        runs += [
-            (definition, t.row, t.robot, run, m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes)
-            for t, each in measured.items()
-            for run, m in enumerate(each)
-        ]
         rows += [{"definition": definition, **row} for row in part["cells"]]
         for name, pairs in part["tests"].items():
             for t in pairs:
@@ -131,8 +147,7 @@ def write_tables(found: Runs, out: Path, about: Mapping[str, Any]) -> dict[str, 
                 tests.append((definition, name, *pair, *effects))
         text += _readable(part, definition)
     write_records(out / "tables.csv", rows)
-    header = ("definition", "fitness", "robot", "run", "champion", *MEASURES, "changes")
-    write_table(out / "runs.csv", header, runs)
+    write_records(out / "runs.csv", runs)
     header = ("definition", "measure", "first", "second", "difference", "low", "high", "A12", "p", "p_bonferroni")
     write_table(out / "tests.csv", header, tests)
     write_text(out / "tables.md", "\n".join(text) + "\n")

@@ -10,7 +10,7 @@ weights evolve along with each body.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -19,12 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, COLUMN, figure
 from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, column, write_table
+from optim.experiments.tables import Record, column, where, write_records
 from optim.experiments.trials import Trials, computed_trials, record_trials
-from optim.measures.overlap import interference, learnability
+from optim.measures.overlap import interference_of, learnability_of
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
 from optim.problem import Evaluation
@@ -33,6 +34,7 @@ from optim.studies.chapter3.rover_success import RoverGrid
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.files import read_json
 from taichi_sim.base.results_folder import ResultsFolder
 
 MASSES = ("body_mass", "wheel_mass", "castor_mass")
@@ -77,10 +79,7 @@ class RoverProblem:
 
     def rover(self, point: ArrayLike) -> Rover:
         """The body of a point, shape (D,), as in this search."""
-        values = self.space.to_dict(point)
-        drives = {name: values[name] * math.pi for name in DRIVES}
-        others = {name: values[name] for name in (*MASSES, "wheel_radius")}
-        return Rover(CANONICAL, **others, **drives, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT)
+        return rover_of(self.space.to_dict(point))
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Roll out all points, shape (N, D).
@@ -108,6 +107,13 @@ class RoverProblem:
         return {**numbers, "variables": {v.name: [v.low, v.high] for v in self.space.variables}}
 
 
+def rover_of(values: Mapping[str, float]) -> Rover:
+    """The body of masses, radius of the wheels and drives by name, as in this search."""
+    drives = {name: values[name] * math.pi for name in DRIVES}
+    others = {name: values[name] for name in (*MASSES, "wheel_radius")}
+    return Rover(CANONICAL, **others, **drives, sensor_radius=SENSOR_RADIUS, sensor_height=SENSOR_HEIGHT)
+
+
 def distances(rovers: list[Rover], closest: Floats) -> Floats:
     """Sums over environments of smallest distances, (N, E), none below that of success [m], (N,)."""
     reached = np.array([rover.success_distance for rover in rovers])
@@ -121,6 +127,11 @@ def effort(rovers: list[Rover]) -> Floats:
 
 BORG: dict[str, Any] = {"population": 100, "epsilons": 0.05, "window": 500}
 SITES = {"canonical": CANONICAL, "best": BEST}
+TABLE = "rover-fronts.csv"
+COLUMNS: dict[str, Kind] = {
+    **{"controller": CONTROLLERS, "distance": float, "effort": float, "solved": int},
+    **dict.fromkeys((*MASSES, "wheel_radius", *DRIVES, *WEIGHTS), float),
+}
 LABELS = {"unit": "both weights 1", "evolved": "weights evolved"}
 
 
@@ -166,32 +177,65 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
         for seed, run in enumerate(each, settings.seed)
     }
     trials = computed_trials(results, arms, progress)
-    fronts = {name: front_of([trials[run] for run in each]) for name, each in runs.items()}
-    rows = [
-        (name, row["distance"], row["effort"], row["solved"], *problems[name].named(row["point"]).values())
-        for name, front in fronts.items()
-        for row in front
-    ]
-    header = ("controller", "distance", "effort", "solved", *problems["evolved"].space.names)
-    write_table(folder / "rover-fronts.csv", header, rows)
-    published = _judged("published", Rover(), settings, results)
+    rows = []
+    for name, each in runs.items():
+        for row in front_of([trials[run] for run in each]):
+            judged = {"controller": name, **{key: row[key] for key in ("distance", "effort", "solved")}}
+            rows.append({**judged, **problems[name].named(row["point"])})
+    bases = _bases(rows)
+    _report(folder, rows, {name: _judged(name, base, settings, results) for name, base in bases.items()})
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write what :func:`study` does from the table of fronts, and from what ``summary.json`` has of base bodies."""
+    rows = data.records(TABLE, COLUMNS)
+    _report(folder, rows, read_json(data.folder / "summary.json", partial(_known, _bases(rows))))
+
+
+def _known(names: Iterable[str], record: Any) -> dict[str, dict[str, Any]]:
+    """What was simulated of base bodies, as :func:`_judged` gives it, from ``summary.json``."""
+    summary, found = checks.table("summary", record), {}
+    for name in names:
+        base = summary["published_base"] if name == "published" else checks.table(name, summary[name])["base"]
+        base = checks.table(f"base of {name}", base)
+        least = {"solved_with_weights_1": 0, "controllers": 1}
+        counts = {each: checks.integer(each, base[each], low) for each, low in least.items()}
+        grids = {
+            sites: {
+                each: checks.integer(each, base["grids"][sites][each], 0) for each in ("solving_all", "solving_any")
+            }
+            for sites in SITES
+        }
+        distance = checks.positive("distance_with_weights_1", base["distance_with_weights_1"])
+        found[name] = {"distance_with_weights_1": distance, **counts, "grids": grids}
+    return found
+
+
+def _bases(rows: Sequence[Record]) -> dict[str, Rover]:
+    """The published base body, and of each front that of least effort that reaches all lights, if there is one."""
+    solving = {name: where(rows, controller=name, solved=4) for name in CONTROLLERS}
+    return {"published": Rover(), **{name: rover_of(front[-1]) for name, front in solving.items() if front}}
+
+
+def _report(folder: Path, rows: Sequence[Record], judged: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write all from the fronts, by falling effort, and from what was simulated of base bodies."""
+    write_records(folder / TABLE, rows)
+    bases = {name: _described(base, judged[name]) for name, base in _bases(rows).items()}
+    published = bases["published"]
+    fronts = {name: where(rows, controller=name) for name in CONTROLLERS}
     summary: dict[str, Any] = {"published_base": published}
     for name, front in fronts.items():
-        summary[name] = {"front": len(front), "base": None, "as_near_as_published": None}
-        solving = [row for row in front if row["solved"] == 4]
         near = [row for row in front if row["distance"] <= published["distance_with_weights_1"]]
-        if solving:  # the last is that of least effort
-            summary[name]["base"] = _judged(name, problems[name].rover(solving[-1]["point"]), settings, results)
+        summary[name] = {"front": len(front), "base": bases.get(name), "as_near_as_published": None}
         if near:
             numbers = {key: float(near[-1][key]) for key in ("effort", "distance")}
-            parameters = _shown(problems[name].rover(near[-1]["point"]))
-            summary[name]["as_near_as_published"] = {"parameters": parameters, **numbers}
+            summary[name]["as_near_as_published"] = {"parameters": _shown(rover_of(near[-1])), **numbers}
     write_json(folder / "summary.json", summary)
     draw(fronts, published, folder / "rover-pre-optimisation.png")
 
 
 def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsFolder) -> dict[str, Any]:
-    """A base body's parameters, objectives with both weights 1, and success over weights with sensors as in the sweep.
+    """A base body's distance and lights with both weights 1, and success over weights with sensors as in the sweep.
 
     The success is that of the canonical and of the best sites.
     """
@@ -205,8 +249,6 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
 
     found = cached(results, f"judged_{name}", compute)
     return {
-        "parameters": _shown(base),
-        "effort": float(effort([base])[0]),
         "distance_with_weights_1": float(distances([base], found["closest"])[0]),
         "solved_with_weights_1": int((found["closest"] <= base.success_distance).sum()),
         "controllers": settings.weights**2,
@@ -214,12 +256,23 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
             sites: {
                 "solving_all": int(np.count_nonzero(overlap == 4)),
                 "solving_any": int(np.count_nonzero(overlap)),
-                "M_L": float(learnability(overlap)),
-                "M_CF": float(interference(overlap)),
             }
             for sites, overlap in zip(SITES, found["overlaps"], strict=True)
         },
     }
+
+
+def _described(base: Rover, judged: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters and effort of a base body, what was simulated of it, and metrics from that."""
+    grids = {
+        sites: {
+            **counts,
+            "M_L": float(learnability_of(counts["solving_all"], judged["controllers"])),
+            "M_CF": float(interference_of(counts["solving_all"], counts["solving_any"])),
+        }
+        for sites, counts in judged["grids"].items()
+    }
+    return {"parameters": _shown(base), "effort": float(effort([base])[0]), **judged, "grids": grids}
 
 
 def _parameters(base: Rover) -> dict[str, float]:
@@ -250,5 +303,6 @@ STUDY = Study(
     source="chapter 3, the empirical model",
     scales={"small": PreOptimisation(1, 400, weights=11), "full": PreOptimisation()},
     run=study,
-    writes=("summary.json", "rover-fronts.csv", "rover-pre-optimisation.png"),
+    tell=tell,
+    writes=("summary.json", TABLE, "rover-pre-optimisation.png"),
 )

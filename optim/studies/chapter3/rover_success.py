@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.figures import COLUMN, caption, figure, save_arrays
 from optim.experiments.results import Progress, check_folder, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Several, Study
@@ -23,7 +24,9 @@ from robots.braitenberg import Sweep, VehicleBody, weight_grid
 from robots.braitenberg.sweeps import Overlap
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.files import read_json
 from taichi_sim.base.results_folder import ResultsFolder
 
 MODELS = ("rigid bodies", "theoretical")
@@ -105,6 +108,8 @@ BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 # Of 121 x 121 controllers: those that solve all environments, M_L and M_CF.
 PUBLISHED = {"canonical": (1, 0.000068, 0.00052), "best": (57, 0.0039, 0.038)}
 FILES = tuple(f"rover-success.{end}" for end in ("csv", "npz", "png"))
+NUMBERS = "rover-success.npz"  # of the figure
+ENVIRONMENTS = 4
 
 
 @dataclass(frozen=True)
@@ -121,15 +126,40 @@ def study(folder: Path, settings: RoverSuccess, progress: Progress = None) -> No
     bodies = [rover.vehicle for rover in BODIES.values()]
     reached, found = both_models(bodies, settings.grid, settings.theory, folder, progress)
     overlaps = {(body, model): overlap for model in MODELS for body, overlap in zip(BODIES, found[model], strict=True)}
+    lights = {body: found.sum((0, 1)).tolist() for body, found in zip(BODIES, reached, strict=True)}
+    _report(folder, overlaps, lights)
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write what :func:`study` does from the figure's numbers, and from counts that ``summary.json`` has."""
+    places = {(body, model): _named(body, model) for model in MODELS for body in BODIES}
+    found = data.arrays(NUMBERS, places.values())
+    for name, overlap in found.items():
+        if overlap.dtype != np.uint8 or overlap.ndim != 2 or min(overlap.shape) < 2 or overlap.max() > ENVIRONMENTS:
+            raise ValueError(
+                f"{data.folder / NUMBERS}: {name} is no success matrix; it must have bytes up to {ENVIRONMENTS}, of at "
+                "least 2 x 2 controllers"
+            )
+    lights = read_json(data.folder / "summary.json", _lights)
+    _report(folder, {place: found[name] for place, name in places.items()}, lights)
+
+
+def _lights(record: Any) -> dict[str, list[int]]:
+    """By body, how many controllers reach each light, from ``summary.json``."""
+    counts = checks.table("reaching_each_light", checks.table("summary", record)["reaching_each_light"])
+    return {body: [checks.integer(f"reaching_each_light {body}", each, 0) for each in counts[body]] for body in BODIES}
+
+
+def _report(folder: Path, overlaps: Mapping[tuple[str, str], Overlap], lights: Mapping[str, list[int]]) -> None:
+    """Write all from success matrices, and from how many controllers reach each light as rigid bodies."""
     rows = [_row(body, model, overlap) for (body, model), overlap in overlaps.items()]
     write_records(folder / "rover-success.csv", rows)
-    lights = {body: found.sum((0, 1)).tolist() for body, found in zip(BODIES, reached, strict=True)}
     write_json(folder / "summary.json", {"rows": rows, "reaching_each_light": lights})
     draw(overlaps, folder / "rover-success.png")
 
 
 def _row(body: str, model: str, overlap: Overlap) -> dict[str, Any]:
-    counts = np.bincount(overlap.ravel(), minlength=5).tolist()
+    counts = np.bincount(overlap.ravel(), minlength=1 + ENVIRONMENTS).tolist()
     row = {"body": body, "model": model, "controllers": overlap.size}
     row |= {f"solving_{lights}": count for lights, count in enumerate(counts)}
     row |= {"M_L": float(learnability(overlap)), "M_CF": float(interference(overlap))}
@@ -144,7 +174,11 @@ def draw(overlaps: Mapping[tuple[str, str], Overlap], path: Path) -> None:
             image = draw_overlap(axes, overlap)
             caption(axes, f"{body} body, {model}: {np.count_nonzero(overlap == 4)} solve all")
         add_overlap_bar(drawn, image, panels.ravel().tolist())
-    save_arrays(path.with_suffix(".npz"), {f"{body}, {model}": found for (body, model), found in overlaps.items()})
+    save_arrays(path.with_suffix(".npz"), {_named(*place): found for place, found in overlaps.items()})
+
+
+def _named(body: str, model: str) -> str:
+    return f"{body}, {model}"
 
 
 STUDY = Study(
@@ -152,5 +186,6 @@ STUDY = Study(
     source="chapter 3, figure of landscapes, empirical model",
     scales={"small": RoverSuccess(RoverGrid(31), Sweep(31)), "full": RoverSuccess()},
     run=study,
+    tell=tell,
     writes=("summary.json", "rover-success.csv", "rover-success.png"),
 )

@@ -102,11 +102,15 @@ STEPS_PER_POINT = 2
 
 def save_figures(table: SweepTable, sweep: Path, folder: Path) -> list[str]:
     """Metrics, their correlation, and the most notable bodies of a sweep's folder; the names of the pictures."""
-    notable = notable_designs(table)
+    save_examples(table, notable_designs(table), sweep, folder / "examples.png")
+    return [*save_metrics(table, folder), "examples.png"]
+
+
+def save_metrics(table: SweepTable, folder: Path) -> list[str]:
+    """Metrics of a sweep and their correlation; the names of the pictures."""
     save_distributions(table, folder / "distributions.png")
-    save_correlation(table, notable, folder / "correlation.png")
-    save_examples(table, notable, sweep, folder / "examples.png")
-    return ["distributions.png", "correlation.png", "examples.png"]
+    save_correlation(table, notable_designs(table), folder / "correlation.png")
+    return ["distributions.png", "correlation.png"]
 
 
 def save_distributions(table: SweepTable, path: Path) -> None:

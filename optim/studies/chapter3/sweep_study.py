@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.data import Data
 from optim.experiments.results import Progress
 from optim.experiments.study import Study, StudyReport, StudySection
-from optim.studies.chapter3.sensor_placement import notable_designs, save_figures
+from optim.studies.chapter3.sensor_placement import notable_designs, save_figures, save_metrics
 from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table, sample_designs, sweep_published
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
 from taichi_sim.base.arrays import Bytes
+from taichi_sim.base.files import make_folder
 from taichi_sim.base.results_folder import ResultsFolder
 
 NOTABLE = (162, 6553)  # the best body and the baseline, always among those swept
@@ -48,11 +50,28 @@ def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sw
     save_figures(table, overlaps, folder)
 
 
+# Tables of complete sweeps in ``docs/data`` and that of this study, and the folder of what is told of each.
+TABLES = {"vehicle-sweep.csv": "", "vehicle-sweep-radius-0.2.csv": "radius-0.2", "table.csv": ""}
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write the table of each sweep, and pictures of its metrics; examples of bodies need a sweep's folder."""
+    there = [name for name in TABLES if data.has(name)]
+    if not there:
+        raise ValueError(f"from-data: {data.folder} has no table of a sweep; give one with {' or '.join(TABLES)}")
+    for name in there:
+        table, told = read_sweep_table(data.path(name)), folder / TABLES[name]
+        make_folder(told)
+        table.write(told / "table.csv")
+        save_metrics(table, told)
+
+
 STUDY = Study(
     title="all controllers in bodies of the published grid: learnability and resistance to interference",
     source="chapters 3 and 4, figures of designs, metrics and their correlation",
     scales={"small": SensorPlacement(98, Sweep(weights=41)), "full": SensorPlacement()},
     run=study,
+    tell=tell,
     writes=("table.csv", "distributions.png", "correlation.png", "examples.png"),
 )
 

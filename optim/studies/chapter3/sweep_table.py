@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.experiments.results import Progress
 from optim.experiments.tables import read_table, write_columns
+from optim.measures.overlap import interference_of, learnability_of
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
 from taichi_sim.base import checks
@@ -39,12 +40,12 @@ class SweepTable:
     @property
     def learnability(self) -> Floats:
         """M_L, the share of all controllers that solve every environment."""
-        return np.asarray(self.solving_all / self.settings.weights**2)
+        return learnability_of(self.solving_all, self.settings.weights**2)
 
     @property
     def interference(self) -> Floats:
         """M_CI, their share of those that solve any environment; 0 if none does."""
-        return np.asarray(self.solving_all / np.maximum(self.solving_any, 1))
+        return interference_of(self.solving_all, self.solving_any)
 
     @property
     def metrics(self) -> dict[str, Floats]:
@@ -69,9 +70,9 @@ class SweepTable:
 def read_sweep_table(path: Path) -> SweepTable:
     """The table of a sweep's folder, of all bodies that are there, or of a CSV file with design, all, any first.
 
-    Such a file, which may be compressed (``.csv.gz``), is of the sweep in whose folder it lies, or else of the
-    published one with 121 x 121 controllers. Raises ValueError for anything else; also for a table with M_L of another
-    number of controllers.
+    Such a file, which may be compressed (``.csv.gz``), is of the sweep in whose folder it lies, or beside whose folder
+    ``overlaps`` it lies, or else of the published one with 121 x 121 controllers. Raises ValueError for anything else;
+    also for a table with M_L of another number of controllers.
     """
     if path.is_dir():
         settings, bodies = read_sweep(path)
@@ -79,7 +80,8 @@ def read_sweep_table(path: Path) -> SweepTable:
         if not numbered:
             raise ValueError(f"{path}: holds no body of the published grid yet")
         return SweepTable.of(list(numbered), overlaps_of(list(numbered.values()), settings, path), settings)
-    settings = read_sweep_settings(path.parent) if holds_sweep(path.parent) else Sweep()
+    beside = (each for each in (path.parent, path.parent / "overlaps") if holds_sweep(each))
+    settings = next(map(read_sweep_settings, beside), Sweep())
     header, rows = read_table(path)
     try:
         numbers = np.array([list(map(int, row[: len(COLUMNS)])) for row in rows], np.int64).reshape(-1, len(COLUMNS))

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from optim.experiments.tables import where
 from optim.measures.catastrophic_interference import (
     angles,
     avoids_interference,
@@ -18,7 +19,7 @@ from optim.studies.chapter2.champions import Champions, time_near, typical
 from optim.studies.chapter2.curves import curve, mutations
 from optim.studies.chapter2.likeness import asymmetry, divergence, turned, warping, write_likeness
 from optim.studies.chapter2.settings import Treatment, treatments
-from optim.studies.chapter2.tables import cells_of, compare_cells, measure, summarise, write_tables
+from optim.studies.chapter2.tables import cells_of, compare_cells, rows_of, summarise, write_tables
 from robots.quadruped import ENVIRONMENTS, TWO_ENVIRONMENTS
 
 # Two climbers: the first comes to (5, 5) by way of (6, 8); the second to (1, 6).
@@ -120,8 +121,8 @@ def runs_of(worst):
 
 
 def test_tests_are_between_all_cells_of_a_row_and_of_a_column():
-    every = treatments()
-    values = {t: np.arange(6) + 100.0 * (t.robot == "whegged") for t in every}
+    every = [(t.row, t.robot) for t in treatments()]
+    values = {place: np.arange(6) + 100.0 * (place[1] == "whegged") for place in every}
     found = compare_cells(values)
     assert len(found) == 18
     marked = {(t["first"][0], t["first"][1], t["second"][1]) for t in found if t["significant"]}
@@ -135,7 +136,7 @@ def test_tests_are_between_all_cells_of_a_row_and_of_a_column():
 def test_tables_hold_means_intervals_published_values_and_marks(tmp_path):
     worst = {t: np.linspace(7, 8, 6) - 5 * (t.robot == "whegged") for t in treatments()}
     found = runs_of(worst)
-    write_tables(found, tmp_path, {"runs": 6})
+    write_tables(rows_of(found), 2, tmp_path, {"runs": 6})
     text = (tmp_path / "tables.md").read_text()
     assert "# As defined" in text and "# As computed" in text
     assert re.search(r"\| min \| 7\.50 ± 0\.37 \[7\.\d\d, 7\.\d\d\], published 5\.83 \| .* \| 2\.50 ± ", text)
@@ -150,11 +151,12 @@ def test_tables_hold_means_intervals_published_values_and_marks(tmp_path):
 def test_runs_without_beneficial_mutations_count_for_the_worst_distance_only():
     treatment = Treatment("legged", "min")
     found = {treatment: [*runs_of({treatment: [8.0]})[treatment], state_of([0], [[9, 9]])]}
-    cells = cells_of(measure(found))
-    assert cells["M1"][treatment].tolist() == [8, 9] and cells["M2"][treatment].tolist() == [0]
-    (row,) = summarise(cells["M2"], "M2", 2)
+    rows = where(rows_of(found), definition="defined")
+    worst, angle = (cells_of(rows, name) for name in ("M1", "M2"))
+    assert worst == {("min", "legged"): pytest.approx([8, 9])} and angle["min", "legged"].tolist() == [0]
+    (row,) = summarise(angle, "M2", 2)
     assert (row["runs"], row["mean"], row["low"], row["published"]) == (1, 0, None, 57.843)
-    assert summarise(cells["M1"], "M1", 4)[0]["published"] == 8.02
+    assert summarise(worst, "M1", 4)[0]["published"] == 8.02
 
 
 def test_curves_follow_what_climbers_have_and_mutations_their_own_parents():

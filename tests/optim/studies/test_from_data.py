@@ -31,14 +31,16 @@ def close(one, other):
 def test_the_committed_tables_come_out_of_the_committed_data(name, tmp_path, capsys):
     assert cli.main(["reproduce", name, "--from-data", str(DATA), "--out", str(tmp_path / "out"), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["files"] == sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert document["files"]
-    for made in (tmp_path / "out").iterdir():
-        committed = Path(document["data"], made.name)
-        if committed.exists() and made.suffix == ".json":
-            assert close(json.loads(made.read_text()), json.loads(committed.read_text())), made.name
-        elif committed.exists() and made.suffix in (".md", ".csv"):
-            assert made.read_text() == committed.read_text(), made.name
+    made = sorted(path for path in (tmp_path / "out").rglob("*") if path.is_file())
+    names = [path.relative_to(tmp_path / "out").as_posix() for path in made]
+    assert names and document["files"] == sorted(names)
+    for path, name in zip(made, names, strict=True):
+        committed = Data(Path(document["data"])).path(name)
+        if committed.exists() and path.suffix == ".json":
+            assert close(json.loads(path.read_text()), json.loads(committed.read_text())), name
+        elif committed.exists() and path.suffix in (".md", ".csv"):
+            content = committed.read_bytes()
+            assert path.read_bytes() == (gzip.decompress(content) if committed.suffix == ".gz" else content), name
 
 
 @pytest.mark.parametrize(

@@ -42,6 +42,15 @@ def test_a_study_writes_what_it_says(morpholab, tmp_path, monkeypatch):
     assert "table.csv" in out
     table = (tmp_path / "a/table.csv").read_text().splitlines()
     assert [line.split(",")[0] for line in table] == ["design", *map(str, sorted([162, 6553, *sample_designs(2)]))]
+    code, out, error = morpholab("reproduce sensor-placement --from-data a --out b")
+    names = ["correlation.csv", "correlation.png", "distributions.csv", "distributions.png", "table.csv"]
+    assert (code, out) == (0, f"b: {', '.join(names)}\n"), error
+    assert all((tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes() for name in names)
+    (tmp_path / "a/table.csv").unlink()
+    assert (
+        "from-data: a has no table of a sweep; give one"
+        in morpholab("reproduce sensor-placement --from-data a --out c")[2]
+    )
 
 
 STUDY = """

@@ -1,11 +1,14 @@
 """Studies of the two-wheel vehicle of chapter 3, on short runs and coarse grids."""
 
 import json
+from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
 
-from optim.experiments.tables import read_table
+from optim.experiments.data import Data
+from optim.experiments.tables import read_records, read_table, write_records
 from optim.experiments.trials import Trials
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter3 import rover_pre_optimisation, rover_success, rover_sweep
@@ -69,6 +72,53 @@ def test_a_front_falls_so_that_the_last_that_solves_all_has_the_least_effort():
     assert [row["solved"] for row in front] == [4, 3, 1] and [row["distance"] for row in front] == [4, 5, 9]
 
 
+DATA = Path(__file__).parents[3] / "docs/data"
+
+
+def told(data):
+    CATALOGUE[data.name].tell(Data(data), data)
+
+
+def test_matrices_and_counts_that_cannot_be_are_told(tmp_path):
+    data = copytree(DATA / "rover-success", tmp_path / "rover-success")
+    with np.load(data / "rover-success.npz") as file:
+        whole = dict(file)
+    for name in ("canonical, rigid bodies", "best, theoretical"):
+        np.savez(data / "rover-success.npz", **{**whole, name: whole[name] + np.uint8(1)})
+        with pytest.raises(ValueError, match=rf"rover-success.npz: {name} is no success matrix; it must have bytes"):
+            told(data)
+    np.savez(data / "rover-success.npz", **{name: whole[name] for name in list(whole)[:3]})
+    with pytest.raises(ValueError, match=r"rover-success.npz: it has no array 'best, theoretical'"):
+        told(data)
+    (data / "rover-success.npz").write_bytes(b"PK")
+    with pytest.raises(ValueError, match=r"rover-success.npz: cannot be read \(File is not a zip file\)"):
+        told(data)
+
+
+def test_counts_of_bodies_that_cannot_be_are_told(tmp_path):
+    data = copytree(DATA / "rover-sweep", tmp_path / "rover-sweep")
+    rows = read_records(data / "rover-sweep.csv.gz")
+    write_records(data / "rover-sweep.csv", [*rows[:2], {**rows[2], "rigid_any": 962}])
+    with pytest.raises(ValueError, match=r"row 3 has 0 as rigid_all and 962 as rigid_any; they must be 0 to 961"):
+        told(data)
+    write_records(data / "rover-sweep.csv", rows)
+    (data / "summary.json").write_text('{"seed": 1, "weights": 1}')
+    with pytest.raises(ValueError, match=r"summary.json: weights: 1 is not allowed; give a whole number, at least 2"):
+        told(data)
+
+
+def test_base_bodies_that_are_not_told_are_named(tmp_path):
+    data = copytree(DATA / "rover-pre-optimisation", tmp_path / "rover-pre-optimisation")
+    summary = json.loads((data / "summary.json").read_text())
+    for base, message in (
+        (None, "base of unit: None"),
+        ({**summary["unit"]["base"], "controllers": 0}, "controllers: 0"),
+    ):
+        (data / "summary.json").write_text(json.dumps({**summary, "unit": {"base": base}}))
+        with pytest.raises(ValueError, match=rf"summary.json: {message} is not allowed"):
+            told(data)
+
+
 GRID = RoverGrid(5, steps=300, precision="f64")
 THEORY = Sweep(5, radius=0.5, time_step=0.2, steps=500)
 
@@ -101,6 +151,11 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
     assert {path: path.read_bytes() for path in files} == files  # bit for bit, the part that was missing too
     with pytest.raises(ValueError, match=r"of other settings .*; name another folder"):
         study(folder, RoverGrid(5, steps=301, precision="f64"))
+    (tmp_path / "told").mkdir()
+    CATALOGUE[name].tell(Data(folder), tmp_path / "told")
+    again = {path.name: path.read_bytes() for path in (tmp_path / "told").iterdir()}
+    assert again.keys() >= set(CATALOGUE[name].writes)
+    assert all((folder / file).read_bytes() == content for file, content in again.items())
     if name == "rover-pre-optimisation":
         header, rows = read_table(folder / "rover-fronts.csv")
         assert header[-2:] == ["w1", "w2"] and all(row[-2:] == ["1.0", "1.0"] for row in rows if row[0] == "unit")

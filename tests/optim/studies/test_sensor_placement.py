@@ -2,13 +2,16 @@
 
 import csv
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
 
+from optim.experiments.data import Data
 from optim.experiments.figures import figure, legend_above, logarithmic
 from optim.studies.chapter3 import sensor_placement as study
+from optim.studies.chapter3.sweep_study import STUDY
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
 from optim.studies.chapter4.training import TrainingTable, save_training
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, simulate, sweep
@@ -113,6 +116,19 @@ def test_the_picture_of_training_has_the_mean_of_every_body(tmp_path):
     rows = rows_of(tmp_path / "a.csv")
     assert [float(row["nes"]) for row in rows] == [15, 40, 500, 250]
     assert [float(row["M_CI"]) for row in rows] == [0.75, 0.75, 0, 0.25]
+
+
+def test_complete_sweeps_are_told_from_their_tables(tmp_path):
+    data = Path(__file__).parents[3] / "docs/data"
+    STUDY.tell(Data(data), tmp_path)
+    for name, part, r in (
+        ("vehicle-sweep.csv.gz", "", 0.958),
+        ("vehicle-sweep-radius-0.2.csv.gz", "radius-0.2", 0.971),
+    ):
+        whole, told = read_sweep_table(data / name), read_sweep_table(tmp_path / part / "table.csv")
+        assert len(told.designs) == 6561 and study.correlation_of_metrics(told).r == pytest.approx(r, abs=5e-4)
+        for column in ("designs", "solving_all", "solving_any"):
+            assert np.array_equal(getattr(told, column), getattr(whole, column))
 
 
 def test_pictures_that_cannot_be_written_are_one_line(tmp_path):
