@@ -86,8 +86,8 @@ def robot(told: str) -> Option:
     """The option that names the robot; ``told`` says what else to give."""
     return Option(
         "robot",
-        "a kind of robot (inflatable, lattice, walker, vehicle, quadruped, rover, articulated, or of an installed "
-        f"package) or the file of one (default: inflatable); {told}",
+        "a kind of robot (inflatable, pouch, lattice, freeform, walker, vehicle, quadruped, rover, articulated, or of "
+        f"an installed package) or the file of one (default: inflatable); {told}",
         metavar="KIND|FILE",
     )
 
