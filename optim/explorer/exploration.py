@@ -8,7 +8,7 @@ from os import PathLike
 from typing import Any
 
 from optim import lab
-from robots.robot import KINDS, OK, Parameter, Progress, Replay, Robot, World
+from robots.robot import KINDS, OK, Parameter, Progress, Replay, Robot, RobotKind, World
 from taichi_sim.base.checks import choice, nearest
 from taichi_sim.base.checks import number as checked_number
 from taichi_sim.base.compute import Compute
@@ -113,7 +113,7 @@ class Exploration:
         if not varying:
             varying = self._suggested(robot)
             robot = self._with_firsts(varying)
-        kind = KINDS[robot.kind]
+        kind = self._kind_of(robot)
         # A name is that of the first of these that knows it.
         self._options = {o.name: o for o in kind.options if o.name not in self._taken}
         self._parameters = {p.name: p for p in robot.parameters if p.name not in {*self._taken, *self._options}}
@@ -225,17 +225,22 @@ class Exploration:
                 there = f"there are {lab.some_of(known)}{nearest(name, known)}"
                 raise ValueError(f"{name}: no parameter or option of {title}; {there}")
 
+    def _kind_of(self, robot: Robot) -> RobotKind:
+        """The kind whose options make the robot: the one that is named, which may make robots of another."""
+        named = isinstance(self.source, str) and self.source in lab.robots()
+        return lab.kind_of(self.source) if named else KINDS[robot.kind]  # type: ignore[arg-type]
+
     def _suggested(self, robot: Robot) -> dict[str, Any]:
         """Pairs and lists for a robot of which nothing was chosen."""
         if self._makes:
             raise ValueError("choices: there are none; give a pair or a list for an argument of the function")
         free = [parameter for parameter in robot.parameters if parameter.place is None][:MOST_SUGGESTED]
         pairs = {parameter.name: (parameter.low, parameter.high) for parameter in free}
-        found = {**KINDS[robot.kind].explored, **pairs}
+        kind = self._kind_of(robot)
+        found = {**kind.explored, **pairs}
         suggested = {name: value for name, value in found.items() if name not in self._fixed}
         if not suggested:
-            title = KINDS[robot.kind].title
-            raise ValueError(f"choices: {title} suggests none; give a pair or a list, such as slope=(-10, 10)")
+            raise ValueError(f"choices: {kind.title} suggests none; give a pair or a list, such as slope=(-10, 10)")
         return suggested
 
     def _control(self, name: str, value: Any, described: Mapping[str, Any]) -> Control:

@@ -29,13 +29,14 @@ def feeling_pouch(
 ) -> LatticeRobot:
     """The robot of a geometry and a core pressure [Pa], with free waves and free weights of its reflexes.
 
-    Bladders are built half inflated and swing about that, until they are deflated at most. As they thicken they grow
-    along and across the pouch, as much as the published experiment has it at this pressure. The friction of either
-    foot swings between none and the published one.
+    Bladders are built as thick as a voxel, at which they fit the skin, and swing about that, until they are deflated at
+    most. As they thicken they grow along and across the pouch, by as much as in the published experiment at this
+    pressure, where they fit the skin when they are deflated. The friction of either foot swings between none and the
+    published one. Bladders weigh, and only the floor resists motion.
 
     Args:
-        geometry: shape and materials; of one core.
-        pressure: of the core [Pa], from the start on.
+        geometry: shape and materials; of one core, closed if it is under pressure.
+        pressure: of the core [Pa], which is reached when the robot has settled.
         reflexes: what it feels and answers; by default strain, touch, tilt, velocity and the time, linearly.
         frequency: of all waves [Hz].
         cycles: of a trial.
@@ -43,18 +44,23 @@ def feeling_pouch(
         name: for people.
 
     Raises:
-        ValueError: for several cores, and pressures that are no numbers of at least 0.
+        ValueError: for several cores, and pressures that are no numbers of at least 0, or not 0 in a geometry that is
+            not closed: by the law of faces a body whose regions differ in size drives itself along.
     """
     if geometry.cores > 1:
         raise ValueError(f"cores: {geometry.cores} is not allowed; give a geometry of one core")
     checks.number("pressure", pressure, low=0.0, unit="Pa")
+    if pressure > 0 and not geometry.closed:
+        raise ValueError(
+            f"pressure: {pressure:g} is not allowed in a geometry that is not closed; give a closed one, or 0"
+        )
     count, bladders = BLADDER_COUNT, tuple(BLADDER_REGIONS.tolist())
     across, along, through = ACTUATION.growth(pressure)
     swelling = Drive(
         "bladder",
         bladders,
         amplitude=(Free(0.0, SWING),) * count,
-        phase=(Free(0.0, 1.0),) * count,
+        phase=tuple(Free(0.0, 1.0, (number + 0.5) / count) for number in range(count)),  # apart, as a wave
         axes="zyx",
         proportions=(through, along, across),
     )
@@ -65,7 +71,7 @@ def feeling_pouch(
         "friction",
         mean=half,
         amplitude=(Free(0.0, half),) * len(FOOT_REGIONS),
-        phase=(Free(0.0, 1.0),) * len(FOOT_REGIONS),
+        phase=(Free(0.0, 1.0, 0.25), Free(0.0, 1.0, 0.75)),
     )
     core = (Drive("core", tuple(SKIN_REGIONS.tolist()), "pressure", mean=pressure),) if pressure > 0 else ()
     return LatticeRobot(
@@ -75,6 +81,7 @@ def feeling_pouch(
         cycles=cycles,
         settling=settling,
         name=name,
+        reference_length=geometry.body_length,
         reflexes=reflexes or Reflexes(gain=GAIN),
     )
 

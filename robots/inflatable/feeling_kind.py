@@ -7,9 +7,10 @@ from typing import Any
 from robots.kind import choices
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
+from taichi_sim.base.checks import choice
 from taichi_sim.base.options import number, whole
 
-GEOMETRIES = ("small-closed", "closed", "small", "published")  # of one core
+GEOMETRIES = ("small-closed", "closed")  # of one core, whose pressure drives nothing by itself
 DRIVEN = ("pressure", "frequency", "cycles", "settling")
 
 
@@ -34,7 +35,7 @@ class PouchKind(LatticeGroundKind):
 
         if source is not None:
             raise ValueError(f"robot: {source} is no pouch; a design of one is a lattice robot")
-        geometry = NAMED_GEOMETRIES[options.get("geometry", GEOMETRIES[0])]
+        geometry = NAMED_GEOMETRIES[choice("geometry", options.get("geometry", GEOMETRIES[0]), GEOMETRIES)]
         return feeling_pouch(geometry, **{name: options[name] for name in DRIVEN if name in options})
 
     def recognises(self, path: Path, form: str | None) -> bool:

@@ -111,7 +111,8 @@ class Drive:
             object.__setattr__(self, field, checked if isinstance(getattr(self, field), tuple) else checked[0])
 
     def _check_proportions(self) -> None:
-        given = tuple(number("proportions", each) for each in self.proportions)
+        held = self.proportions if isinstance(self.proportions, list | tuple | np.ndarray) else (self.proportions,)
+        given = tuple(number(f"{self.name}_proportions", each) for each in held)
         object.__setattr__(self, "proportions", given)
         if given and (self.quantity != "scale" or self.mean is not None):
             why = "a mean" if self.quantity == "scale" else self.quantity

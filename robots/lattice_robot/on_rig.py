@@ -104,7 +104,8 @@ def played_robot(robot: "LatticeRobot", table: ChannelTable) -> "LatticeRobot":
     for wave in table.played():
         about, values = wave.about, wave.values
         own = next((drive for drive in robot.drives if drive.name == about["drive"]), None)
-        if own is None or not set(about["regions"]) <= set(own.regions) or own.quantity != about["quantity"]:
+        same = own is not None and (own.quantity, own.axes) == (about["quantity"], about["axes"])
+        if own is None or not same or not set(about["regions"]) <= set(own.regions):
             raise ValueError(f"channel: {wave.name} of the table is none of the robot's; give the robot that it is of")
         mean, knots = (None, values - about["rest"]) if about["relative"] else (0.0, values)
         given = {

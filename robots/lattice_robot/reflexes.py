@@ -84,10 +84,15 @@ class Reflexes(Answering):
         """How many weights there are, K."""
         return self.network(regions).weight_count
 
-    def least(self, nodes: Floats) -> float:
-        """A bound of what answers leave of a muscle whose wave has such values at its nodes, shape (G, 16)."""
+    def least(self, nodes: Floats, shares: Floats) -> float:
+        """A bound of what answers leave of muscles, as far as they move each.
+
+        Args:
+            nodes: values of their waves, shape (C, 16).
+            shares: how far an answer moves each, shape (C,).
+        """
         if self.kind == "network":
-            return float(nodes.min()) - self.gain
+            return float((nodes.min(axis=1) - self.gain * np.abs(shares)).min())
         return min(float(each.mean()) - (1.0 + self.gain) * reach(each) for each in nodes)
 
     def check(self, regions: int) -> None:

@@ -401,7 +401,7 @@ class LatticeRobot(OutOfTheLab):
                 alphas = np.array([m.thermal_expansion for m in self.body.materials])[self.body.material_index]
                 least = float((1 + np.outer(alphas[self._driven_by(drive)], nodes.reshape(-1))).min())
             if drive.quantity == "scale" and self.reflexes is not None:
-                least = self.reflexes.least(nodes)
+                least = self.reflexes.least(nodes, np.repeat(drive.shares, len(drive.regions)))
             if drive.quantity in ("scale", "temperature") and least < SMALLEST:
                 return f"{drive.name} shrinks to {least:.3g} of a voxel; {SMALLEST} is the least"
             if drive.quantity == "friction" and least < 0:

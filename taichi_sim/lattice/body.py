@@ -84,8 +84,9 @@ class LatticeBody(ShortText):
             put(name, _frozen(usual if given is None else given, dtype, name, shape))
         if self.material_index.min() < 0 or self.material_index.max() >= len(self.materials):
             raise ValueError(f"material_index: must lie in 0..{len(self.materials) - 1}")
-        if self.regions.min() < 0:  # type: ignore[union-attr]
-            raise ValueError("regions: negative labels are not allowed")
+        for name in ("regions", "chambers"):
+            if getattr(self, name).min() < 0:
+                raise ValueError(f"{name}: negative labels are not allowed")
         if np.abs(self.pressure_normals).max(initial=0) > 1:  # type: ignore[arg-type]
             raise ValueError("pressure_normals: entries must be -1, 0 or 1")
         self._check_cut_links()

@@ -13,7 +13,7 @@ def controls(*given, **choices):
     return Exploration(*given, choices).controls
 
 
-ROBOTS = "vehicle", "legged", "rover-best", "soft-quadruped", "rolling", "walker", "freeform"
+ROBOTS = "vehicle", "legged", "rover-best", "soft-quadruped", "rolling", "walker", "freeform", "pouch"
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -50,6 +50,13 @@ def test_whole_numbers_are_known_by_what_takes_them():
     assert looks.first % 1 == 0 and looks.step == 1
     (size, share) = controls(lambda size, share: ml.robot(VEHICLE), size=(1, 4), share=(0.0, 4.0))
     assert size.step == 1 and share.step == 0.04
+
+
+def test_options_are_those_of_the_kind_that_is_named():
+    """Which may make a robot of another kind."""
+    found = Exploration("pouch", {"pressure": (0.0, 12000.0), "geometry": ["small-closed", "closed"], "slope": (-5, 5)})
+    assert [control.name for control in found.controls] == ["pressure", "geometry", "slope"]
+    assert {"geometry", "pressure"} < {control.name for control in Exploration("pouch", {}).controls}
 
 
 def test_names_are_parameters_options_and_worlds():

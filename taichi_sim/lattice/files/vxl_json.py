@@ -97,7 +97,9 @@ def write_vxl_json(file: VoxelFile) -> str:
         "regions": np.asarray(body.regions).tolist(),
         "cutLinks": body.cut_links.tolist() or None,
         "pressureNormals": normals.tolist() if normals.any() else None,
-        "chambers": np.asarray(body.chambers).tolist() if body.has_chambers else None,
+        "chambers": np.unique(np.asarray(body.chambers), return_inverse=True)[1].tolist()
+        if body.has_chambers
+        else None,
     }
     return json.dumps({**document, **_given(optional), _OWN: _given(own)}, allow_nan=False)
 

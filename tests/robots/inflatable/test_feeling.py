@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from robots.inflatable import ACTUATION, InflatableGeometry
-from robots.inflatable.body import BLADDER_REGIONS, TWO_CORE
+from robots.inflatable.body import BLADDER_REGIONS, SMALL, TWO_CORE
 from robots.inflatable.feeling import GAIN, SWING, feeling_pouch
 from robots.kind import KINDS
-from robots.lattice_robot import save_robot
+from robots.lattice_robot import Drive, LatticeRobot, save_robot
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.reflexes import Reflexes
 from robots.robot import Compute, Trial
@@ -78,11 +78,27 @@ def test_answers_move_bladders_along_all_axes_and_survive_files(tmp_path):
     ] == [answering]
 
 
+def test_answers_shrink_a_voxel_by_their_part_along_each_axis():
+    """So a robot is refused whose bladders might shrink to nothing along an axis that goes further than the first."""
+    reflexes = Reflexes(("tilt",), gain=0.3)
+
+    def robot(along):
+        drive = Drive("bladder", (5,), amplitude=0.1, axes="zy", proportions=(1.0, along))
+        return LatticeRobot(TINY.body, (drive,), reflexes=reflexes)
+
+    assert robot(1.0).fault(robot(1.0).start) == ""
+    assert robot(-4.0).fault(robot(-4.0).start).startswith("bladder shrinks to -0.6 of a voxel")
+
+
 def test_bad_input_is_told():
     with pytest.raises(ValueError, match=r"^cores: 2 is not allowed; give a geometry of one core"):
         feeling_pouch(TWO_CORE)
     with pytest.raises(ValueError, match=r"^pressure: -1 is not allowed"):
         feeling_pouch(TINY, -1)
+    with pytest.raises(ValueError, match=r"^pressure: 1 is not allowed in a geometry that is not closed"):
+        feeling_pouch(SMALL, 1.0)
+    with pytest.raises(ValueError, match=r"^geometry: 'small' is unknown; choose one of small-closed, closed"):
+        KINDS["pouch"].build(None, {"geometry": "small"})
     with pytest.raises(ValueError, match=r"^robot: mine.json is no pouch"):
         KINDS["pouch"].build("mine.json", {})
     assert KINDS["pouch"].build(None, {"pressure": 1e3}).drives[-1].mean == 1e3

@@ -236,6 +236,7 @@ def test_a_robot_stands_on_the_ground_wherever_its_array_lies():
         ),
         (lambda: Drive("a", (0,), axes="zy", proportions=(0.5, 1.0)), r"proportions: \(0.5, 1.0\) of a are not"),
         (lambda: Drive("a", (0,), "pressure", proportions=(1.0,)), r"proportions: \(1.0,\) of a .* with pressure;"),
+        (lambda: Drive("a", (0,), axes="z", proportions="wide"), "a_proportions: 'wide' is not allowed; give a finite"),
         (lambda: Drive("a", (0,), mean=1.0, axes="z", proportions=(1.0,)), r"proportions: .* not allowed with a mean;"),
         (lambda: Drive("a", (0,), knots=(1.0,)), "knots: one of a is not allowed"),
         (lambda: Drive("a", (0, 1), phase=(0.1, 0.2, 0.3)), "phase: 3 values of a are not allowed; give one, or 2"),

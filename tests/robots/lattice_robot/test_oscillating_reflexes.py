@@ -107,7 +107,8 @@ def test_a_design_is_written_and_read(tmp_path):
 def test_growth_counts_in_how_small_a_voxel_gets():
     """Amplitudes grow by the gain, of a sine by no more."""
     robot = swimmer_or_walker(oscillating("clock"))
-    assert robot.reflexes.least(1 + 0.5 * np.sin(2 * np.pi * np.arange(16) / 16)[None]) == pytest.approx(1 - 1.3 * 0.5)
+    wave = 1 + 0.5 * np.sin(2 * np.pi * np.arange(16) / 16)[None]
+    assert robot.reflexes.least(wave, np.ones(1)) == pytest.approx(1 - 1.3 * 0.5)
     drive = dataclasses.replace(robot.drives[0], amplitude=0.75)
     huge = dataclasses.replace(robot, drives=(drive,))
     assert huge.fault(huge.start).startswith("legs shrinks to 0.025 of a voxel")

@@ -316,6 +316,13 @@ def test_export_then_import_is_the_identity(tmp_path, seed):
     assert write_vxl_json(again) == write_vxl_json(robot)
 
 
+def test_chambers_are_kept_whatever_their_labels():
+    body = LatticeBody(np.array([[0, 0, 0], [1, 0, 0]]), (Material(1e5, 1e3),), [0, 0], 0.1, chambers=[1, 7])
+    assert read_vxl_json(write_vxl_json(VoxelFile.of_body(body))).body.chambers.tolist() == [0, 1]
+    with pytest.raises(ValueError, match=r"^chambers: negative labels are not allowed"):
+        LatticeBody(np.array([[0, 0, 0]]), (Material(1e5, 1e3),), [0], 0.1, chambers=[-1])
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

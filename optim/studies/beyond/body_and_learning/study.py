@@ -119,8 +119,8 @@ def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jo
 
 def tell_as(kind: type[BodyAndLearning], data: Data, folder: Path) -> None:
     """Write what goes with what, and the picture, from the rows of bodies of a kind."""
-    of_learners = {name: kind for each in LEARNERS for name, kind in ((each, float), (f"{each}_solved", int))}
-    columns = {"body": int, "M_L": float, "M_CI": float, "all": int, "any": int, **of_learners}
+    counts = ("body", "voxels", "all", "any", *(f"{name}_solved" for name in LEARNERS))
+    columns = {**dict.fromkeys(counts, int), **dict.fromkeys(("M_L", "M_CI", "felt", *LEARNERS), float)}
     _report(folder, data.records(TABLE, columns), data.settings(kind))
 
 
