@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.progress import shown_progress
-from taichi_sim.base.files import ASIDE, claimed_folder
+from taichi_sim.base.files import ASIDE, claimed_folder, undone_if_it_fails
 from taichi_sim.base.options import flag_of, numbers
 
 if TYPE_CHECKING:
@@ -92,8 +92,12 @@ def _told_again(args: argparse.Namespace, study: "Study") -> Report:
         able = ", ".join(name for name in STUDIES if STUDIES[name].tell is not None)
         raise ValueError(f"from-data: study {args.study} is not told from tables; {able} are")
     data = found(args.from_data, args.study)
-    with claimed_folder("out", args.out):
-        study.tell(data, args.out)
+    with claimed_folder("out", args.out), undone_if_it_fails() as made:
+        try:
+            study.tell(data, args.out)
+        except BaseException:
+            made += [path for path in args.out.iterdir() if not path.name.startswith(ASIDE)]
+            raise
         there = (path for path in args.out.rglob("*") if path.is_file() and not path.name.startswith(ASIDE))
         files = sorted(path.relative_to(args.out).as_posix() for path in there)
     document = {"folder": str(args.out), "study": args.study, "data": str(data.folder), "files": files}

@@ -9,22 +9,16 @@ from typing import Any, TypeVar, get_args
 
 from numpy.typing import NDArray
 
-from optim.experiments.tables import Record, read_records
+from optim.experiments.tables import Record, read_table, value_of
 from taichi_sim.base import checks, files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import build_settings, load_parts
 
 Kind = type | types.UnionType | Collection[str]  # such as ``float``, ``float | None``, or all allowed texts
 Of = TypeVar("Of")
-WORDS = {
-    int: "a whole number",
-    float: "a number",
-    str: "a text",
-    bool: "True or False",
-    list: "a list",
-    tuple: "several",
-}
+WORDS = {int: "a whole number", float: "a number", str: "a text", bool: "True or False", list: "a list of numbers"}
 UNWRITTEN = {"nan", "inf", "-inf"}  # numbers that Python's literals do not have
+WHERE = ("device", "threads")  # fields of settings that change no result
 
 
 @dataclass(frozen=True)
@@ -53,15 +47,19 @@ class Data:
             ValueError: if the file cannot be read, lacks a column or a group, or has a cell of another kind.
         """
         path = self.path(name)
-        rows = read_records(path)
-        for missing in (column for column in columns if rows and column not in rows[0]):
+        header, rows = read_table(path)
+        for missing in (column for column in columns if column not in header):
             raise ValueError(f"{path}: it has no column {missing}")
         if not rows and not may_be_empty:
             raise ValueError(f"{path}: it has no rows")
-        found: list[Record] = [{**row, **_checked(path, number, row, columns)} for number, row in enumerate(rows, 1)]
+        found: list[Record] = []
+        for number, row in enumerate(rows, 2):  # the header is the first
+            cells = dict(zip(header, row, strict=True))
+            checked = {column: _cell(path, number, column, cells[column], kind) for column, kind in columns.items()}
+            found.append({name: checked[name] if name in checked else value_of(cell) for name, cell in cells.items()})
         there = {tuple(row[group] for group in groups) for row in found}
         allowed = (kind for kind in map(columns.__getitem__, groups) if isinstance(kind, Collection))
-        for each in product(*allowed):
+        for each in product(*allowed) if groups else ():
             if each not in there:
                 about = ", ".join(f"{group} {value}" for group, value in zip(groups, each, strict=True))
                 raise ValueError(f"{path}: it has no rows of {about}")
@@ -105,17 +103,12 @@ class Data:
             raise ValueError(f"{path}: it has no array {missing!r}")
         return {each: found[each] for each in names}
 
-    def summary(self, *names: str) -> dict[str, Any]:
-        """Read ``summary.json``, which must have these fields.
+    def from_summary(self, build: Callable[[Mapping[str, Any]], Of]) -> Of:
+        """Read ``summary.json``, and return what ``build`` makes of it.
 
-        Raises ValueError if it cannot be read, or lacks one.
+        Raises ValueError that names the file if it cannot be read, lacks what ``build`` asks for, or is refused by it.
         """
-
-        def build(record: Any) -> dict[str, Any]:
-            found = dict(checks.table("summary", record))
-            return {**found, **{name: found[name] for name in names}}
-
-        return files.read_json(self.folder / "summary.json", build)
+        return files.read_json(self.folder / "summary.json", lambda record: build(checks.table("summary", record)))
 
     def count(self, *names: str) -> int:
         """Read a whole number of at least 1 from ``summary.json``, from a table in a table where there are more names.
@@ -128,49 +121,48 @@ class Data:
                 record = checks.table(".".join(names[:place]) or "summary", record)[name]
             return checks.integer(".".join(names), record, 1)
 
-        return files.read_json(self.folder / "summary.json", build)
+        return self.from_summary(build)
 
     def settings(self, kind: type[Of]) -> Of:
-        """Read the settings of the study, which ``summary.json`` keeps.
+        """Read the settings of the study, a dataclass, as its ``describe`` told them, from ``summary.json``.
 
         Raises ValueError if it cannot be read, or some are missing, unknown, or not allowed.
         """
-        path = self.folder / "summary.json"
-        return files.read_json(path, lambda record: settings_from(checks.table("summary", record)["settings"], kind))
+
+        def build(summary: Mapping[str, Any]) -> Of:
+            given = dict(checks.table("settings", summary["settings"]))
+            names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
+            for unknown in given.keys() - set(names):
+                raise ValueError(f"settings: {unknown} is none of {', '.join(names)}")
+            for missing in (name for name in names if name not in given and name not in WHERE):
+                raise ValueError(f"settings: {missing} is missing")
+            return kind(**given)
+
+        return self.from_summary(build)
 
 
-def settings_from(record: Any, kind: type[Of]) -> Of:
-    """Make settings, a dataclass, from what their ``describe`` gives; what it does not tell keeps its default.
-
-    Raises ValueError if some are unknown or not allowed.
-    """
-    given = dict(checks.table("settings", record))
-    names = [each.name for each in fields(kind)]  # type: ignore[arg-type]
-    for unknown in given.keys() - set(names):
-        raise ValueError(f"settings: {unknown} is none of {', '.join(names)}")
-    return kind(**given)
-
-
-def _checked(path: Path, number: int, row: Record, columns: Mapping[str, Kind]) -> dict[str, Any]:
-    """The cells of a row, as their columns say."""
-    return {name: _cell(path, number, name, row[name], kind) for name, kind in columns.items()}
-
-
-def _cell(path: Path, number: int, name: str, value: Any, kind: Kind) -> Any:
+def _cell(path: Path, number: int, name: str, text: str, kind: Kind) -> Any:
+    """The value of a cell of a column of a kind."""
     if isinstance(kind, Collection):
-        if value not in kind:
-            raise ValueError(f"{path}: row {number} has {checks.shown(value)} as {name}; allowed are {', '.join(kind)}")
-        return value
+        if text not in kind:
+            raise ValueError(f"{path}: row {number} has {checks.shown(text)} as {name}; allowed are {', '.join(kind)}")
+        return text
     kinds = get_args(kind) or (kind,)
-    if float in kinds and isinstance(value, str) and value in UNWRITTEN:
-        return float(value)
-    if str in kinds and value is not None and not isinstance(value, str):
-        return str(value)  # a text such as ``162``, which reads as a number
-    allowed = (*kinds, int) if float in kinds else kinds
-    if not isinstance(value, allowed) or (isinstance(value, bool) and bool not in kinds):
+    if text and str in kinds:
+        return text
+    value = float(text) if float in kinds and text in UNWRITTEN else value_of(text)
+    if not any(_is_of(value, each) for each in kinds):
         words = " or ".join("empty" if each is types.NoneType else WORDS[each] for each in kinds)
         raise ValueError(f"{path}: row {number} has {checks.shown(value)} as {name}; it must be {words}")
     return value
+
+
+def _is_of(value: Any, kind: type) -> bool:
+    if kind is list:
+        return isinstance(value, list | tuple) and all(_is_of(each, float) for each in value)
+    if kind is float:
+        return isinstance(value, float | int) and not isinstance(value, bool)
+    return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
 
 
 def found(data: Path, study: str) -> Data:
@@ -181,8 +173,3 @@ def found(data: Path, study: str) -> Data:
     if not data.is_dir():
         raise ValueError(f"from-data: {data} is no folder")
     return Data(next(each for each in (data / study, data) if each.is_dir()))
-
-
-def columns_of(names: str, kind: Kind) -> dict[str, Kind]:
-    """Columns of the same kind, from their names in a line."""
-    return dict.fromkeys(names.split(), kind)

@@ -45,12 +45,12 @@ def check_runs(folder: Path, kind: str, tables: Sequence[str], names: Sequence[s
 
     Raises ValueError if it does, or holds something else.
     """
-    check_folder(folder, names, kind)
     if not (folder / RAW).exists() and any((folder / name).exists() for name in tables):
         raise ValueError(
             f"out: {folder} holds tables without their runs; name a new folder, or give it to --from-data to make "
             "the rest from them"
         )
+    check_folder(folder, names, kind)
 
 
 def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:

@@ -7,7 +7,7 @@ from inspect import signature
 from pathlib import Path
 from typing import Annotated, Any
 
-from optim.experiments.data import Data
+from optim.experiments.data import WHERE, Data
 from optim.experiments.results import Progress
 from taichi_sim.base import checks
 
@@ -15,7 +15,6 @@ from taichi_sim.base import checks
 Whole = Annotated[int, partial(checks.integer, low=0)]
 Count = Annotated[int, partial(checks.integer, low=1)]
 Several = Annotated[int, partial(checks.integer, low=2)]
-WHERE = ("device", "threads")  # fields that change no result
 
 
 @dataclass(frozen=True)

@@ -87,10 +87,11 @@ def read_records(path: Path) -> list[dict[str, Any]]:
     Raises ValueError if the file cannot be read, is empty, or has rows of another length than its header.
     """
     header, rows = read_table(path)
-    return [dict(zip(header, map(_value, row), strict=True)) for row in rows]
+    return [dict(zip(header, map(value_of, row), strict=True)) for row in rows]
 
 
-def _value(cell: str) -> Any:
+def value_of(cell: str) -> Any:
+    """The value that the text of a cell stands for: a number, a truth value, a list, None if empty, or the text."""
     if not cell:
         return None
     try:

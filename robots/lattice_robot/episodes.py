@@ -92,8 +92,8 @@ class Episodes:
         """Play the next piece.
 
         Args:
-            actions: by how much the scale of each muscle shall differ from its wave at the end of it, along the first of
-                its axes where it has proportions, shape (B, R).
+            actions: by how much the scale of each muscle shall differ from its wave at the end of it, along its first
+                axis where it has proportions, shape (B, R).
 
         Returns:
             What is felt, shape (B, width); how far the middle of each robot went along its heading [body lengths],

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_folder, part_of, write_json
@@ -177,9 +177,9 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
 
 def tell(data: Data, folder: Path) -> None:
     """Write the tables of all problems, and ``summary.json``, from the table of runs."""
-    share = positive("share", data.summary("share")["share"])
+    share = data.from_summary(lambda summary: positive("share", summary["share"]))
     columns: dict[str, Kind] = {"problem": tuple(PROBLEMS), "search": tuple(ARMS), "seed": int, "evaluations": int}
-    columns |= {**columns_of("seconds speed", float), "kept": float | None}
+    columns |= {**dict.fromkeys(("seconds", "speed"), float), "kept": float | None}
     _report(folder, share, data.records(TABLES[0], columns))
 
 

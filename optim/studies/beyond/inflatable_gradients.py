@@ -191,9 +191,11 @@ def tell(data: Data, folder: Path) -> None:
     about: dict[str, Kind] = {"world": tuple(WORLDS), "search": tuple(ARMS), "seed": int}
     rows = data.records(TABLES[0], {**about, "evaluations": int, "score": float | None, "speed": float})
     curves = data.records(TABLES[1], {**about, "cpu": float, "best": float | None})
-    told = data.summary(*ABOUT)
-    positive("seconds", told["seconds"])
-    _report(folder, {name: told[name] for name in ABOUT}, rows, curves)
+
+    def about_all(summary: Mapping[str, Any]) -> dict[str, Any]:
+        return {**{name: summary[name] for name in ABOUT}, "seconds": positive("seconds", summary["seconds"])}
+
+    _report(folder, data.from_summary(about_all), rows, curves)
 
 
 def _warm_up(settings: Comparison, gradients: bool) -> None:

@@ -156,6 +156,8 @@ def tell(data: Data, folder: Path) -> None:
     for name in distinct(draws, "gait"):
         if not any(row["draw"] >= 0 for row in where(draws, gait=name)):
             raise ValueError(f"{data.folder / DRAWS}: gait {name} has no held-out draw (draw: at least 0)")
+        if Path(_file(name)).name != _file(name):
+            raise ValueError(f"{data.folder / DRAWS}: gait {name!r} is not allowed; it names no file")
     files = {name: data.folder / GAITS / f"{_file(name)}.json" for name in distinct(draws, "gait")}
     settings = data.kept(NAME, dict) if data.has(f"{NAME}.json") else {}
     designs = {name: load_design(path) for name, path in files.items() if path.exists()}

@@ -37,7 +37,7 @@ ARMS = {
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
 }
 COLUMNS: dict[str, Kind] = {
-    "task": str,
+    "task": tuple(builtin_tasks()),
     "search": tuple(ARMS),
     "seed": int,
     "evaluations": int,
@@ -85,7 +85,8 @@ def study(folder: Path, settings: Solving, progress: Progress = None, jobs: int 
 
 def tell(data: Data, folder: Path) -> None:
     """Write the table and ``summary.json`` from the table of runs."""
-    _report(folder, positive("seconds", data.summary("seconds")["seconds"]), data.records(TABLE, COLUMNS))
+    seconds = data.from_summary(lambda summary: positive("seconds", summary["seconds"]))
+    _report(folder, seconds, data.records(TABLE, COLUMNS))
 
 
 @cache

@@ -59,6 +59,8 @@ def tell(data: Data, folder: Path) -> None:
     there = [name for name in TABLES if data.has(name)]
     if not there:
         raise ValueError(f"from-data: {data.folder} has no table of a sweep; give one with {' or '.join(TABLES)}")
+    if len({TABLES[name] for name in there}) < len(there):
+        raise ValueError(f"from-data: {data.folder} has {' and '.join(there)}; give a folder with one sweep of its own")
     for name in there:
         table, told = read_sweep_table(data.path(name)), folder / TABLES[name]
         make_folder(told)

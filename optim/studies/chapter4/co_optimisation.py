@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
 from optim.experiments.results import Part, Progress, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
@@ -42,15 +42,16 @@ AT_LEAST = 5  # solved trials for a mean over them
 TIMES, SOLVED = "evaluations-until-all-solved.csv", "environments-solved.csv"
 COURSE, CHANGES, ENDS = "homeostasis.csv.gz", "homeostasis-changes.csv", "homeostasis-at-the-end.csv"
 TIMES_OF_TRIALS = ("first_point_solving_all", "reported_solves_all_from", "solved_at_the_end")
+SOLVED_LAST = "environments_solved_at_the_end"  # in the summary
 ARMS_AND_SIGNALS = tuple(f"{arm}/{name}" for arm, name in product(ARMS, MEASURES))
 EVERY = "steps_between_samples_in_the_course"
 ARM: dict[str, Kind] = {"arm": tuple(ARMS)}
 SOLUTIONS: dict[str, Kind] = {**ARM, "signals": MEASURES, "solutions": ("all", "solved")}
 TABLES: dict[str, dict[str, Kind]] = {
     TIMES: {**ARM, "seed": int, **dict.fromkeys(TIMES_OF_TRIALS, int)},
-    SOLVED: {**ARM, "evaluations": int, **columns_of("mean low high", float)},
-    COURSE: {**SOLUTIONS, "evaluations": int, "trials": int, **columns_of("mean low high median", float)},
-    CHANGES: {**SOLUTIONS, "seed": int, **columns_of("first last", float)},
+    SOLVED: {**ARM, "evaluations": int, **dict.fromkeys(("mean", "low", "high"), float)},
+    COURSE: {**SOLUTIONS, "evaluations": int, "trials": int, **dict.fromkeys(("mean", "low", "high", "median"), float)},
+    CHANGES: {**SOLUTIONS, "seed": int, **dict.fromkeys(("first", "last"), float)},
     ENDS: {"arm_and_signals": ARMS_AND_SIGNALS, "distance": float},
 }
 Tables = dict[str, list[Record]]
@@ -200,26 +201,29 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
     }
     for name, rows in tables.items():
         write_table(folder / name, tuple(TABLES[name]), [tuple(row[each] for each in TABLES[name]) for row in rows])
-    _report(folder, tables, decimation(settings.task))
+    _report(folder, tables, decimation(settings.task), len(settings.task.starts))
 
 
 def tell(data: Data, folder: Path) -> None:
     """Write ``summary.json`` and the figure from the tables."""
-    complete = (TIMES, SOLVED)  # where nothing is solved, the others have no rows of an arm
-    tables = {
-        name: data.records(name, columns, *(("arm",) if name in complete else ())) for name, columns in TABLES.items()
-    }
-    _report(folder, tables, data.count("homeostasis", EVERY))
+    tables = {}
+    for name, columns in TABLES.items():
+        whole = name in (TIMES, SOLVED)  # where nothing is solved, the others have no rows of an arm, or none at all
+        tables[name] = data.records(name, columns, *(("arm",) if whole else ()), may_be_empty=not whole)
+    arm = next(iter(ARMS))
+    environments = data.from_summary(lambda summary: len(summary[SOLVED_LAST][arm]["trials_with_each"]) - 1)
+    _report(folder, tables, data.count("homeostasis", EVERY), environments)
 
 
-def _report(folder: Path, tables: Tables, every: int) -> None:
-    """Write ``summary.json`` and the figure, which follow from the tables and the steps between samples."""
-    summary = {**_of_times(tables[TIMES], tables[SOLVED]), "homeostasis": {EVERY: every, **_of_homeostasis(tables)}}
+def _report(folder: Path, tables: Tables, every: int, environments: int) -> None:
+    """Write ``summary.json`` and the figure, which follow from the tables, for so many steps between samples."""
+    times = _of_times(tables[TIMES], tables[SOLVED], environments)
+    summary = {**times, "homeostasis": {EVERY: every, **_of_homeostasis(tables)}}
     write_json(folder / "summary.json", summary)
     draw(tables[SOLVED], tables[COURSE], folder / "co-optimisation.png")
 
 
-def _of_times(times: Sequence[Record], curves: Sequence[Record]) -> dict[str, Any]:
+def _of_times(times: Sequence[Record], curves: Sequence[Record], environments: int) -> dict[str, Any]:
     """Evaluations until all is solved, with tests, and what is solved at the end."""
     needed, ends, ranks = {}, {}, {}
     for arm in ARMS:
@@ -232,12 +236,12 @@ def _of_times(times: Sequence[Record], curves: Sequence[Record]) -> dict[str, An
         ends[arm] = {
             "mean": course[-1]["mean"],
             "interval": [course[-1]["low"], course[-1]["high"]],
-            "trials_with_each": np.bincount(last.astype(int), minlength=len(PUBLISHED.starts) + 1).tolist(),
+            "trials_with_each": np.bincount(last.astype(int), minlength=environments + 1).tolist(),
         }
         ranks[arm] = ranked(any_point, len(course))
     return {
         "evaluations_until_all_solved": needed,
-        "environments_solved_at_the_end": ends,
+        SOLVED_LAST: ends,
         "tests_of_evaluations_until_all_solved": compare(ranks, PAIRS, "less"),
     }
 

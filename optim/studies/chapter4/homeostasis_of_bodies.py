@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
@@ -31,7 +31,7 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 TABLE = "bodies.csv"
 METRICS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$"}
-COLUMNS: dict[str, Kind] = columns_of("M_L M_CI raw normalised", float)
+COLUMNS: dict[str, Kind] = dict.fromkeys(("M_L", "M_CI", "raw", "normalised"), float)
 BODIES_PER_PART = 50
 
 

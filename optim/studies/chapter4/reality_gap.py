@@ -18,7 +18,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
 from optim.experiments.results import Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
@@ -117,7 +117,7 @@ TABLE = "controllers.csv.gz"
 COLUMNS: dict[str, Kind] = {
     "design": int,
     "perturbation": tuple(dict.fromkeys(p.name for p in PERTURBATIONS)),
-    **columns_of("strength w1 w2 survival", float),
+    **dict.fromkeys(("strength", "w1", "w2", "survival"), float),
 }
 
 
@@ -167,9 +167,10 @@ def tell(data: Data, folder: Path) -> None:
     """Write ``summary.json``, ``survival.csv`` and the figure from the table of controllers."""
     rows = data.records(TABLE, COLUMNS)
     for design in distinct(rows, "design"):
-        if len(set(map(len, _survival(rows, design)))) > 1:
+        if len(counts := set(map(len, _survival(rows, design)))) > 1 or 0 in counts:
             raise ValueError(
-                f"{data.path(TABLE)}: design {design} has more controllers in some perturbations than in others"
+                f"{data.path(TABLE)}: design {design} has {sorted(counts)} controllers in the perturbations of the "
+                "study; give as many in each, at least 1"
             )
     _report(folder, rows)
 

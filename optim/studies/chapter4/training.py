@@ -240,9 +240,11 @@ def study(
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write ``summary.json`` and ``training.png`` from the tables of all runs and of the sweep."""
-    runs = read_training_table(data.path("vehicle-training-all.csv"))
-    _report(folder, runs, read_sweep_table(data.path("vehicle-sweep.csv")).rows(runs.designs))
+    """Write ``summary.json`` and ``training.png`` from tables of runs and sweep, a study's or of all bodies."""
+    own = data.has("runs.csv")
+    runs = read_training_table(data.path("runs.csv" if own else "vehicle-training-all.csv"))
+    sweep = read_sweep_table(data.folder / "overlaps" if own else data.path("vehicle-sweep.csv"))
+    _report(folder, runs, sweep.rows(runs.designs))
 
 
 def _report(folder: Path, table: TrainingTable, sweep: SweepTable) -> None:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study
 from optim.experiments.tables import Record, write_records
@@ -43,8 +43,8 @@ COPIES = "copies.csv"
 COLUMNS: dict[str, Kind] = {
     "weight": WEIGHTS,
     "condition": tuple(measured.name for measured in MEASURED),
-    **columns_of("ground timing", str),
-    **columns_of("inflation pressure measured speed", float),
+    **dict.fromkeys(("ground", "timing"), str),
+    **dict.fromkeys(("inflation", "pressure", "measured", "speed"), float),
 }
 
 

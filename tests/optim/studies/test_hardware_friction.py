@@ -171,7 +171,7 @@ def test_tables_of_copies_of_which_nothing_can_be_told_are_refused(tmp_path):
     for copies, message in (
         (copies_of([1.0] * 4)[2:], "copies.csv: no parameters have speeds in all conditions, which are inching, wood;"),
         ([{**copies_of([1.0] * 4)[0], "measured": 0}], "copies.csv: measured: 0 is not allowed; give a positive"),
-        ([{**copies_of([1.0] * 4)[0], "condition": "rolling, ice"}], "row 1 has 'rolling, ice' as condition; allowed"),
+        ([{**copies_of([1.0] * 4)[0], "condition": "rolling, ice"}], "row 2 has 'rolling, ice' as condition; allowed"),
     ):
         write_records(tmp_path / "copies.csv", copies)
         with pytest.raises(ValueError) as error:

@@ -187,6 +187,9 @@ def test_controllers_that_a_perturbation_lacks_are_told(tmp_path):
         for one in PERTURBATIONS
     ]
     write_records(tmp_path / reality_gap.TABLE, rows[:-1])
-    message = f"{tmp_path / reality_gap.TABLE}: design 162 has more controllers in some perturbations than in others"
+    message = (
+        f"{tmp_path / reality_gap.TABLE}: design 162 has [0, 1] controllers in the perturbations of the study; give as "
+        "many in each, at least 1"
+    )
     with pytest.raises(ValueError, match=re.escape(message)):
         reality_gap.tell(Data(tmp_path), tmp_path / "told")

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
@@ -43,7 +43,7 @@ ARMS = {
     "each": "trained in each body",
     "tuned": "told, then trained in each body",
 }
-COLUMNS: dict[str, Kind] = {"arm": tuple(ARMS), "seed": int, **columns_of("speed seconds", float)}
+COLUMNS: dict[str, Kind] = {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(("speed", "seconds"), float)}
 
 
 @dataclass(frozen=True)
@@ -230,8 +230,8 @@ def study(folder: Path, settings: UniversalControl, progress: Progress = None, j
 
 def tell(data: Data, folder: Path) -> None:
     """Write ``table.md`` and ``summary.json`` from the table of trainings."""
-    peak = data.summary("peak_memory")["peak_memory"]
-    _report(folder, data.settings(UniversalControl), data.records(TABLE, COLUMNS), peak)
+    rows = data.records(TABLE, COLUMNS, "arm")
+    _report(folder, data.settings(UniversalControl), rows, data.count("peak_memory"))
 
 
 def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], peak: int) -> None:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from optim.experiments.data import Data, columns_of
+from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, part_of
 from optim.experiments.study import Count, Settings, Several, Study
@@ -78,10 +78,9 @@ def study(folder: Path, settings: EvolvingBodies, progress: Progress = None, job
 
 def tell(data: Data, folder: Path) -> None:
     """Write the report from the rows of bodies and loops."""
-    bodies = data.records(TABLE, {"arm": tuple(ARMS), "seed": int, **columns_of(" ".join(BODY_COLUMNS), float)})
-    loops = data.records(
-        LOOPS_TABLE, {"search": tuple(SEARCHES), "seed": int, "nearer": float | None, "evaluations": int}
-    )
+    bodies = data.records(TABLE, {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(BODY_COLUMNS, float)}, "arm")
+    about = {**dict.fromkeys(("seed", "evaluations"), int), "nearer": float | None}
+    loops = data.records(LOOPS_TABLE, {"search": tuple(SEARCHES), **about}, "search")
     write_report(folder, bodies, loops, data.settings(EvolvingBodies).describe())
 
 

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, columns_of
+from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study
@@ -143,8 +143,9 @@ def study(folder: Path, settings: EvolvingVehicles, progress: Progress = None, j
 
 def tell(data: Data, folder: Path) -> None:
     """Write tables and the picture from the rows of bodies and loops."""
-    bodies = data.records(BODIES, {"arm": tuple(ARMS), "seed": int, **columns_of(" ".join(COLUMNS), float)})
-    loops = data.records(LOOPED, {"arm": tuple(LOOPS), "seed": int, **columns_of("evaluations best seconds", float)})
+    bodies = data.records(BODIES, {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(COLUMNS, float)}, "arm")
+    numbers = dict.fromkeys(("evaluations", "best", "seconds"), float)
+    loops = data.records(LOOPED, {"arm": tuple(LOOPS), "seed": int, **numbers}, "arm")
     write_report(folder, bodies, loops, data.settings(EvolvingVehicles).describe())
 
 

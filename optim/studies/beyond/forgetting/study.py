@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.body_metrics import Measuring, Tries, controllers_of
-from optim.experiments.data import Data, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study, Whole
@@ -22,7 +22,8 @@ from optim.measures.sampled import sampled_metrics
 from optim.space import Space
 from optim.studies.beyond.forgetting.families import FAMILIES, LOST, Learning
 from optim.studies.beyond.forgetting.methods import METHODS, Recipe, train
-from optim.studies.beyond.forgetting.report import TABLE, write_report
+from optim.studies.beyond.forgetting.report import LEVELS, TABLE, write_report
+from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -93,15 +94,19 @@ def study(folder: Path, settings: Forgetting, progress: Progress = None, jobs: i
         write_report(folder, rows, measured, settings.describe())
 
 
-MEASURES = "start_a start_b learned_a learned_b final_a final_b worse"  # of a training, in both environments
+# Of a training, in both environments.
+MEASURES = ("start_a", "start_b", "learned_a", "learned_b", "final_a", "final_b", "worse")
 
 
 def tell(data: Data, folder: Path) -> None:
     """Write what explains what bodies forgot, and the picture, from both tables."""
-    texts, metrics = columns_of("robot method level", str), columns_of("M_CI M_L", float)
-    told = {"body": int, **texts, **metrics, **columns_of(MEASURES, float)}
-    rows, measured = data.records(TABLE, told), data.records(MEASURED, {"robot": str, "body": int, **metrics})
-    write_report(folder, rows, measured, data.summary("settings")["settings"])
+    metrics = dict.fromkeys(("M_CI", "M_L"), float)
+    texts: dict[str, Kind] = {"robot": tuple(FAMILIES), "method": tuple(METHODS), "level": tuple(LEVELS)}
+    told: dict[str, Kind] = {"body": int, **texts, **metrics, **dict.fromkeys(MEASURES, float)}
+    rows = data.records(TABLE, told, "level", "method")
+    measured = data.records(MEASURED, {"robot": tuple(FAMILIES), "body": int, **metrics})
+    settings = data.from_summary(lambda summary: checks.table("settings", summary["settings"]))
+    write_report(folder, rows, measured, settings)
 
 
 def _within(progress: Progress, first: float, last: float) -> Progress:

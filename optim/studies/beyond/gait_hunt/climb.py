@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.data import Data, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, part_of, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, markdown, page, write_records
+from optim.experiments.tables import where as select
 from optim.studies.beyond.gait_hunt.finalists import (
     FOUND,
     Finalist,
@@ -64,11 +65,16 @@ def study(folder: Path, settings: Climb, progress: Progress = None, jobs: int = 
 
 def tell(data: Data, folder: Path) -> None:
     """Write ``summary.json``, ``table.md`` and ``climb.png`` from the tables of seeds and steps."""
-    rows = data.records(TABLES[0], {"seed": int, "robot_steps": float, "stays": bool, "found_by": str | None, **FOUND})
-    lists = columns_of("speeds hard_speeds", list)
-    steps = data.records(TABLES[1], {"seed": int, **columns_of("step terrains", str), **lists})
-    settings = Climb(tuple(row["seed"] for row in rows), **hill_of(data))
-    write_reports(folder, settings, rows, steps)
+    about: dict[str, Kind] = {**dict.fromkeys(("seed", "evaluations"), int), "robot_steps": float, "stays": bool}
+    rows = data.records(TABLES[0], {**about, "found_by": str | None, **FOUND})
+    lists = dict.fromkeys(("speeds", "hard_speeds"), list)
+    steps = data.records(TABLES[1], {"seed": int, **dict.fromkeys(("step", "terrains"), str), **lists})
+    for row in rows:
+        seed, name = row["seed"], row["found_by"]
+        if name is not None and not select(steps, seed=seed, step=name):
+            raise ValueError(f"{data.folder / TABLES[0]}: seed {seed} has no step {name} in {TABLES[1]}")
+    seeds = tuple(row["seed"] for row in rows)
+    write_reports(folder, data.from_summary(lambda summary: Climb(seeds, **hill_of(summary))), rows, steps)
 
 
 def _climb(runs: Path, settings: Climb, seed: int, where: Mapping[str, Any], progress: Progress) -> Climbed:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Kind
 from optim.experiments.results import Progress
 from optim.experiments.study import Count, Settings
 from optim.problems.inflatable.problem import GaitProblem
@@ -92,15 +92,14 @@ def finalist_columns(best: Finalist | None) -> dict[str, Any]:
 # Kinds of these columns.
 FOUND: dict[str, Kind] = {
     "generation": int | None,
-    **columns_of("speed hard_speed orientation", float | None),
+    **dict.fromkeys(("speed", "hard_speed", "orientation"), float | None),
     "pressure": float | list | tuple | None,
 }
 
 
-def hill_of(data: Data) -> dict[str, Any]:
-    """Read what a study's data say of its hill: what ``Finals.told`` gives."""
-    found = data.summary("slope")
-    return {name: found[name] for name in ("slope", "friction") if name in found}
+def hill_of(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """What a study's summary says of its hill, as ``Finals.told`` gave it."""
+    return {"slope": summary["slope"], **({"friction": summary["friction"]} if "friction" in summary else {})}
 
 
 def last_bests(history: History, problem: GaitProblem, count: int) -> list[tuple[InflatableDesign, int]]:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.comparison import differences, table_of_differences
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, part_of, write_json
@@ -102,10 +102,13 @@ def tell(data: Data, folder: Path) -> None:
     """Write ``summary.json``, ``table.md`` and ``hunt.png`` from the tables of runs and generations."""
     about: dict[str, Kind] = {"search": tuple(SEARCHES), "seed": int, "robot_steps": float}
     rows = data.records(TABLES[0], {**about, "evaluations": int, **FOUND})
-    generations = data.records(TABLES[1], {**about, "generation": int, **columns_of("mean best", float | None)})
-    budget = positive("budget", data.summary("budget")["budget"])
+    generations = data.records(TABLES[1], {**about, "generation": int, **dict.fromkeys(("mean", "best"), float | None)})
     searches, seeds = (tuple(distinct(rows, name)) for name in ("search", "seed"))
-    write_reports(folder, Hunt(budget / PUBLISHED_COST, seeds, searches, **hill_of(data)), rows, generations)
+
+    def settings(summary: Mapping[str, Any]) -> Hunt:
+        return Hunt(positive("budget", summary["budget"]) / PUBLISHED_COST, seeds, searches, **hill_of(summary))
+
+    write_reports(folder, data.from_summary(settings), rows, generations)
 
 
 def _problem(hunt: Hunt, name: str, where: Mapping[str, Any]) -> GaitProblem:

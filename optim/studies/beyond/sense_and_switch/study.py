@@ -9,13 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
-from optim.experiments.data import Data, Kind, columns_of
+from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study, Whole
@@ -49,13 +48,15 @@ WINDOW = 16  # looks that features are of: one cycle
 MARGINS, STAYS = (0.0, 0.1, 0.2, 0.4), (16, 32)
 EXPLORERS = 6  # machines on every training course of which readings are taken
 # Columns of the tables of machines on courses, of changes, and of gaits.
+ALONE = "always {}"  # machines with one gait
+MACHINES = (TOLD, TOLD_STAYING, *RULES, CHANCE, *(ALONE.format(kind) for kind in KINDS))  # in the order of rows
 WENT: dict[str, Kind] = {
-    "machine": str,
-    **columns_of("seed course switches false", int),
-    **columns_of("distance right", float),
+    "machine": MACHINES,
+    **dict.fromkeys(("seed", "course", "switches", "false"), int),
+    **dict.fromkeys(("distance", "right"), float),
 }
 CHANGE: dict[str, Kind] = {
-    **columns_of("seed course", int),
+    **dict.fromkeys(("seed", "course"), int),
     "machine": str,
     "from": KINDS,
     "to": KINDS,
@@ -64,10 +65,9 @@ CHANGE: dict[str, Kind] = {
 SEARCHED: dict[str, Kind] = {
     "seed": int,
     "gait": KINDS,
-    **columns_of(" ".join(f"on_{kind}" for kind in KINDS), float),
+    **dict.fromkeys((f"on_{kind}" for kind in KINDS), float),
     "best_alone": bool,
 }
-ALONE = "always {}"  # machines with one gait
 
 
 @dataclass(frozen=True)
@@ -211,10 +211,9 @@ class Part:
                 *_alone(found),
             ]
         )
-        names = [TOLD, TOLD_STAYING, *rules, CHANCE, *(ALONE.format(kind) for kind in KINDS)]
         played = self._course("judged", found, seed, crew)
         went, rows, events = distances(played), list[Record](), list[Noticed]()
-        for row, name in enumerate(names):
+        for row, name in enumerate(MACHINES):
             changes, count, right = noticed(course, found.answers, played.gaits[row], played.places[row])
             where = {"seed": self.seed, "course": seed, "machine": name}
             rows.append({**where, "distance": float(went[row]), "right": right, **count})
@@ -275,7 +274,8 @@ def study(folder: Path, settings: SenseAndSwitch, progress: Progress = None, job
 def tell(data: Data, folder: Path) -> None:
     """Write table, summary and figure from the tables; without panels of a course where no run is kept beside them."""
     settings = data.settings(SenseAndSwitch)
-    rows, gaits = sorted(data.records(TABLE, WENT), key=itemgetter("seed")), data.records(GAITS, SEARCHED)
+    rows, gaits = data.records(TABLE, WENT), data.records(GAITS, SEARCHED)
+    rows.sort(key=lambda row: (row["seed"], row["course"], MACHINES.index(row["machine"])))  # as the study writes them
     _check_whole(data, settings, rows, gaits)
     _report(folder, settings, rows, data.records(EVENTS, CHANGE, may_be_empty=True), gaits, data.folder)
 
@@ -283,17 +283,16 @@ def tell(data: Data, folder: Path) -> None:
 def _check_whole(data: Data, settings: SenseAndSwitch, rows: Sequence[Record], gaits: Sequence[Record]) -> None:
     """Refuse tables in which a machine, a repertoire or a course of the settings is missing."""
     courses = [FIRST_HELD_OUT + number for number in range(settings.held_out)]
-    machines = (TOLD, TOLD_STAYING, *RULES, CHANCE, *(ALONE.format(kind) for kind in KINDS))
-    for seed, name in product(range(settings.seeds), machines):
+    for seed, name in product(range(settings.seeds), MACHINES):
         if [row["course"] for row in where(rows, seed=seed, machine=name)] != courses:
-            told = f"lacks rows of machine {name} of seed {seed}, or has others; give courses"
-            raise ValueError(f"{data.folder / TABLE}: it {told} {courses[0]} to {courses[-1]} once, in this order")
+            lacks = f"lacks rows of machine {name} of seed {seed}, or has others; give courses"
+            raise ValueError(f"{data.folder / TABLE}: it {lacks} {courses[0]} to {courses[-1]} once, in this order")
     for seed in range(settings.seeds):
         own = where(gaits, seed=seed)
         if tuple(row["gait"] for row in own) != KINDS or sum(row["best_alone"] for row in own) != 1:
             kinds = ", ".join(KINDS)
             raise ValueError(f"{data.folder / GAITS}: seed {seed} must have gaits {kinds}, of which one is best_alone")
-    if len(rows) != settings.seeds * len(courses) * len(machines) or len(gaits) != settings.seeds * len(KINDS):
+    if len(rows) != settings.seeds * len(courses) * len(MACHINES) or len(gaits) != settings.seeds * len(KINDS):
         raise ValueError(f"{data.folder}: its tables have other rows than {settings.seeds} seeds of its settings")
 
 
