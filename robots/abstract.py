@@ -1,0 +1,454 @@
+"""What every robot offers: what is free of it, what trials tell, and how it is shown; and a robot of a fixed design.
+
+The rest of the lab imports it from ``robots.robot``.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from robots.kind import KINDS
+from robots.outcome import (
+    Facts,
+    Judgement,
+    Measure,
+    Outcome,
+    Picture,
+    Place,
+    Replay,
+    World,
+)
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import Compute
+from taichi_sim.base.files import write_record
+from taichi_sim.base.short_text import ShortText
+from taichi_sim.base.variables import Variable
+
+if TYPE_CHECKING:
+    from robots.uncertainty import Perturbation
+    from robots.view.motion import Motion
+
+DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
+HERE = Compute()
+Parameter = Variable  # what is free of a robot
+FRAMES = 1000  # of a motion, at most
+Progress = Callable[[float], None]
+
+
+def counted(count: int, one: str) -> str:
+    """A count and its noun, such as ``1 cycle`` or ``4 cycles``."""
+    return f"{count} {one}" if count == 1 else f"{count} {one}s"
+
+
+def part_of(progress: Progress | None, done: int, count: int, size: int = 1) -> Progress | None:
+    """Progress of the next ``size`` parts after ``done`` of ``count`` equal ones, told as that of all, or None."""
+    return (lambda fraction: progress((done + size * fraction) / count)) if progress else None
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """How designs are tried.
+
+    Attributes:
+        world: where.
+        compute: device, precision and threads.
+        record_every: time steps between recorded poses; None for none.
+        progress: called now and then with the fraction done.
+        gradients: names of the measures whose gradients are asked for.
+        sharpness: how strongly designs between true ones are pushed towards these; infinite: only true ones count.
+    """
+
+    world: World
+    compute: Compute = HERE
+    record_every: int | None = None
+    progress: Progress | None = None
+    gradients: tuple[str, ...] = ()
+    sharpness: float = math.inf
+
+    def parts(self, worlds: Sequence[World]) -> "list[Trial]":
+        """How they are tried in each of several worlds, one after the other."""
+        told = (part_of(self.progress, number, len(worlds)) for number in range(len(worlds)))
+        pairs = zip(worlds, told, strict=True)
+        return [dataclasses.replace(self, world=world, progress=part) for world, part in pairs]
+
+
+class Robot(ShortText):
+    """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
+
+    Points are arrays of shape (N, P): N designs, each a value for every parameter. A robot of which nothing is free
+    has points of shape (N, 0). A kind defines ``kind``, ``measures`` and :meth:`run`; parameters and measures may be
+    attributes. With :attr:`steps` and :meth:`motion` it can be shown, all else is optional.
+    """
+
+    kind: str
+    parameters: tuple[Parameter, ...] = ()
+    measures: tuple[Measure, ...]
+    worlds: tuple[World, ...] = (Place(),)
+    relaxable = False  # whether :meth:`run` judges what lies between true designs, if a trial's sharpness is finite
+    differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
+    exportable = False  # whether :meth:`table` makes a table for hardware
+    foot_friction: tuple[float, float] | None = None  # of feet that grip and that slide, where a terrain gives none
+    uncertain_in: tuple[str, ...] = ("slope",)  # which ``robots.uncertainty.QUANTITIES`` can be drawn of it
+    actuators: int = 0  # whose levels can be drawn
+    pictured = False  # whether searches draw the best design by :meth:`save_picture`
+    curves: Mapping[str, str] = {}  # measures whose course in a search is worth a curve, and what to call them
+    descriptors: Mapping[
+        str, tuple[float, float]
+    ] = {}  # what trials tell of kinds of designs, with its lowest and highest
+    feels = False  # whether it has senses, whose readings :meth:`felt_over_time` gives
+    horizons: tuple[int, ...] = ()  # lengths of trials that ``gradient-check`` looks at by default; see ``at_horizon``
+
+    @property
+    def name(self) -> str:
+        """What people call this robot."""
+        return KINDS[self.kind].title
+
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """What N designs do in a trial; what one of them does must not depend on the others.
+
+        Args:
+            points: shape (N, P), checked.
+            trial: world, computation, and what is asked for.
+        """
+        raise NotImplementedError
+
+    def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
+        """What it is judged by in all of some worlds; the same everywhere by default."""
+        return self.measures
+
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[Self]" = ()
+    ) -> list[Outcome]:
+        """What N designs do in several worlds; a kind may make one batch of them, with the same results.
+
+        Args:
+            points: shape (N, P), checked.
+            worlds: where.
+            trial: computation, and what is asked for.
+            variants: of this robot, such as :meth:`perturbed` ones, one for each world; itself by default.
+        """
+        each = zip(variants or [self] * len(worlds), trial.parts(worlds), strict=True)
+        return [robot.run(points, part) for robot, part in each]
+
+    def simulate(
+        self,
+        points: ArrayLike,
+        world: World,
+        *,
+        compute: Compute = HERE,
+        record_every: int | None = None,
+        progress: Progress | None = None,
+        sharpness: float = math.inf,
+    ) -> Outcome:
+        """Try N designs in a world, as one batch.
+
+        Args:
+            points: shape (N, P).
+            world: where.
+            compute: device, precision and threads.
+            record_every: time steps between recorded poses, for ``Outcome.frames`` and motions; None for none.
+            progress: called now and then with the fraction done.
+            sharpness: as of a ``Trial``.
+
+        Raises:
+            ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
+        """
+        return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
+
+    def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
+        """What the senses of N designs, shape (N, P), read in a world: ``samples`` over time at most, (N, S, T).
+
+        Raises:
+            ValueError: if this robot feels nothing.
+        """
+        if not self.feels:
+            raise ValueError(f"robot: {self.name} feels nothing")
+        found = self.felt_over_time(self.points(points), world, compute)
+        return found[:, :, :: -(-found.shape[2] // whole_number("samples", samples, 1))]
+
+    def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
+        """All that the senses of N designs, shape (N, P), checked, read in a world, shape (N, S, T), if it feels."""
+        raise NotImplementedError
+
+    def simulate_in(
+        self,
+        worlds: Sequence[World],
+        *,
+        draws: "Sequence[Perturbation]" = (),
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> list[Outcome]:
+        """Try a robot of which nothing is free in several worlds.
+
+        With draws, one for each world, the robot is :meth:`perturbed` by them.
+        """
+        if not worlds:
+            return []
+        variants = [self.perturbed(drawn) for drawn in draws]
+        return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), variants)
+
+    def perturbed(self, drawn: "Perturbation") -> Self:
+        """This robot with what a draw says of itself, such as the levels of its actuators; the world is another's."""
+        return self
+
+    def differentiate(
+        self,
+        points: ArrayLike,
+        world: World,
+        *,
+        measures: Sequence[str] | None = None,
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+        sharpness: float = math.inf,
+    ) -> Outcome:
+        """Try N designs in a world, with the derivatives of some measures, the first by default, by the parameters.
+
+        Raises:
+            ValueError: if the robot has no gradients.
+        """
+        if not self.differentiable:
+            raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
+        names = tuple(measures) if measures is not None else (self.measures[0].name,)
+        return self.run(self.points(points), Trial(world, compute, None, progress, names, sharpness))
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial, which tell how often to record a motion.
+
+        Raises:
+            ValueError: if robots of this kind cannot be shown.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of a robot of which nothing is free, for an outcome with frames."""
+        raise NotImplementedError
+
+    def title_of(self, outcome: Outcome, world: World) -> str:
+        """Title of the picture of such a motion; empty for a plain one."""
+        return ""
+
+    def replay(
+        self,
+        point: ArrayLike,
+        world: World,
+        *,
+        frames: int = FRAMES,
+        name: str = "",
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> Replay:
+        """Try one design, shape (P,), and build its motion of that name, with at most so many frames (2 or more).
+
+        Raises:
+            ValueError: if the design is no robot, or robots of this kind cannot be shown.
+        """
+        fixed, name = self.design(point) if self.parameters else self, name or self.name
+        every = max(1, -(-fixed.steps // (frames - 1)))
+        outcome = fixed.simulate((), world, compute=compute, record_every=every, progress=progress)
+        if outcome.reason[0]:
+            raise ValueError(f"source: {name} is no robot: {outcome.reason[0]}")
+        motion = fixed.motion(outcome, world, name)
+        return Replay(outcome, motion.every(-(-len(motion.times) // frames)), fixed.title_of(outcome, world))
+
+    def design(self, point: ArrayLike) -> "Robot":
+        """The robot of one point, shape (P,), with nothing free."""
+        return FixedRobot(self, point)
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design of one point, shape (P,), to a file: always the same bytes for the same point."""
+        names = [parameter.name for parameter in self.parameters]
+        values = dict(zip(names, self.points(point)[0].tolist(), strict=True))
+        record = {"kind": self.kind, "robot": self.describe(), "values": values}
+        write_record(path, DESIGN_FORMAT, record)
+
+    def describe(self) -> dict[str, Any]:
+        """Everything that results depend on, as values that fit JSON; the fields of a dataclass."""
+        return dataclasses.asdict(self) if dataclasses.is_dataclass(self) and not isinstance(self, type) else {}
+
+    @property
+    def start(self) -> Floats:
+        """The point before any search, shape (P,)."""
+        return np.array([parameter.first for parameter in self.parameters])
+
+    def points(self, given: ArrayLike) -> Floats:
+        """Points as an array of shape (N, P).
+
+        Raises:
+            ValueError: for another shape, or numbers that are not finite.
+        """
+        try:
+            points = np.atleast_2d(np.asarray(given, float))
+        except (TypeError, ValueError):
+            points = np.empty((0, 0))
+        if points.shape[1:] != (len(self.parameters),) or not len(points) or not np.isfinite(points).all():
+            raise ValueError(
+                f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.parameters)})"
+            )
+        return points
+
+    def facts(self) -> Facts:
+        """Rows for a report about what is the same for all points."""
+        return [("Robot", self.name)]
+
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """Rows for a report about one design."""
+        return []
+
+    def columns(self, points: ArrayLike) -> dict[str, list[str]]:
+        """What a table of several designs, shape (N, P), tells of each: values by name."""
+        points = self.points(points)
+        return {p.name: [f"{value:.4g}" for value in points[:, n]] for n, p in enumerate(self.parameters)}
+
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
+        """Pictures of one design, for a report; ``replays`` has its trials in all worlds, if it was tried again."""
+        return []
+
+    def document(self) -> dict[str, Any]:
+        """What a command tells machines of a robot of which nothing is free, beside its measures."""
+        return {}
+
+    def spoken(self, outcome: Outcome) -> str:
+        """What a command tells people of the first design of an outcome that is ok."""
+        return ", ".join(measure.value(float(outcome.measures[measure.name][0])) for measure in self.measures)
+
+    def judge(
+        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
+    ) -> Judgement:
+        """Tell how far the measures of a robot, of which nothing is free, can be trusted.
+
+        Raises:
+            ValueError: if robots of this kind have no such check.
+        """
+        raise ValueError(f"judge: {KINDS[self.kind].title} has no such check; leave it out")
+
+    def caution(self, point: ArrayLike) -> str:
+        """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
+        return ""
+
+    def table(self, **settings: Any) -> Any:
+        """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
+
+        Raises:
+            ValueError: if no hardware plays robots of this kind.
+        """
+        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+
+    def rig_report(self, rig: Any) -> tuple[Any, float]:
+        """What a robot, of which nothing is free, asks of a rig, and the time that it takes in the simulation [s].
+
+        Raises:
+            ValueError: if no hardware plays it.
+        """
+        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+
+    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
+        """Write closed surfaces for printers [mm]: a ``.3mf`` or ``.stl`` file, or a folder; tells what it wrote.
+
+        Args:
+            path: of the file or folder.
+            mould: settings of a mould to cast the robot in, to be written instead, such as ``"draft=2,wall=3"``.
+
+        Raises:
+            ValueError: if robots of this kind have no such surfaces.
+        """
+        raise ValueError(f"parts: {KINDS[self.kind].title} has no surfaces to print; leave it out")
+
+    def save_voxels(self, path: Path) -> None:
+        """Write the robot as a file of voxels for other simulators, ``.vxa`` or ``.vxl.json``.
+
+        Raises:
+            ValueError: if robots of this kind have no voxels, or the file cannot hold them.
+        """
+        raise ValueError(f"voxels: {KINDS[self.kind].title} has no such file; leave it out")
+
+    def save_picture(self, world: World, path: Path) -> None:
+        """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.
+
+        ``robots.view.picture.save_robot_picture`` draws robots of all kinds.
+        """
+        raise NotImplementedError
+
+    def command_options(self) -> dict[str, Any]:
+        """Options, by name, that a command needs beside a saved design to repeat its trial; those not by default."""
+        return {}
+
+    def changed(self, options: Mapping[str, Any]) -> "Robot":
+        """This robot, of a run or a saved design, with other values of its kind's options.
+
+        Raises:
+            ValueError: if a design settles what an option would change.
+        """
+        for name in options:
+            raise ValueError(f"{name}: {self.name} has its own; leave it out")
+        return self
+
+    def at_horizon(self, length: int) -> tuple[str, "Robot"]:
+        """The robot in trials of another length, in a unit of its kind, and what that length is called.
+
+        Raises:
+            ValueError: if trials of this kind have one length only.
+        """
+        raise ValueError(f"horizons: trials of {KINDS[self.kind].title} have one length; leave it out")
+
+
+class FixedRobot(Robot):
+    """The robot of one point: nothing of it is free."""
+
+    def __init__(self, robot: Robot, point: ArrayLike) -> None:
+        """Fix a robot at a point, shape (P,)."""
+        self.robot, self.point = robot, robot.points(point)[0]
+        self.kind, self.measures, self.worlds = robot.kind, robot.measures, robot.worlds
+        self.curves = robot.curves
+
+    @property
+    def name(self) -> str:
+        """What people call this robot."""
+        return self.robot.name
+
+    @property
+    def steps(self) -> int:
+        """Time steps of a trial."""
+        return self.robot.steps
+
+    def run(self, points: Floats, trial: Trial) -> Outcome:
+        """Try the design, as often as there are points, shape (N, 0)."""
+        several, every = np.tile(self.point, (len(points), 1)), trial.record_every
+        return self.robot.simulate(
+            several, trial.world, compute=trial.compute, record_every=every, progress=trial.progress
+        )
+
+    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
+        """The motion of the design."""
+        return self.robot.motion(outcome, world, name)
+
+    def title_of(self, outcome: Outcome, world: World) -> str:
+        """Title of its picture."""
+        return self.robot.title_of(outcome, world)
+
+    def replay(self, point: ArrayLike, world: World, **settings: Any) -> Replay:
+        """Try the design, and build its motion, in the robot's own way."""
+        return self.robot.replay(self.point, world, **settings)
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design."""
+        self.robot.save(self.point, path)
+
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """Rows for a report about the design."""
+        return self.robot.facts_of(self.point)
+
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
+        """Pictures of the design."""
+        return self.robot.pictures(self.point, replays, compute)
+
+    def document(self) -> dict[str, Any]:
+        """The values that are fixed, by name."""
+        names = [parameter.name for parameter in self.robot.parameters]
+        return {"values": dict(zip(names, self.point.tolist(), strict=True))}
