@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from optim.experiments.results import check_folder
-from taichi_sim.base import files
+from taichi_sim.base import claims, files
 from taichi_sim.base.results_folder import ResultsFolder
 
 pytestmark = pytest.mark.long
@@ -135,7 +135,7 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
     ],
 )
 def test_of_two_commands_that_write_the_same_the_second_is_refused(morpholab, tmp_path, line, claimed):
-    claim = files.claimed_folder if claimed == "a/b" else files.claimed_path
+    claim = claims.claimed_folder if claimed == "a/b" else claims.claimed_path
     with claim("out", tmp_path / claimed):
         code, out, error = morpholab(line)
         assert (
@@ -160,8 +160,8 @@ def test_of_many_that_want_a_path_one_gets_it(tmp_path):
             refused.append(str(error))
 
     for claim, path, write in (
-        (files.claimed_path, tmp_path / "a.txt", files.write_text),
-        (files.claimed_folder, tmp_path / "b/c", lambda path, text: files.write_text(path / "a.txt", text)),
+        (claims.claimed_path, tmp_path / "a.txt", files.write_text),
+        (claims.claimed_folder, tmp_path / "b/c", lambda path, text: files.write_text(path / "a.txt", text)),
     ):
         got.clear()
         threads = [threading.Thread(target=work, args=(number, claim, path, write)) for number in range(8)]
@@ -177,12 +177,12 @@ def test_of_many_that_want_a_path_one_gets_it(tmp_path):
 def test_a_claim_of_a_killed_process_is_free(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "a/.aside-claim").touch()
-    with files.claimed_folder("out", tmp_path / "a"):
+    with claims.claimed_folder("out", tmp_path / "a"):
         pass
     assert list((tmp_path / "a").iterdir()) == []
     with pytest.raises(ValueError, match=r"^out: .*a/b cannot be made \(Not a directory\)$|^out: .* is a file"):
         (tmp_path / "file").touch()
-        files.claimed_folder("out", tmp_path / "file/a").__enter__()
+        claims.claimed_folder("out", tmp_path / "file/a").__enter__()
 
 
 def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_path):
@@ -192,7 +192,7 @@ def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_
     gone.wait()
 
     def claimed_and_killed():
-        with files.claimed_folder("out", folder, names):
+        with claims.claimed_folder("out", folder, names):
             files.write_text(folder / "a.json", "half")
             shutil.copytree(folder, tmp_path / "killed")
         shutil.rmtree(folder)
@@ -202,21 +202,21 @@ def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_
 
     claimed_and_killed()
     (folder / "notes.txt").touch()
-    with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, names):
+    with pytest.raises(ValueError, match="is not empty"), claims.claimed_folder("out", folder, names):
         pass
     assert {"a.json", "notes.txt"} <= {each.name for each in folder.iterdir()}
     shutil.rmtree(folder)
     claimed_and_killed()
-    with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, ["b.json"]):
+    with pytest.raises(ValueError, match="is not empty"), claims.claimed_folder("out", folder, ["b.json"]):
         pass  # which makes other files
     shutil.rmtree(folder)
     claimed_and_killed()
     foreign = f".aside-{gone.pid}-elsewhere-{gone.pid}-a.png"  # of another machine, where the process may run
-    with files.claimed_folder("out", folder, names):
+    with claims.claimed_folder("out", folder, names):
         assert {each.name for each in folder.iterdir()} == {".aside-claim", foreign}
         files.write_text(folder / "a.json", "whole")
     assert {each.name for each in folder.iterdir()} == {"a.json", foreign}
-    with pytest.raises(ValueError, match="is not empty"), files.claimed_folder("out", folder, names):
+    with pytest.raises(ValueError, match="is not empty"), claims.claimed_folder("out", folder, names):
         pass
     assert (folder / "a.json").read_text() == "whole"
 

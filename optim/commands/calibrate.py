@@ -57,7 +57,7 @@ def _write_example(args: argparse.Namespace) -> Report:
     from robots.calibration import Laboratory, write_measurements
     from robots.calibration.example import TRUTH, example
     from robots.inflatable.body import NAMED_GEOMETRIES
-    from taichi_sim.base.files import claimed_path
+    from taichi_sim.base.claims import claimed_path
 
     path, geometry = args.example, args.geometry or "small"
     args.held.enter_context(claimed_path("path", path))
@@ -73,7 +73,8 @@ def _fit(args: argparse.Namespace) -> Report:
     from robots.calibration import CALIBRATION_FORMAT, NAMES, Laboratory, read_measurements
     from robots.inflatable.actuation import InflatableActuation
     from robots.inflatable.body import NAMED_GEOMETRIES
-    from taichi_sim.base.files import undone_if_it_fails, write_record
+    from taichi_sim.base.claims import undone_if_it_fails
+    from taichi_sim.base.files import write_record
 
     if args.geometry is not None:
         raise ValueError(f"geometry: {args.geometry} is not allowed beside {args.data}, which names its own")

@@ -55,7 +55,8 @@ COMMAND = Command(
 def run(args: argparse.Namespace) -> Report:
     """Check every horizon."""
     from optim.measures.gradient_trust import check_gradient, save_plot
-    from taichi_sim.base.files import undone_if_it_fails, write_text
+    from taichi_sim.base.claims import undone_if_it_fails
+    from taichi_sim.base.files import write_text
 
     problems = _problems(args)
     robots = [(getattr(problem, "offered", None), point) for problem, point in problems.values()]

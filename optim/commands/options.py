@@ -7,7 +7,7 @@ from typing import Any
 
 from optim.commands.robots import OptionsOf, RobotOptions
 from robots.robot import RobotKind
-from taichi_sim.base import files
+from taichi_sim.base import claims
 from taichi_sim.base.compute import DEVICES, PRECISIONS, Compute
 from taichi_sim.base.options import Option as Option
 from taichi_sim.base.options import checked as checked
@@ -111,4 +111,4 @@ def claim_folder(args: argparse.Namespace, *names: str) -> None:
         ValueError: if the folder holds anything, cannot be made, or another process fills it.
     """
     if args.out is not None:
-        args.held.enter_context(files.claimed_folder("out", args.out, names))
+        args.held.enter_context(claims.claimed_folder("out", args.out, names))

@@ -47,7 +47,8 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("frames: there are none without a player; leave out --frames or --no-player")
     from optim.report import Settings, build
     from robots.hardware import PneumaticRig
-    from taichi_sim.base.files import claimed_path, write_text
+    from taichi_sim.base.claims import claimed_path
+    from taichi_sim.base.files import write_text
 
     args.held.enter_context(claimed_path("out", out))
     rig = PneumaticRig.load(args.rig) if args.rig else None

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.progress import shown_progress
-from taichi_sim.base.files import ASIDE, claimed_folder, undone_if_it_fails
+from taichi_sim.base.claims import claimed_folder, undone_if_it_fails
+from taichi_sim.base.files import ASIDE
 from taichi_sim.base.options import flag_of, numbers
 
 if TYPE_CHECKING:

@@ -137,7 +137,8 @@ def _report(
 def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> None:
     from robots.hardware import write_csv
     from robots.view.picture import save_robot_picture
-    from taichi_sim.base.files import undone_if_it_fails, write_text
+    from taichi_sim.base.claims import undone_if_it_fails
+    from taichi_sim.base.files import write_text
 
     folder.mkdir(parents=True, exist_ok=True)
     frames: dict[str, Any] = dict(outcome.frames or {})

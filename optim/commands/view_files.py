@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
 from optim.commands.options import Option, path_to
-from taichi_sim.base.files import claimed_path, undone_if_it_fails
+from taichi_sim.base.claims import claimed_path, undone_if_it_fails
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion

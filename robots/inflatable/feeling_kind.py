@@ -18,7 +18,7 @@ class PouchKind(LatticeGroundKind):
     """The body of the inflatable robot, whose waves and reflexes are searched; its designs are lattice robots."""
 
     name = "pouch"
-    title = "inflatable robot that feels"
+    title = "pouch that feels"
     explored = choices(geometry=list(GEOMETRIES), pressure=(0, 12000), frequency=(0.5, 4), slope=(-15, 15))
     options = (
         Option("geometry", "the robot's body (default: small-closed)", choices=GEOMETRIES),

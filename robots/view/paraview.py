@@ -22,7 +22,8 @@ from robots.view.motion import Motion
 from robots.view.scene import GROUND
 from robots.view.uneven import around, nodes, tints, triangles
 from taichi_sim.base.arrays import Bytes, Floats
-from taichi_sim.base.files import undone_if_it_fails, write_bytes, write_text
+from taichi_sim.base.claims import undone_if_it_fails
+from taichi_sim.base.files import write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
 # The corners of a box, 4 i + 2 j + k at the signs (i, j, k), in VTK's order: around the bottom, around the top.

@@ -2,7 +2,6 @@
 
 import contextlib
 import errno
-import fcntl
 import gzip
 import hashlib
 import io
@@ -10,13 +9,12 @@ import json
 import math
 import os
 import platform
-import shutil
 import stat
 import threading
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -321,104 +319,6 @@ def new_path(path: str | os.PathLike[str]) -> Path:
         raise ValueError(f"path: {path} exists; name a new file")
     check_parent("path", Path(path))
     return Path(path)
-
-
-@contextlib.contextmanager
-def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
-    """Reserve a new file or folder for this process while its content is computed.
-
-    Args:
-        field: named in messages.
-        path: must not exist, in a folder that does.
-        kind: ``"file"`` or ``"folder"``, for messages.
-
-    Raises:
-        ValueError: if the path exists, another process has reserved it, or the folder cannot be written.
-    """
-    check_parent(field, path)
-    with _reserved(field, path, path.with_name(f"{ASIDE}claim-{path.name}"), kind):
-        if os.path.lexists(path):
-            raise ValueError(f"{field}: {path} exists; name a new {kind}")
-        yield
-
-
-@contextlib.contextmanager
-def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Iterator[None]:
-    """Make a new folder and reserve it for this process; it is removed again if nothing was put there.
-
-    Args:
-        field: named in messages.
-        path: must not exist, or be empty, or hold what a killed process has reserved it for.
-        names: files that this process will make there. If it is killed, the next that makes the same removes them.
-
-    Raises:
-        ValueError: if the folder holds anything, cannot be made, or another process has reserved it.
-    """
-    above = next((each for each in (path, *path.parents) if os.path.lexists(each)), path)
-    if os.path.lexists(above) and not above.is_dir():
-        raise ValueError(f"{field}: {above} is a file; name a new folder")
-    made = [each for each in (path, *path.parents) if not each.exists()]
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"{field}: {path} cannot be made ({error.strerror})") from None
-    try:
-        claim = path / f"{ASIDE}claim"
-        with _reserved(field, path, claim, "folder"):
-            try:
-                # What a killed process that made the same files has left of them, as it had found the folder empty.
-                known = names if content_of(claim).decode(errors="replace") == "\n".join(names) else ()
-                left = [each for each in path.iterdir() if not each.name.startswith(ASIDE)]
-                if any(each.name not in known for each in left):
-                    raise ValueError(f"{field}: {path} exists and is not empty; name a new folder")
-                for each in left:
-                    each.unlink()
-                remove_cut_off(path)
-                claim.write_text("\n".join(names))
-            except OSError as error:
-                raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
-            yield
-    finally:
-        with contextlib.suppress(OSError):  # stops at the first that is not empty
-            for each in made:
-                each.rmdir()
-
-
-@contextlib.contextmanager
-def undone_if_it_fails() -> Iterator[list[Path]]:
-    """Yields a list for files and folders that are being made; they are removed if what follows fails.
-
-    Put in only what this process alone makes: nothing of others may be removed.
-    """
-    made: list[Path] = []
-    try:
-        yield made
-    except BaseException:
-        for path in made:
-            with contextlib.suppress(OSError):  # as far as the disk lets
-                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
-        raise
-
-
-@contextlib.contextmanager
-def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
-    """Hold a lock on a file; the system frees it when the process ends, however it ends."""
-    with contextlib.ExitStack() as stack:
-        try:
-            while True:
-                file = stack.enter_context(lock.open("a"))
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
-                    break  # else the holder before has just removed the file: make a new one
-        except BlockingIOError:
-            raise ValueError(f"{field}: {path} is being written already; name a new {kind}") from None
-        except OSError as error:
-            raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
-        try:
-            yield
-        finally:
-            with contextlib.suppress(OSError):
-                lock.unlink()
 
 
 def _machine() -> str:

@@ -206,8 +206,8 @@ def test_bad_input_is_told_in_one_line(morpholab, tmp_path, line):
     assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "a.html").exists()
 
 
-SOFT = "it is an option of other kinds (inflatable robot, freeform robot, lattice robot, soft walker); leave it out"
-INFLATABLE = "it is an option of other kinds (inflatable robot); leave it out"
+INFLATABLE = "it is an option of other kinds (inflatable robot, pouch that feels); leave it out"
+SOFT = INFLATABLE.replace("pouch", "freeform robot, lattice robot, pouch").replace("feels", "feels, soft walker")
 NOT_OF_THEM = {
     "legged rover --slope 10": f"slope: {SOFT}",
     "walker.json --member 2": "member: it is of runs; leave it out",
