@@ -167,7 +167,7 @@ def test_recordings_need_their_extra(morpholab, monkeypatch, tmp_path):
 
 NO_ROBOT = (
     "is no robot (inching, rolling, inflatable, freeform, soft-quadruped, feeling-quadruped, light-seeker, "
-    "soft-swimmer, lattice, articulated, legged, wheeled, whegged, quadruped, "
+    "soft-swimmer, lattice, articulated, pouch, legged, wheeled, whegged, quadruped, "
 )
 BAD_INPUT = {
     "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
