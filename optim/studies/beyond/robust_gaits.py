@@ -2,10 +2,11 @@
 
 On each slope the lab searches for a gait whose *worst* draw is fast. A draw scales the friction of the floor, how far
 every bladder goes and how long strokes last, and tilts the ground. First, every wave around the ring of bladders, with
-at most so many full ones at a time, is played once, in both directions (*screen*). The best
-begins a genetic search of levels, shift, feet and settling under draws (*robust*), and one of the same cost without
-(*nominal*). All that is found, and the gaits that were made by hand, are then played in double precision under the same
-draws, which no search has seen. Speeds are of the time simulated, without pneumatic lag.
+at most so many full ones at a time, is played once, in both directions (*screen*). The best, or the gait of the slope
+below if that is better here, begins a genetic search of levels, shift, feet and settling under draws (*robust*), and
+one of the same cost without (*nominal*): so gaits are led up. All that is found, and the gaits that were made by hand,
+are then played in double precision under the same draws, which no search has seen. Speeds are of the time simulated,
+without pneumatic lag.
 """
 
 import math
@@ -73,7 +74,7 @@ def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
 class RobustGaits(Settings):
     """How large the study is."""
 
-    slopes: Annotated[tuple[float, ...], _slopes] = (0.0, 9.0, 14.0)  # [degrees]
+    slopes: Annotated[tuple[float, ...], _slopes] = (0.0, 9.0, 11.0, 12.0, 13.0, 14.0)  # [degrees]
     floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
     geometry: str = "published"
     uncertain: str = "friction=20%,slope=1,levels=5%,timing=5%"
@@ -122,10 +123,15 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
     screened = _screen(settings, parts, threads, part_of(progress, 0, 10, 3))
     write_records(folder / SCREEN, screened)
     found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal")}
-    for number, (slope, robust) in enumerate(product(settings.slopes, (True, False))):
+    tasks = list(product(sorted(settings.slopes), (True, False)))
+    for number, (slope, robust) in enumerate(tasks):
         best = max((row for row in screened if row["slope"] == slope), key=lambda row: row["speed"])
-        share = part_of(progress, 9 + 2 * number, 30, 2)
-        found["robust" if robust else "nominal"][slope] = _refine(folder, settings, slope, robust, best, threads, share)
+        share = part_of(part_of(progress, 3, 10, 3), number, len(tasks))
+        own = found["robust" if robust else "nominal"]
+        problem, below = settings.problem(slope, robust, threads), list(own.values())[-1:]
+        start = _start(problem, best, below)
+        path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
+        own[slope] = _refined(problem, settings, start, path, share)
     if 0.0 in settings.slopes:
         share = part_of(progress, 64, 100, 6)
         found["flat body"] = {0.0: _walk(folder, settings, threads, share)}
@@ -214,20 +220,22 @@ def _screen(
     return [{**row, "speed": float(speed)} for row, speed in zip(rows, found, strict=True)]
 
 
-def _refine(
-    folder: Path,
-    settings: RobustGaits,
-    slope: float,
-    robust: bool,
-    best: Mapping[str, Any],
-    threads: int | None,
-    progress: Progress,
+def _start(problem: GaitProblem, wave: Mapping[str, Any], below: Sequence[InflatableDesign]) -> dict[str, Any]:
+    """Where a search begins: a wave, or the gait found on the slope below, whichever is better in the problem."""
+    starts = [dict(zip(problem.space.names, _points(problem, [wave])[0].tolist(), strict=True))]
+    starts += [problem.start_values(design) for design in below]
+    if len(starts) == 1:
+        return starts[0]
+    points = np.stack([problem.space.from_dict(each) for each in starts])
+    scores = judge(problem, Request(points, "points")).objectives[:, 0]
+    return starts[int(np.argmax(np.nan_to_num(scores, nan=-np.inf)))]
+
+
+def _refined(
+    problem: GaitProblem, settings: RobustGaits, start: Mapping[str, Any], path: Path, progress: Progress
 ) -> InflatableDesign:
-    """The gait that a genetic search finds which begins with a wave."""
-    problem = settings.problem(slope, robust, threads)
-    start = dict(zip(problem.space.names, _points(problem, [best])[0].tolist(), strict=True))
+    """The gait that a genetic search finds from a start."""
     own = {"population": settings.population, "seed": settings.seed, "start": start}
-    path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
     search_within(problem, "genetic", own, path, settings.budget, progress)
     return _best(problem, path)
 
@@ -237,9 +245,7 @@ def _walk(folder: Path, settings: RobustGaits, threads: int | None, progress: Pr
     problem, columns = settings.problem(0.0, True, threads, False), INCHING.schedule.columns
     times: dict[str, Any] = {"motion_steps": np.full(columns, LEAST_MOTION), "settle_steps": np.full(columns, SETTLING)}
     start = problem.start_values(replace(INCHING, schedule=replace(INCHING.schedule, repeats=1, **times)))
-    own = {"population": settings.population, "seed": settings.seed, "start": start}
-    search_within(problem, "genetic", own, folder / "runs" / "flat-body", settings.budget, progress)
-    return _best(problem, folder / "runs" / "flat-body")
+    return _refined(problem, settings, start, folder / "runs" / "flat-body", progress)
 
 
 def _best(problem: GaitProblem, run: Path) -> InflatableDesign:
@@ -380,11 +386,16 @@ STUDY = Study(
         ),
         "medium": RobustGaits(),
         "full": RobustGaits(
-            (0.0, 5.0, 9.0, 14.0), settling=(0.0, 1000.0), draws=8, most_full=5, budget=600e6, population=24
+            (0.0, 5.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0),
+            settling=(0.0, 1000.0),
+            draws=8,
+            most_full=5,
+            budget=600e6,
+            population=24,
         ),
     },
     run=study,
     tell=tell,
     writes=FILES,
-    cost="20 h of CPU time",
+    cost="40 h of CPU time",
 )

@@ -3,6 +3,7 @@
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -52,6 +53,19 @@ def test_a_gait_without_held_out_draws_is_told(tmp_path):
     write_records(tmp_path / "draws.csv", [*draws, {**draws[0], "gait": "still", "draw": -1}])
     with pytest.raises(ValueError, match=r"draws\.csv: gait still has no held-out draw"):
         robust_gaits.tell(Data(tmp_path), tmp_path / "out")
+
+
+def test_a_search_begins_with_the_better_of_a_wave_and_the_gait_of_the_slope_below(monkeypatch):
+    """By the score of its own problem; a gait that fails is no better than any."""
+    problem = RobustGaits(geometry="small").problem(11.0, True, 1)
+    wave = {"levels": "00100111", "shift": 1, "settling": 0.0}
+    below = load_design(DATA / "gaits/robust-9.json")
+    alone = robust_gaits._start(problem, wave, [])
+    assert [alone[f"level_{n}"] for n in range(1, 9)] == [0, 0, 1, 0, 0, 1, 1, 1] and alone["shift"] == 1
+    for scores, begins in (([0.2, 0.3], problem.start_values(below)), ([0.2, 0.1], alone), ([0.2, np.nan], alone)):
+        found = SimpleNamespace(objectives=np.array(scores)[:, None])
+        monkeypatch.setattr(robust_gaits, "judge", lambda problem, request, found=found: found)
+        assert robust_gaits._start(problem, wave, [below]) == begins
 
 
 @pytest.mark.slow
