@@ -84,6 +84,12 @@ def test_what_was_found_is_told_with_intervals(tmp_path):
     assert f"| {LOOPS['flat'].label} | 0.80 (0.24 to 1.36) | 20 |" in table
     assert json.loads((tmp_path / "summary.json").read_text())["loops"]["flat"] == pytest.approx(0.008)
     assert (tmp_path / "evolving.png").stat().st_size > 5000
+    # Searches of seeds that have not ended are not told.
+    write_report(tmp_path, bodies, [run for run in runs if run["seed"] < 3][:-1], EvolvingBodies().describe())
+    assert f"| {LOOPS['flat'].label} | 1.00 (1.00 to 1.00) | 5 |" in (tmp_path / "table.md").read_text()
+    write_report(tmp_path, bodies, runs[:1], EvolvingBodies().describe())
+    assert "Searches" not in (tmp_path / "table.md").read_text()
+    assert json.loads((tmp_path / "summary.json").read_text())["loops"] == {}
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, markdown, page, where
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import difference_of_means, mean_interval
 from optim.studies.beyond.body_and_learning.study import LEARNERS
 from optim.studies.beyond.evolving_bodies import loops, metrics
@@ -23,7 +23,9 @@ BODY_COLUMNS = {
 
 
 def write_report(folder: Path, bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[str, Any]) -> None:
-    """Write ``table.md``, ``summary.json`` and ``evolving.png``."""
+    """Write ``table.md``, ``summary.json`` and ``evolving.png``; of searches those of seeds in which all have ended."""
+    ended = [seed for seed in distinct(runs, "seed") if len(where(runs, seed=seed)) == len(loops.ARMS)]
+    runs = [row for row in runs if row["seed"] in ended]
     write_text(folder / "table.md", page(*_tables(bodies, runs, settings)))
     write_json(folder / "summary.json", {"settings": dict(settings), **_summary(bodies, runs)})
     with replacing(folder / "evolving.png") as aside:
@@ -57,17 +59,22 @@ def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[
             cell(float(np.median(column(where(runs, search=name), "evaluations"))), ".0f"),
         ]
         for name, arm in loops.ARMS.items()
+        if runs
     ]
     heads = ["bodies", *(head for head, *_ in BODY_COLUMNS.values())]
-    return [
+    found: list[str | list[str]] = [
         f"Bodies of {settings['seeds']} runs each, by {settings['held_out']} controllers that selection has not seen, "
         f"and evaluations until one succeeds ({settings['repetitions']} repetitions in each body); means with 95 % "
         "intervals:",
         markdown(heads, "l" + "r" * len(BODY_COLUMNS), [*rows, *gains]),
-        f"Searches of {settings['seconds']:g} s of CPU time, {settings['seeds']} seeds: how much nearer the light the "
-        "best comes.",
-        markdown(["search", "nearer [cm]", "evaluations, median"], "lrr", searches),
     ]
+    if runs:
+        seeds = len(distinct(runs, "seed"))
+        found += [
+            f"Searches of {settings['seconds']:g} s of CPU time, {seeds} seeds: how much nearer the light the best is.",
+            markdown(["search", "nearer [cm]", "evaluations, median"], "lrr", searches),
+        ]
+    return found
 
 
 def _values(rows: Sequence[Record], by: str, name: str, what: str) -> Floats:
@@ -98,25 +105,24 @@ def _summary(bodies: Sequence[Record], runs: Sequence[Record]) -> dict[str, Any]
     found = {
         arm: {name: float(_values(bodies, "arm", arm, name).mean()) for name in BODY_COLUMNS} for arm in metrics.ARMS
     }
-    return {
-        "bodies": found,
-        "loops": {name: float(_values(runs, "search", name, "nearer").mean()) for name in loops.ARMS},
-    }
+    nearer = {name: _values(runs, "search", name, "nearer") for name in loops.ARMS if runs}
+    return {"bodies": found, "loops": {name: float(values.mean()) for name, values in nearer.items()}}
 
 
 def _draw(bodies: Sequence[Record], runs: Sequence[Record], path: Path) -> None:
     """Metrics and learning of bodies, and what searches reach: a dot for each run."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 3.2), layout="constrained")
+    figure = Figure(figsize=(10 if runs else 6.5, 3.2), layout="constrained")
     shown = [("M_CI", "M_CI", 1.0), ("evolution", "evaluations, evolution", 1.0)]
-    left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1, 1.3))
+    left, middle, *others = figure.subplots(1, 3 if runs else 2, width_ratios=(1, 1, 1.3) if runs else None)
     for axes, (name, label, scale) in zip((left, middle), shown, strict=True):
         _dots(axes, [(t, _values(bodies, "arm", arm, name) * scale) for arm, t in metrics.ARMS.items()])
         axes.set_xlabel(label)
     middle.tick_params(labelleft=False)
-    _dots(right, [(arm.label, _values(runs, "search", name, "nearer") * 100) for name, arm in loops.ARMS.items()])
-    right.set_xlabel("nearer the light [cm]")
+    for right in others:
+        _dots(right, [(arm.label, _values(runs, "search", name, "nearer") * 100) for name, arm in loops.ARMS.items()])
+        right.set_xlabel("nearer the light [cm]")
     figure.savefig(path, dpi=150, format="png")
 
 

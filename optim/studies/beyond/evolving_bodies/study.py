@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from optim.experiments.data import Data
+from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, part_of
 from optim.experiments.study import Count, Settings, Several, Study
@@ -71,6 +71,7 @@ def study(folder: Path, settings: EvolvingBodies, progress: Progress = None, job
     for number, (_, part) in enumerate(parts):
         rows.append(part({}, progress and part_of(progress, number, 2 * len(parts))))
         write_records(folder / TABLE, rows)  # what there is so far is of use
+    write_report(folder, rows, [], settings.describe())  # before the searches, which take as long
     loops = Loops(settings.seconds, settings.seeds, settings.cycles)
     found = run_loops(folder, loops, progress and part_of(progress, 1, 2), jobs)
     write_report(folder, rows, found, settings.describe())
@@ -80,7 +81,8 @@ def tell(data: Data, folder: Path) -> None:
     """Write the report from the rows of bodies and loops."""
     bodies = data.records(TABLE, {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(BODY_COLUMNS, float)}, "arm")
     about = {**dict.fromkeys(("seed", "evaluations"), int), "nearer": float | None}
-    loops = data.records(LOOPS_TABLE, {"search": tuple(SEARCHES), **about}, "search")
+    columns: dict[str, Kind] = {"search": tuple(SEARCHES), **about}
+    loops = data.records(LOOPS_TABLE, columns) if data.has(LOOPS_TABLE) else []
     write_report(folder, bodies, loops, data.settings(EvolvingBodies).describe())
 
 
