@@ -20,7 +20,7 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=pytest.mark.slow if k == "pouch" else ()) for k in KINDS])
 def test_a_robot_is_designed_compared_seen_and_told(morpholab, tmp_path, kind):
     robot, options, world, objective, unit, place = KINDS[kind]
     (tmp_path / "crawler.xml").write_text(CRAWLER)
