@@ -78,6 +78,21 @@ def test_answers_move_bladders_along_all_axes_and_survive_files(tmp_path):
     ] == [answering]
 
 
+@pytest.mark.kernels
+def test_along_an_axis_without_a_part_neither_wave_nor_answer_moves():
+    reflexes = Reflexes(("touch", "tilt", "clock"), gain=GAIN)
+    regions = tuple(BLADDER_REGIONS.tolist())
+
+    def gone(axes, proportions):
+        drive = Drive("bladder", regions, amplitude=0.3, phase=0.1, axes=axes, proportions=proportions)
+        robot = LatticeRobot(TINY.body, (drive,), frequency=8.0, cycles=1, settling=0.02, reflexes=reflexes)
+        point = np.random.default_rng(2).normal(0.0, 0.5, robot.start.shape)
+        return robot.simulate(point[None], Terrain(), compute=EXACT).measures["distance"][0]
+
+    alone = gone("z", ())
+    assert gone("zy", (1.0, 0.0)) == alone != gone("zy", (1.0, 0.5))
+
+
 def test_answers_shrink_a_voxel_by_their_part_along_each_axis():
     """So a robot is refused whose bladders might shrink to nothing along an axis that goes further than the first."""
     reflexes = Reflexes(("tilt",), gain=0.3)
