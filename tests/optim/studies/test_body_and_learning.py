@@ -94,6 +94,7 @@ def test_points_stay_in_their_ranges():
     assert controller.point(one) == 1.0 and controller.weights[0, 0] < 1.6
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_universal_control_goes_on_where_it_was(tmp_path):
     """Seeds that are whole are not trained again; all kinds are told."""

@@ -22,6 +22,7 @@ def test_lights_that_judge_are_others_than_those_of_training():
     assert angles[:8] == pytest.approx([-52.5, -37.5, -22.5, -7.5, 7.5, 22.5, 37.5, 52.5])
 
 
+@pytest.mark.slow  # as that of tasks, whose runs are judged alike
 @pytest.mark.kernels
 def test_runs_are_judged_and_the_table_is_enough_to_go_on(tmp_path):
     told = []
