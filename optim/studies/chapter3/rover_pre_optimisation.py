@@ -34,7 +34,6 @@ from optim.studies.chapter3.rover_success import RoverGrid
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
-from taichi_sim.base.files import read_json
 from taichi_sim.base.results_folder import ResultsFolder
 
 MASSES = ("body_mass", "wheel_mass", "castor_mass")
@@ -189,12 +188,12 @@ def study(folder: Path, settings: PreOptimisation, progress: Progress = None) ->
 def tell(data: Data, folder: Path) -> None:
     """Write what :func:`study` does from the table of fronts, and from what ``summary.json`` has of base bodies."""
     rows = data.records(TABLE, COLUMNS)
-    _report(folder, rows, read_json(data.folder / "summary.json", partial(_known, _bases(rows))))
+    _report(folder, rows, data.from_summary(partial(_known, _bases(rows))))
 
 
-def _known(names: Iterable[str], record: Any) -> dict[str, dict[str, Any]]:
+def _known(names: Iterable[str], summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """What was simulated of base bodies, as :func:`_judged` gives it, from ``summary.json``."""
-    summary, found = checks.table("summary", record), {}
+    found = {}
     for name in names:
         base = summary["published_base"] if name == "published" else checks.table(name, summary[name])["base"]
         base = checks.table(f"base of {name}", base)

@@ -26,7 +26,6 @@ from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
-from taichi_sim.base.files import read_json
 from taichi_sim.base.results_folder import ResultsFolder
 
 MODELS = ("rigid bodies", "theoretical")
@@ -140,13 +139,13 @@ def tell(data: Data, folder: Path) -> None:
                 f"{data.folder / NUMBERS}: {name} is no success matrix; it must have bytes up to {ENVIRONMENTS}, of at "
                 "least 2 x 2 controllers"
             )
-    lights = read_json(data.folder / "summary.json", _lights)
+    lights = data.from_summary(_lights)
     _report(folder, {place: found[name] for place, name in places.items()}, lights)
 
 
-def _lights(record: Any) -> dict[str, list[int]]:
+def _lights(summary: Mapping[str, Any]) -> dict[str, list[int]]:
     """By body, how many controllers reach each light, from ``summary.json``."""
-    counts = checks.table("reaching_each_light", checks.table("summary", record)["reaching_each_light"])
+    counts = checks.table("reaching_each_light", summary["reaching_each_light"])
     return {body: [checks.integer(f"reaching_each_light {body}", each, 0) for each in counts[body]] for body in BODIES}
 
 

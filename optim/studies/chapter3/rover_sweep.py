@@ -25,7 +25,6 @@ from optim.studies.chapter3.sweep_table import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.files import read_json
 
 
 def _short(model: str) -> str:
@@ -86,7 +85,7 @@ def study(folder: Path, settings: RoverSweep, progress: Progress = None) -> None
 def tell(data: Data, folder: Path) -> None:
     """Write what :func:`study` does from its table, and from metrics of known bodies that ``summary.json`` has."""
     rows = data.records(TABLE, COLUMNS)
-    about, known = read_json(data.folder / "summary.json", _known)
+    about, known = data.from_summary(_known)
     controllers = about["weights"] ** 2
     for number, row in enumerate(rows, 1):
         for every, some in COUNTS.values():
@@ -98,9 +97,8 @@ def tell(data: Data, folder: Path) -> None:
     _report(folder, about, {name: column(rows, name).astype(int) for name in COLUMNS}, known)
 
 
-def _known(record: Any) -> tuple[dict[str, int], dict[tuple[str, str], dict[str, float]]]:
+def _known(found: Mapping[str, Any]) -> tuple[dict[str, int], dict[tuple[str, str], dict[str, float]]]:
     """Settings, and by model and metric those of known bodies, from ``summary.json``."""
-    found = checks.table("summary", record)
     about = {name: checks.integer(name, found[name], low) for name, low in (("seed", 0), ("weights", 2))}
     known = {}
     for model, name in product(MODELS, METRICS):
