@@ -27,7 +27,8 @@ VEHICLES = {"quick": (16,), "full": (16, 512)}  # bodies, each with so many cont
 CONTROLLERS, VEHICLE_STEPS = 441, 1000
 QUADRUPEDS, QUADRUPED_STEPS = {"quick": (64,), "full": (64, 1024, 8192)}, 100
 ROUNDS = 3  # of which the best counts, after one that compiles
-GRADIENTS, GRADIENT_STEPS = 64, 200  # robots and steps of the gradient
+GRADIENTS, GRADIENT_STEPS = {"quick": (64, 512), "full": (64, 512, 2048)}, 200  # robots and steps of the gradient
+GRADIENT_MEMORY_PER_ROBOT = 1.6e7  # B
 
 
 def published(compute: Compute, batch: int) -> lattice.Batch:
@@ -46,12 +47,13 @@ def rate(compute: Compute, batch: int) -> dict[str, float]:
     return {"robot_steps_per_second": batch * steps / seconds, "first_step_s": robots.first_step}
 
 
-def gradients(compute: Compute) -> float:
+def gradients(compute: Compute, batch: int) -> float:
     """Measure the robot-steps per second of gradients by everything: forwards and back, by the wall clock."""
-    robots = published(compute, GRADIENTS)
-    robots.differentiate(50)  # compiles
+    robots, memory = published(compute, batch), max(lattice.GRADIENT_MEMORY, GRADIENT_MEMORY_PER_ROBOT * batch)
+    work = functools.partial(robots.differentiate, memory=memory)
+    work(50)  # compiles
     robots.advance(SETTLING)
-    return GRADIENTS * GRADIENT_STEPS / lattice.timed(time.perf_counter, robots.differentiate, GRADIENT_STEPS)[0]
+    return batch * GRADIENT_STEPS / lattice.timed(time.perf_counter, work, GRADIENT_STEPS)[0]
 
 
 def measure(device: str, precision: str, quick: bool, tell: Callable[[str], None]) -> dict[str, Any]:
@@ -64,16 +66,18 @@ def measure(device: str, precision: str, quick: bool, tell: Callable[[str], None
         tell: takes a line of a table as soon as its numbers are there.
     """
     there, here, cores = Compute(device, precision), Compute("cpu", precision), available_threads()
-    robots = max(16, 4 * cores)
+    robots, size = max(16, 4 * cores), "quick" if quick else "full"
     cpu = rate(here, robots)
     tell(line(f"cpu, {cores} cores, {robots} robots", cpu, cpu))
     found: dict[str, Any] = {"cores": cores, "cpu": {"robots": robots, **cpu}, "batches": {}}
-    for batch in BATCHES["quick" if quick else "full"]:
+    for batch in BATCHES[size]:
         found["batches"][batch] = rate(there, batch)
         tell(line(f"{device}, {batch} robots", found["batches"][batch], cpu))
-    both = found["gradients"] = {"robots": GRADIENTS, "cpu": gradients(here), "device": gradients(there)}
-    ratio = both["device"] / both["cpu"]
-    tell(f"{f'gradients of {GRADIENTS} robots':<28} {both['device']:>10.0f} robot-steps/s, {ratio:.2f} of the cpu's")
+    found["gradients"] = {"cpu": gradients(here, robots), "device": {}}
+    for batch in GRADIENTS[size]:
+        made = found["gradients"]["device"][batch] = gradients(there, batch)
+        ratio = made / found["gradients"]["cpu"]
+        tell(f"{f'gradients of {batch} robots':<28} {made:>10.0f} robot-steps/s, {ratio:.2f} of the cpu's {robots}")
     return found
 
 

@@ -76,9 +76,9 @@ class Batch:
         if (result.status != "ok").any():
             raise RuntimeError("the benchmark's robots diverged")
 
-    def differentiate(self, steps: int) -> float:
+    def differentiate(self, steps: int, memory: float = GRADIENT_MEMORY) -> float:
         """Run the next ``steps`` steps and differentiate them backwards; return the memory of the tape [B]."""
-        tape = self.engine.record(self._piece(steps), memory=GRADIENT_MEMORY, feedback=self._network)
+        tape = self.engine.record(self._piece(steps), memory=memory, feedback=self._network)
         tape.pull_back(positions=np.ones_like(tape.result.positions))
         return tape.memory
 

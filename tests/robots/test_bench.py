@@ -142,14 +142,26 @@ def test_rates_of_vehicles_and_rigid_robots_are_measured_and_told(monkeypatch):
 
 def test_a_device_is_compared_with_the_cpu(monkeypatch, capsys):
     """With the CPU in place of the device."""
-    small = {"SETTLING": 20, "SHORTEST": 1e-6, "PIECE": 10, "GRADIENTS": 1, "GRADIENT_STEPS": 10, "ROUNDS": 1}
+    small = {
+        "SETTLING": 20,
+        "SHORTEST": 1e-6,
+        "PIECE": 10,
+        "GRADIENTS": {"quick": (1, 2)},
+        "GRADIENT_STEPS": 10,
+        "ROUNDS": 1,
+    }
     small |= {"BATCHES": {"quick": (1, 2)}, "CONTROLLERS": 2, "VEHICLE_STEPS": 10, "QUADRUPED_STEPS": 3}
     for name, value in small.items():
         monkeypatch.setattr(devices, name, value)
     figures = devices.main(Namespace(robot="all", precision="f32", quick=True, json=False, device="cpu"))["f32"]
     batches = figures["inflatable"]["batches"]
     assert list(batches) == [1, 2] and all(found["robot_steps_per_second"] > 0 for found in batches.values())
-    rates = [figures["inflatable"]["gradients"], figures["vehicle"][16], figures["rigid"][64]]
+    gradients = figures["inflatable"]["gradients"]
+    rates = [
+        *({"cpu": gradients["cpu"], "device": gradients["device"][n]} for n in (1, 2)),
+        figures["vehicle"][16],
+        figures["rigid"][64],
+    ]
     assert all(rate["device"] > 0 and rate["cpu"] > 0 for rate in rates)
     told = capsys.readouterr().out.splitlines()
-    assert len(told) == 7 and "1.00 of the cpu" in told[1] and "robot-steps" in told[-1]
+    assert len(told) == 8 and "1.00 of the cpu" in told[1] and "robot-steps" in told[-1]
