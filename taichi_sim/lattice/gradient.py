@@ -77,7 +77,7 @@ class Tape:
         self._run = run = engine.begin(program)
         self._course = course = engine.course(run, program, feedback)
         start = run.checkpoint()
-        steps, kept = int(program.lengths.max()), sum(a.nbytes for a in start)
+        steps, kept = int(program.lengths.max()), run.checkpoint_bytes(start)
         self._plan = plan = make_plan(steps, run.state_bytes, kept, memory, run.reverse_bytes, run.most_states)
         self._checkpoints = {0: start}
         for mark in plan.pieces(0, steps)[1:] if steps > plan.record else []:

@@ -18,7 +18,7 @@ from taichi_sim.runtime import aligned
 
 CONTACTS_PER_STEP = 256  # room for touching pairs of a block or robot in a record at first; it grows when needed
 
-Checkpoint = tuple[np.ndarray, ...]
+Checkpoint = tuple[Any, ...]  # of arrays where the kernels run
 
 
 class Driver(ABC):
@@ -84,6 +84,14 @@ class Driver(ABC):
     def put_memory(self, array: np.ndarray) -> Any:
         """A memory where the kernels run, as scalars [slot of any block, lane]."""
         return self.put(array.reshape(-1, array.shape[-1]))
+
+    def blank_memory(self, slots: int) -> Any:
+        """A memory of zeros where the kernels run, as scalars [slot of any block, lane]."""
+        return self.put_memory(self.zeros(slots))
+
+    def bytes_of(self, array: Any) -> int:
+        """Bytes of an array where the kernels run."""
+        return int(array.nbytes)
 
     def host(self, array: Any) -> np.ndarray:
         """An array from where the kernels run, in NumPy."""
@@ -157,6 +165,10 @@ class Run(ABC):
     def restore(self, checkpoint: Checkpoint) -> None:
         """Go back to a checkpoint."""
 
+    def checkpoint_bytes(self, checkpoint: Checkpoint) -> int:
+        """Bytes of a checkpoint."""
+        return sum(self.driver.bytes_of(array) for array in checkpoint)
+
     @abstractmethod
     def new_record(self, first: int, room: int, contacts: int) -> Any:
         """Memory for so many states from step ``first`` on, and so many contacts of each."""
@@ -205,7 +217,7 @@ class Reverse(ABC):
         self.layout = driver.backward_layout
         values, shared = driver.zeros(self.layout.slots), self.layout.starts[memory.FORCE]
         values[:, :shared] = driver.host_memory(run.memory)[:, :shared]
-        self.values, self.cotangents = map(driver.put_memory, (values, driver.zeros(self.layout.slots)))
+        self.values, self.cotangents = driver.put_memory(values), driver.blank_memory(self.layout.slots)
         poses, strains, sizes, ends = (driver.put(marking.filled(x, dtype)) for x in (*recorded, finals))
         lanes = driver.put(marking.lanes_back(driver.host(run.marks.lanes)))
         by_value: np.ndarray = np.zeros(program.values.shape, dtype)

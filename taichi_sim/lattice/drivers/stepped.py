@@ -1,6 +1,7 @@
 """The stepped driver: scalars, a thread per link or voxel (GPU; on a CPU for tests and gradients)."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Dri
 from taichi_sim.lattice.drivers.marks import Recordings
 from taichi_sim.lattice.drivers.stepped_kernels import Has, Near, Record, stepped_kernels, threads_for
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
+from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.columns import Medium
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
@@ -32,7 +34,8 @@ class SteppedReverse(Reverse):
     def undo(self, low: int, high: int) -> None:
         """Take the cotangents back from step ``high`` to step ``low``, where the run is."""
         record = self.record(low, high)
-        self._kernels = reverse_kernels(*self.driver.kind(record.log.shape[1]))  # the log may have grown
+        items = record.log.shape[1], int(self.driver.plan[memory.GROUPS]) * QUANTITY_COUNT
+        self._kernels = reverse_kernels(*self.driver.kind(max(items)))  # the log may have grown
         memories = Undo(self.values, None, record.states, None, self.cotangents, None, None)
         self._meet(memories, high, high - low)
         for step in range(high - 1, low - 1, -1):
@@ -67,11 +70,11 @@ class SteppedRun(Run):
 
     def new_record(self, first: int, room: int, contacts: int) -> Record:
         """Memory on the device for so many states from step ``first`` on, and so many contacts of each."""
-        batch, slots, put = self.driver.batch, self.driver.layout.state_slots, self.driver.put
-        states: np.ndarray = np.zeros((max(room * slots, 1), batch), self.driver.real.numpy)
-        log = np.zeros((max(room, 1), contacts, batch, 2), np.int32)
-        logged = np.zeros((max(room, 1), batch), np.int32)
-        return Record(first, put(states), put(log), put(logged))
+        batch, slots, blank = self.driver.batch, self.driver.layout.state_slots, self.driver.blank
+        states = blank((max(room * slots, 1), batch), self.driver.real.numpy)
+        log = blank((max(room, 1), contacts, batch, 2), np.int32)
+        logged = blank((max(room, 1), batch), np.int32)
+        return Record(first, states, log, logged)
 
     def fits(self, record: Record) -> bool:
         """Whether all contacts found room in a record."""
@@ -103,13 +106,15 @@ class SteppedRun(Run):
         return super().finish()
 
     def checkpoint(self) -> Checkpoint:
-        """Copies of all that changes from step to step."""
-        return (*self._save(), np.array(self._at))
+        """Copies, where the kernels run, of all that changes from step to step."""
+        kept = tuple(self.driver.like(array) for array in self._changing)
+        self._copy(self._changing, kept)
+        return (*kept, np.array(self._at))
 
     def restore(self, checkpoint: Checkpoint) -> None:
         """Go back to a checkpoint."""
-        memory, lanes, at = checkpoint
-        self._load(memory.copy(), lanes.copy())
+        *kept, at = checkpoint
+        self._copy(kept, self._changing)
         self._at = int(at)
         self._list_again()
 
@@ -119,25 +124,26 @@ class SteppedRun(Run):
         d = self.driver
         return int(d.batch * (d.layout.state_slots * d.memory.itemsize + 8 * CONTACTS_PER_STEP + 4))
 
-    def _save(self) -> tuple[np.ndarray, np.ndarray]:
-        """Copies of state and lanes."""
-        return self.driver.host(self.memory).copy(), self.driver.host(self.marks.lanes).copy()
+    @property
+    def _changing(self) -> tuple[Any, Any]:
+        """What changes from step to step: state and lanes."""
+        return self.memory, self.marks.lanes
 
-    def _load(self, state: np.ndarray, lanes: np.ndarray) -> None:
-        self.memory, self.marks = self.driver.put(state), self.marks._replace(lanes=self.driver.put(lanes))
+    def _copy(self, arrays: Iterable[Any], into: Iterable[Any]) -> None:
+        """Copy arrays into others, where the kernels run."""
+        for array, other in zip(arrays, into, strict=True):
+            self.driver.copy(array, other)
 
     def _put_aside(self) -> None:
         """Copy state and lanes where they are, for when a list turns out to be full."""
         if self.driver.plan[memory.CONTACT_ON]:
             if self._aside is None:
                 self._aside = self.driver.like(self.memory), self.driver.like(self.marks.lanes)
-            for copy, array in zip(self._aside, (self.memory, self.marks.lanes), strict=True):
-                self.driver.copy(array, copy)
+            self._copy(self._changing, self._aside)
 
     def _take_back(self) -> None:
         assert self._aside is not None  # only lists are ever full, and only with contacts are there lists
-        for copy, array in zip(self._aside, (self.memory, self.marks.lanes), strict=True):
-            self.driver.copy(copy, array)
+        self._copy(self._aside, self._changing)
 
     def _step(self, step: int, record: Record | None) -> None:
         """One time step of all robots; the last call only ends them."""
@@ -151,7 +157,7 @@ class SteppedRun(Run):
         driver = self.driver
         surface, batch = max(len(driver.tables.surface_voxels), 1), driver.batch
         shapes = (int(driver.plan[memory.PAIRS]), surface, batch), (surface, batch), (1,)
-        self._near = Near(*(driver.put(np.zeros(shape, np.int32)) for shape in shapes))
+        self._near = Near(*(driver.blank(shape, np.int32) for shape in shapes))
         self.shared = self.shared._replace(plan=driver.put(driver.plan))
 
     def _list_again(self) -> None:
@@ -211,9 +217,21 @@ class SteppedDriver(Driver):
         """The array where the kernels run."""
         if self._on_cpu:
             return array
-        on_device = device_array(ti.i32 if array.dtype == np.int32 else self.real.scalar, array.shape)
+        on_device = self.blank(array.shape, array.dtype)
         on_device.from_numpy(np.ascontiguousarray(array))
         return on_device
+
+    def blank(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """An array of zeros where the kernels run; none of them travel there."""
+        return np.zeros(shape, dtype) if self._on_cpu else device_array(self._type(dtype), shape)
+
+    def blank_memory(self, slots: int) -> Any:
+        """A memory of zeros where the kernels run; none of them travel there."""
+        return self.blank((self.blocks * slots, self.robot.shape[1]), self.real.numpy)
+
+    def _type(self, dtype: Any) -> Any:
+        """The type that a NumPy type has where the kernels run."""
+        return ti.i32 if dtype == np.int32 else self.real.scalar
 
     def like(self, array: Any) -> Any:
         """An array of the same shape where the kernels run, of any values."""
@@ -225,6 +243,13 @@ class SteppedDriver(Driver):
             into[...] = array
         else:
             into.copy_from(array)
+
+    def bytes_of(self, array: Any) -> int:
+        """Bytes of an array where the kernels run."""
+        if isinstance(array, np.ndarray):
+            return array.nbytes
+        size = 4 if array.dtype == ti.i32 else np.dtype(self.real.numpy).itemsize
+        return math.prod(array.shape) * size
 
     def host(self, array: Any) -> np.ndarray:
         """An array from where the kernels run, in NumPy."""

@@ -17,7 +17,14 @@ from taichi_sim.lattice.stages import columns
 from taichi_sim.lattice.stages.columns import Medium, Shared, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
-from taichi_sim.lattice.stages.groups import derive_group, derive_rest, group_adjoint, recall_channel
+from taichi_sim.lattice.stages.groups import (
+    channel_adjoint,
+    derive_group,
+    derive_rest,
+    recall_channel,
+    rests_adjoint,
+    state_adjoint,
+)
 from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import GROUPS, LINKS, RESTS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.undo import Undo
@@ -41,17 +48,20 @@ def undo_voxel(u: ti.template(), v, t: ti.template()):
     voxel_adjoint(u, v, t)
 
 
-def for_every(count: int, adjoint: Any) -> Any:
-    """The reverse of a stage, of all items of active robots; ``count`` is the place of their number in the plan."""
+def for_every(count: int, adjoint: Any, each: int = 1) -> Any:
+    """The reverse of a stage, of all items of active robots.
+
+    ``count`` is the place in the plan of how many things they have, ``each`` how many items every thing has.
+    """
 
     @ti.func
     def undo(
         threads: ti.template(), step: ti.template(), memories: ti.template(), t: ti.template(), lanes: ti.template()
     ):
         robots = memories.m.shape[1]
-        for n in range(spread(threads, t.plan[count] * robots)):
+        for n in range(spread(threads, t.plan[count] * each * robots)):
             i, r = n // robots, n % robots
-            if i < t.plan[count] and lanes[0, r, STATE] == ACTIVE:
+            if i < t.plan[count] * each and lanes[0, r, STATE] == ACTIVE:
                 adjoint(ti.static(step_of(memories, step, r, t)), i, t)
 
     return undo
@@ -93,11 +103,13 @@ def contacts(
 
 
 @ti.func
-def groups(threads: ti.template(), n: ti.template(), memories: ti.template(), t: ti.template(), lanes: ti.template()):
-    """Rest lengths, groups and channels."""
+def undo_rests(
+    threads: ti.template(), n: ti.template(), memories: ti.template(), t: ti.template(), lanes: ti.template()
+):
+    """Rest lengths, a thread per robot."""
     for r in range(spread(threads, memories.m.shape[1])):
         if r < memories.m.shape[1] and lanes[0, r, STATE] == ACTIVE:
-            group_adjoint(ti.static(step_of(memories, n, r, t)), t)
+            rests_adjoint(ti.static(step_of(memories, n, r, t)), t)
 
 
 @ti.func
@@ -121,6 +133,8 @@ def meet(
 undo_voxels = for_every(VOXELS, undo_voxel)
 undo_links = for_every(LINKS, link_adjoint)
 undo_squares = for_every(SQUARES, square_adjoint)
+undo_states = for_every(GROUPS, state_adjoint)
+undo_channels = for_every(GROUPS, channel_adjoint, QUANTITY_COUNT)
 
 
 @ti.func
@@ -141,7 +155,9 @@ def undo_step(
         undo_squares(threads, n, memories, t, lanes)
     if ti.static(has.contacts):
         contacts(threads, n, memories, t, lanes, record)
-    groups(threads, n, memories, t, lanes)
+    undo_rests(threads, n, memories, t, lanes)
+    undo_states(threads, n, memories, t, lanes)
+    undo_channels(threads, n, memories, t, lanes)
 
 
 @dataclass(frozen=True)

@@ -104,15 +104,33 @@ def recall_channel(m: ti.template(), k, i, record: ti.template(), r, new, t: ti.
 @ti.func
 def group_adjoint(u: ti.template(), t: ti.template()):
     """Reverse the stage; adds to the cotangents of the channels' bases and rates."""
+    rests_adjoint(u, t)
+    for g in range(t.plan[memory.GROUPS]):
+        state_adjoint(u, g, t)
+    for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
+        channel_adjoint(u, i, t)
+
+
+@ti.func
+def rests_adjoint(u: ti.template(), t: ti.template()):
+    """Reverse all rest lengths, one after the other: several add to the cotangents of one size."""
     for i in range(t.plan[memory.RESTS]):
         given = take_all(u, consecutive(t.plan[memory.REST] + i * memory.REST_WIDTH, memory.REST_WIDTH))
         reverse(u, laws.rest_length, (), rest_slots(i, t), (), given)
-    for g in range(t.plan[memory.GROUPS]):
-        given = take_all(u, consecutive(t.plan[CURRENT] + g * CURRENT_WIDTH, CURRENT_WIDTH))
-        reverse(u, laws.group_state, (), group_slots(g, t), (t.edge, t.gravity), given)
-    for i in range(t.plan[memory.GROUPS] * QUANTITY_COUNT):
-        slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
-        (later,) = after(u, (slot + AGE,))
-        age = later - 1.0  # it is counted on at once
-        given = take_all(u, (slot + VALUE,))
-        reverse(ti.static(u._replace(old=u.new)), laws.channel_value, (slot + BASE, slot + RATE), (), (age,), given)
+
+
+@ti.func
+def state_adjoint(u: ti.template(), g, t: ti.template()):
+    """Reverse the state of group g."""
+    given = take_all(u, consecutive(t.plan[CURRENT] + g * CURRENT_WIDTH, CURRENT_WIDTH))
+    reverse(u, laws.group_state, (), group_slots(g, t), (t.edge, t.gravity), given)
+
+
+@ti.func
+def channel_adjoint(u: ti.template(), i, t: ti.template()):
+    """Reverse the value of channel i of all groups' channels."""
+    slot = t.plan[CHANNEL] + i * CHANNEL_WIDTH
+    (later,) = after(u, (slot + AGE,))
+    age = later - 1.0  # it is counted on at once
+    given = take_all(u, (slot + VALUE,))
+    reverse(ti.static(u._replace(old=u.new)), laws.channel_value, (slot + BASE, slot + RATE), (), (age,), given)
