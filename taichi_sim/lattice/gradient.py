@@ -194,10 +194,10 @@ class Tape:
         engine, source = self._engine, self._run.program.source
         events = np.zeros((len(self._program.events), 2))
         np.add.at(events, source[source >= 0], reverse.events[source >= 0].astype(float))
-        voxel = np.take(reverse.read(places.VOXEL), engine.place, axis=1)
-        inverse = np.take(engine.inverse_masses, engine.place, axis=1)
-        base = np.where(self._initial_channels, reverse.read(places.CHANNEL)[..., places.BASE], 0.0)
-        constants, beams = reverse.read(places.CONSTANT), reverse.read(places.BEAM)
+        found = reverse.read(places.VOXEL, places.CHANNEL, places.CONSTANT, places.BEAM)
+        voxel, channels, constants, beams = found
+        voxel, inverse = (np.take(array, engine.place, axis=1) for array in (voxel, engine.inverse_masses))
+        base = np.where(self._initial_channels, channels[..., places.BASE], 0.0)
         for part in (voxel, base, constants, beams):
             part[self.result.status != "ok"] = 0.0
         # Velocities are momenta times inverse masses: they are read so at the end, and held so at the start.

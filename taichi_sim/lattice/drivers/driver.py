@@ -270,8 +270,12 @@ class Reverse(ABC):
         found: np.ndarray = self.driver.host(self.marks.by_value)
         return found
 
-    def read(self, section: int) -> np.ndarray:
-        """Cotangents of a section of the memory, shape (B, items, components)."""
+    def read(self, *sections: int) -> list[np.ndarray]:
+        """Cotangents of sections of the memory, each of shape (B, items, components)."""
         whole = self.driver.host_memory(self.cotangents)
-        found: np.ndarray = self.driver.robots_first(self.layout.section(whole, section)).astype(float)
+        return [self.of_section(section, self.layout.section(whole, section)) for section in sections]
+
+    def of_section(self, section: int, view: np.ndarray) -> np.ndarray:
+        """Cotangents of a section, a view of the memory, in shape (B, items, components)."""
+        found: np.ndarray = self.driver.robots_first(view).astype(float)
         return found

@@ -71,9 +71,8 @@ class PackedReverse(Reverse):
                 return
             high = middle
 
-    def read(self, section: int) -> np.ndarray:
-        """Cotangents of a section of the memory, shape (B, items, components)."""
-        view = self.layout.section(self.driver.host_memory(self.cotangents), section)
+    def of_section(self, section: int, view: np.ndarray) -> np.ndarray:
+        """Cotangents of a section, a view of the memory, in shape (B, items, components)."""
         if section == memory.VOXEL:
             return self.driver.packed.read(view, section).astype(float)
         if section == memory.BEAM:

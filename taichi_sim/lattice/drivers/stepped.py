@@ -64,17 +64,21 @@ class SteppedRun(Run):
         self._kernels = stepped_kernels(*driver.kind())
         self._at = 0
         self._aside: tuple[Any, Any] | None = None
+        self._record: Record | None = None
         self._no_record = self.new_record(0, 0, 1)
         self._reserve()
         self._list_again()
 
     def new_record(self, first: int, room: int, contacts: int) -> Record:
-        """Memory on the device for so many states from step ``first`` on, and so many contacts of each."""
+        """Memory for so many states from step ``first`` on, and so many contacts of each; used again."""
         batch, slots, blank = self.driver.batch, self.driver.layout.state_slots, self.driver.blank
-        states = blank((max(room * slots, 1), batch), self.driver.real.numpy)
-        log = blank((max(room, 1), contacts, batch, 2), np.int32)
-        logged = blank((max(room, 1), batch), np.int32)
-        return Record(first, states, log, logged)
+        kept = self._record
+        if kept is None or room > kept.logged.shape[0] or contacts > kept.log.shape[1]:
+            self._record = None  # before the larger one is made
+            states = blank((max(room * slots, 1), batch), self.driver.real.numpy)
+            log = blank((max(room, 1), contacts, batch, 2), np.int32)
+            kept = self._record = Record(first, states, log, blank((max(room, 1), batch), np.int32))
+        return kept._replace(first=first)
 
     def fits(self, record: Record) -> bool:
         """Whether all contacts found room in a record."""
