@@ -126,8 +126,8 @@ class Course:
         assert self._feedback is not None
         run, driver = self._run, self._run.driver
         slot = self._feedback.decisions[number].snapshot
-        poses = np.take(driver.host(run.marks.poses)[:, slot], self._place, axis=1).astype(float, copy=False)
-        strains = driver.host(run.marks.strains)[:, slot, : self._links].astype(float)
+        poses = np.take(driver.snapshot(run.marks.poses, slot), self._place, axis=1).astype(float, copy=False)
+        strains = driver.snapshot(run.marks.strains, slot)[:, : self._links].astype(float)
         values, rates = self._feedback.decide(number, Felt(poses[..., :3], poses[..., 3:], strains))
         rows, source = self._rows[number]
         told = np.stack([np.asarray(values), np.asarray(rates)], axis=1)

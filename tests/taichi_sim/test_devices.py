@@ -12,10 +12,12 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from feedback_scene import Linear, engine, scene, some_weights
 from gradient_scene import TIME_STEP, Cost, body, program, repeated, start
 
 from robots.braitenberg import STARTS
-from robots.quadruped import LEGGED, engine
+from robots.quadruped import LEGGED
+from robots.quadruped import engine as quadruped_engine
 from taichi_sim import runtime
 from taichi_sim.autodiff import elementary
 from taichi_sim.autodiff.lanes import Real
@@ -100,6 +102,24 @@ def test_a_lattice_and_its_gradient(kind, precision):
     assert max(all_apart(state, truth).values()) < NEAR[precision]
     for name, far in all_apart(gradient, slopes).items():
         assert far < (NEAR_BY_MATERIAL if name in slopes.materials else NEAR)[precision], name
+
+
+@PRECISIONS
+def test_decisions_in_the_loop_and_derivatives_through_them(precision):
+    """Only the snapshot that a decision feels travels, and only what it owes to that comes back."""
+
+    def run(device, precision):
+        program, decisions = scene(2)
+        feedback = Linear(some_weights(2), decisions)
+        lab = engine(2, driver="stepped", **on(device, precision))
+        tape = lab.record(program, feedback=feedback)
+        gradient = Cost(body(), 8).pull_back(tape)
+        return tape.result, gradient, feedback.slopes
+
+    (truth, slopes, by_weights), (result, gradient, found) = run("cpu", "f64"), run(DEVICE, precision)
+    assert apart(result.positions, truth.positions) < NEAR[precision]
+    assert apart(found, by_weights) < NEAR_BY_MATERIAL[precision]
+    assert apart(gradient.positions, slopes.positions) < NEAR_BY_MATERIAL[precision]
 
 
 RUBBER = Material(youngs_modulus=1e6, density=1e3)
@@ -208,7 +228,7 @@ def test_rigid_robots_and_their_gradient(precision):
     weights, light = np.random.default_rng(1).uniform(-1, 1, (3, 5, 8)), np.array([[3.0, 1.0, 0.15]])
 
     def run(device, precision):
-        tape = engine(LEGGED, **on(device, precision)).record(10, weights=weights, lights=light)
+        tape = quadruped_engine(LEGGED, **on(device, precision)).record(10, weights=weights, lights=light)
         assert (tape.result.status == "ok").all()
         return tape.result, tape.pull_back(position=np.ones((3, 3)))
 

@@ -98,6 +98,15 @@ class Driver(ABC):
         found: np.ndarray = array
         return found
 
+    def snapshot(self, recorded: Any, number: int) -> np.ndarray:
+        """One snapshot of recorded poses or strains, shape (B, V, 7) or (B, L)."""
+        found: np.ndarray = recorded[:, number]
+        return found
+
+    def add_to_snapshot(self, recorded: Any, number: int, values: np.ndarray) -> None:
+        """Add to one snapshot of recorded poses or strains, shape (B, V, 7) or (B, L)."""
+        recorded[:, number] += values
+
     def host_memory(self, array: Any) -> np.ndarray:
         """A memory from where the kernels run, in NumPy, shape (blocks, slots, lanes)."""
         return self.host(array).reshape(self.blocks, -1, self.robot.shape[1])
@@ -242,11 +251,10 @@ class Reverse(ABC):
 
     def add_seeds(self, snapshot: int, poses: np.ndarray, strains: np.ndarray) -> None:
         """Add to the cotangents of a recording that is still to come, shapes (B, V, 7) and (B, L)."""
-        host, put, marks = self.driver.host, self.driver.put, self.marks
-        whole, links = host(marks.poses), host(marks.strains)
-        whole[:, snapshot] += poses
-        links[:, snapshot, : strains.shape[1]] += strains
-        self.marks = marks._replace(poses=put(whole), strains=put(links))
+        links = np.zeros((len(strains), self.marks.strains.shape[2]))
+        links[:, : strains.shape[1]] = strains
+        self.driver.add_to_snapshot(self.marks.poses, snapshot, poses)
+        self.driver.add_to_snapshot(self.marks.strains, snapshot, links)
 
     @abstractmethod
     def undo(self, low: int, high: int) -> None:

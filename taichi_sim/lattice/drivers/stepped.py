@@ -9,6 +9,7 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
 from taichi_sim.lattice.drivers.marks import Recordings
+from taichi_sim.lattice.drivers.snapshots import snapshot_kernels
 from taichi_sim.lattice.drivers.stepped_kernels import Has, Near, Record, stepped_kernels, threads_for
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
 from taichi_sim.lattice.program import QUANTITY_COUNT
@@ -247,6 +248,23 @@ class SteppedDriver(Driver):
             into[...] = array
         else:
             into.copy_from(array)
+
+    def snapshot(self, recorded: Any, number: int) -> np.ndarray:
+        """One snapshot of recorded poses or strains, shape (B, V, 7) or (B, L); only it travels."""
+        if self._on_cpu:
+            return super().snapshot(recorded, number)
+        shape = recorded.shape
+        part = self.blank((shape[0], *shape[2:]), self.real.numpy)
+        snapshot_kernels(self.real, len(shape))[0](number, recorded, part)
+        return self.host(part)
+
+    def add_to_snapshot(self, recorded: Any, number: int, values: np.ndarray) -> None:
+        """Add to one snapshot of recorded poses or strains, shape (B, V, 7) or (B, L); only it travels."""
+        if self._on_cpu:
+            super().add_to_snapshot(recorded, number, values)
+        else:
+            part = self.put(values.astype(self.real.numpy))
+            snapshot_kernels(self.real, len(recorded.shape))[1](number, recorded, part)
 
     def bytes_of(self, array: Any) -> int:
         """Bytes of an array where the kernels run."""
