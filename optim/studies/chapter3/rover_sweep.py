@@ -87,7 +87,7 @@ def tell(data: Data, folder: Path) -> None:
     rows = data.records(TABLE, COLUMNS)
     about, known = data.from_summary(_known)
     controllers = about["weights"] ** 2
-    for number, row in enumerate(rows, 1):
+    for number, row in enumerate(rows, 2):
         for every, some in COUNTS.values():
             if not 0 <= row[every] <= row[some] <= controllers:
                 raise ValueError(

@@ -99,7 +99,7 @@ def test_counts_of_bodies_that_cannot_be_are_told(tmp_path):
     data = copytree(DATA / "rover-sweep", tmp_path / "rover-sweep")
     rows = read_records(data / "rover-sweep.csv.gz")
     write_records(data / "rover-sweep.csv", [*rows[:2], {**rows[2], "rigid_any": 962}])
-    with pytest.raises(ValueError, match=r"row 3 has 0 as rigid_all and 962 as rigid_any; they must be 0 to 961"):
+    with pytest.raises(ValueError, match=r"row 4 has 0 as rigid_all and 962 as rigid_any; they must be 0 to 961"):
         told(data)
     write_records(data / "rover-sweep.csv", rows)
     (data / "summary.json").write_text('{"seed": 1, "weights": 1}')
