@@ -142,6 +142,8 @@ class Uncertainty:
         """
         if not isinstance(world, Terrain) or world.is_fluid:
             raise ValueError(f"uncertain: {self.text} is not allowed {world.where}, which has no ground")
+        if self.slope and world.is_wet:
+            raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
         for name in QUANTITIES:
             if getattr(self, name) and name not in robot.uncertain_in:
                 lacking = "friction" if name == "friction" else "actuators" if name in DRIVE else f"{name} feet"

@@ -131,6 +131,11 @@ class Terrain:
         return self.fluid_density is not None
 
     @property
+    def is_level(self) -> bool:
+        """Whether the ground is the same height everywhere, and not tilted."""
+        return self.slope == 0 and (self.ground is None or not Ground(self.ground).solid)
+
+    @property
     def is_wet(self) -> bool:
         """Whether a fluid is around robots, or water on the ground."""
         return self.is_fluid or (self.ground is not None and Ground(self.ground).water is not None)

@@ -191,12 +191,11 @@ class FreeformRobot(Robot):
         drive = self.actuation
         frequency = min(max(drive.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
         tissues = (dataclasses.replace(t, material=drawn.rubbed(t.material)) for t in self.palette.tissues)
-        most = LARGEST_AMPLITUDE / drive.amplitude
         return dataclasses.replace(
             self,
             palette=Palette(tuple(tissues)),
             actuation=dataclasses.replace(drive, frequency=frequency),
-            gains=tuple(min(level, most) for level in drawn.levels),
+            gains=drawn.levels,
         )
 
     def solid_at(self, fields: Fields, row: int) -> Solid:

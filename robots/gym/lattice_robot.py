@@ -87,7 +87,7 @@ class Rewarded(Batch):
         felt, e = self.episodes.begin(), self.episodes
         own = e.positions[:, : e.own]
         self._left, self._heights = e.steps, own[..., 2].mean(axis=1)
-        self._start, self._turned = own.mean(axis=1), np.zeros(len(own))
+        self._start, self._turned = e.start.mean(axis=1), np.zeros(len(own))  # from which the light is told
         self._before = own
         self._value = self._values()
         return felt

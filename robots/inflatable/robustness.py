@@ -218,7 +218,7 @@ def judge_gait(
         slip,
         usual.distance,
         gait_steps(design.schedule, actuation),
-        given.terrain.slope == 0,
+        given.terrain.is_level,
         nominal_steps(PUBLISHED_COLUMNS, actuation),
         actuation.on(harder(given.terrain, actuation)[0]).low_friction,
         scrutiny,

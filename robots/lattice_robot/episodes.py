@@ -74,6 +74,12 @@ class Episodes:
         self.positions = self._rollout.start
 
     @property
+    def start(self) -> Floats:
+        """Where the voxels of each robot were put, shape (B, V, 3) [m]; it has settled when an episode begins."""
+        found: Floats = self._rollout.start[:, : self.own]
+        return found
+
+    @property
     def next_node(self) -> int:
         """The node of the cycle to which the next action goes."""
         return (self._piece + 2) % SEGMENTS
@@ -82,7 +88,7 @@ class Episodes:
         """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel."""
         cycle, self._piece = self.robot.cycle, 0
         self._rollout.engine.restore(self._fresh)
-        self._before, self._found = self._rollout.start[:, : self.own], None
+        self._before, self._found = self.start, None
         self._at = self._swing[:, :, 1]
         length = cycle.begin + cycle.segment
         events = self._rollout.program.events

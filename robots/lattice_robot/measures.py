@@ -33,6 +33,8 @@ OF_PROPS = (  # of the first of them, where there are any
     Measure("prop_height", "m", "height of the prop's middle at the end, above the ground where the robot began"),
 )
 
+UP = np.array([0.0, 0.0, 1.0])
+
 
 def checked_target(given: Any) -> tuple[float, float]:
     """A point (x, y) [m].
@@ -72,7 +74,8 @@ class Record:
     def own(self, placed: Placed) -> "Record":
         """That of the robot without props."""
         own = placed.own
-        return Record(self.positions[:, :, :own], self.strains[:, :, placed.own_links], self.sizes[:, :, :own])
+        strains = np.stack([each[:, placed.own_links] for each in self.strains])  # summed as in a batch of one
+        return Record(self.positions[:, :, :own], strains, self.sizes[:, :, :own])
 
     @property
     def arrays(self) -> tuple[Any, Any, Any]:
@@ -96,6 +99,7 @@ class Constants:
         target: point (x, y) that the centre of mass should come near, from where it starts [m], or that of each robot,
             shape (B, 2); None for none.
         placed: the robot among props; None without.
+        raised: by how much the ground raises each voxel where it starts [m], shape (B, V); 0 on level ground.
     """
 
     density: Any
@@ -108,6 +112,7 @@ class Constants:
     frequency: float
     target: tuple[float, float] | Floats | None
     placed: Placed | None = None
+    raised: Any = 0.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,8 +125,8 @@ class Constants:
         """Those of the robot without props."""
         assert self.placed is not None
         own = self.placed.own
-        parts = {"density": self.density, "modulus": self.modulus, "driven": self.driven}
-        cut = {name: each[:, :own] for name, each in parts.items()}
+        parts = {"density": self.density, "modulus": self.modulus, "driven": self.driven, "raised": self.raised}
+        cut = {name: each[:, :own] for name, each in parts.items() if np.ndim(each)}
         return replace(self, **cut, body=self.placed.robot, placed=None)
 
     @property
@@ -162,7 +167,7 @@ def _speed(record: Record, constants: Constants) -> Any:
 def _jump(record: Record, constants: Constants) -> Any:
     """Highest centre of mass at a node of the last cycle, above where it started."""
     heights = constants.centres(record.positions[:, LAST_CYCLE, :, 2])
-    start = np.broadcast_to(constants.body.start_positions[:, 2], constants.density.shape)
+    start = np.broadcast_to(constants.body.start_positions[:, 2], constants.density.shape) + constants.raised
     highest = value_of(heights).argmax(axis=1)
     return heights[np.arange(len(highest)), highest] - constants.centres(start)
 
@@ -215,22 +220,22 @@ def _remaining(record: Record, constants: Constants) -> Any:
     return np.sqrt(away[0] * away[0] + away[1] * away[1])
 
 
-def _prop_rows(constants: Constants) -> tuple[Any, Any]:
-    """Which voxels are those of the first prop, and the part of its mass that each has."""
+def _prop_middles(record: Record, constants: Constants, along: Floats) -> Any:
+    """How far the first prop's middle is along a direction after the first cycle and after the last, shape (B, 2)."""
     assert constants.placed is not None
     rows = np.flatnonzero(constants.placed.of(1))
-    return rows, np.full(len(rows), 1 / len(rows))
+    shares = np.full(len(rows), 1 / len(rows))
+    return np.stack([(each[:2][:, rows] @ along) @ shares for each in record.positions])  # summed as in a batch of one
 
 
 def _prop_distance(record: Record, constants: Constants) -> Any:
-    rows, shares = _prop_rows(constants)
-    way = (record.positions[:, :2][:, :, rows] @ constants.direction) @ shares
+    way = _prop_middles(record, constants, constants.direction)
     return way[:, 1] - way[:, 0]
 
 
 def _prop_height(record: Record, constants: Constants) -> Any:
-    rows, shares = _prop_rows(constants)
-    return record.positions[:, 1, :, 2][:, rows] @ shares + 0.5 * constants.body.voxel_size
+    ground = constants.raised[:, 0] if np.ndim(constants.raised) else 0.0
+    return _prop_middles(record, constants, UP)[:, 1] - ground + 0.5 * constants.body.voxel_size
 
 
 _LAWS: dict[str, Callable[[Record, Constants], Any]] = {

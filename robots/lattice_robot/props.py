@@ -58,7 +58,8 @@ class Placed:
 
     def own_part(self, positions: Any, orientations: Any, strains: Any) -> tuple[Any, Any, Any]:
         """What of positions and orientations (B, V, ...) and strains (B, L) is the robot's."""
-        return positions[:, : self.own], orientations[:, : self.own], strains[:, self.own_links]
+        own = np.ascontiguousarray(strains[:, self.own_links])  # summed as in a batch of one
+        return positions[:, : self.own], orientations[:, : self.own], own
 
     def widened(self, positions: Floats, orientations: Floats, strains: Floats) -> tuple[Floats, Floats, Floats]:
         """Derivatives by what is the robot's as those by all."""
@@ -122,9 +123,9 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
         _check_apart(prop, starts, edge)
     whole = {"voxels": voxels, "material_index": indices, "regions": regions, "fixed": fixed}
     more = robot.voxel_count, sum(len(each) for each in voxels[1:])
-    for name in ("pressure_normals", "chambers"):
-        own = np.asarray(getattr(robot, name))
-        whole[name] = [own, np.zeros((more[1], *own.shape[1:]), own.dtype)]
+    normals, chambers = np.asarray(robot.pressure_normals), np.asarray(robot.chambers)
+    whole["pressure_normals"] = [normals, np.zeros((more[1], 3), normals.dtype)]
+    whole["chambers"] = [chambers, np.full(more[1], chambers[0])]  # props have none of their own
     fields: dict[str, Any] = {name: np.concatenate(each) for name, each in whole.items()}
     body = dataclasses.replace(robot, materials=tuple(materials), **fields)
     shift = np.concatenate(starts) - body.start_positions

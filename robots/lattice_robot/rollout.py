@@ -166,7 +166,7 @@ class Rollout:
             compute=compute,
         )
         at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
-        floor = medium["floor"]
+        level, floor = at, medium["floor"]
         self.reliefs: Sequence[Relief] | None = None if isinstance(floor, bool) else floor
         if aim.placed is not None and self.reliefs is not None:
             pairs = zip(at, self.reliefs, strict=True)
@@ -194,7 +194,8 @@ class Rollout:
         if driven is None:
             driven = np.tile(np.isin(np.asarray(first.regions), channels.regions).astype(float), (len(bodies), 1))
         told = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
-        self._constants = Constants(densities, moduli, driven, first, *told)
+        raised = 0.0 if self.reliefs is None else at[:, :, 2] - level[:, :, 2]
+        self._constants = Constants(densities, moduli, driven, first, *told, raised)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""

@@ -40,8 +40,13 @@ def heated_file(robot: "LatticeRobot") -> VoxelFile:
     of temperature, or by 1 K, and each voxel expands by a of that.
 
     Raises:
-        ValueError: for drives that are no sine of size, along all axes about 1, or of temperature about 0.
+        ValueError: for reflexes, and for drives that are no sine of size, along all axes about 1, or of temperature
+            about 0.
     """
+    if robot.reflexes is not None:
+        raise ValueError(
+            "reflexes: a robot that feels is not allowed in a .vxa, which plays waves alone; save it as .vxl.json"
+        )
     body, swings, phases = robot.body, np.zeros(robot.body.voxel_count), np.zeros(robot.body.voxel_count)
     heats = [_of_regions(drive, "amplitude") for drive in robot.drives if drive.quantity == "temperature"]
     kelvins = max([1.0] if not heats else [float(np.abs(each).max()) for each in heats]) or 1.0

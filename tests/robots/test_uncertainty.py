@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from robots.lattice_robot.offered import soft_quadruped
 from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, summary
 from robots.world import Terrain
 
@@ -26,6 +27,13 @@ def test_bad_uncertainty_is_refused_in_one_line(text, message):
     with pytest.raises(ValueError) as error:
         Uncertainty.parse(text)
     assert str(error.value) == message
+
+
+def test_a_slope_is_not_drawn_under_water_that_is_level():
+    shore, robot = Terrain.parse("ramp:-10,0+water:-0.005"), soft_quadruped(1)
+    with pytest.raises(ValueError, match=r"^uncertain: slope=2.0 is not allowed with water, which is level"):
+        Uncertainty(slope=2.0).check(robot, shore)
+    Uncertainty(friction=0.1).check(robot, shore)
 
 
 @pytest.mark.parametrize("text", ["cvar:0", "cvar:1.5", "cvar:x", "median", "cvar"])

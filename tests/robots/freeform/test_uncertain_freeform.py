@@ -35,8 +35,17 @@ def test_amplitudes_friction_and_period_are_multiplied():
     assert np.array_equal(amplitudes[1], 1.5 * np.array(amplitudes[0]))
 
 
-def test_muscles_swell_no_further_than_they_can():
-    assert max(robot(0.4).perturbed(drawn(1.5)).gains) == 0.5 / 0.4
+@pytest.mark.kernels
+def test_a_search_draws_what_a_judge_draws():
+    """Of muscles that may go further than most, too."""
+    strong, draw = robot(0.45), drawn(1.4)
+    point = strong.start[None]
+    searched = strong.perturbed(draw).run(point, Trial(HILL))
+    judged = strong.design(point[0]).perturbed(draw).simulate(np.zeros((1, 0)), HILL)
+    assert searched.status[0] == "ok" and searched.measures["speed"][0] == judged.measures["speed"][0]
+
+
+def test_what_is_drawn_is_no_part_of_a_description():
     assert robot().describe() == robot().perturbed(drawn(1.1)).describe()
 
 

@@ -1,5 +1,6 @@
 """Lattice robots as environments, one and a batch, and those of tasks."""
 
+import dataclasses
 import warnings
 
 import gymnasium
@@ -106,6 +107,32 @@ def test_rewards(gain, world):
     gained = np.array([environment.step(action)[1] for action in draws])
     assert np.isfinite(gained).all() and np.abs(gained).max() > 1e-6
     assert gain != "rise" or gained.min() >= 0
+
+
+@pytest.mark.kernels
+def test_what_the_way_to_a_light_is_worth_counts_from_where_the_robot_was_put():
+    """A robot without grip slides down a hill before it begins."""
+    slippery = dataclasses.replace(QUICK["robot"], settling=0.3)
+    slippery = dataclasses.replace(
+        slippery,
+        body=slippery.body.with_materials(
+            dataclasses.replace(m, static_friction=0.0, kinetic_friction=0.0) for m in slippery.body.materials
+        ),
+    )
+    environment = LatticeRobotVector(1, world="hill:20+light:-0.3,0", gain="light", precision="f64", robot=slippery)
+    environment.reset()
+    episodes, gained, over = environment._batch.episodes, 0.0, np.zeros(1, bool)
+
+    def away():
+        middle = episodes.positions[0, : episodes.own].mean(axis=0) - episodes.start[0].mean(axis=0)
+        return np.hypot(middle[0] + 0.3, middle[1]) / episodes.robot.length
+
+    first = away()
+    assert first < 0.3 / episodes.robot.length - 0.2
+    while not over.any():
+        _, reward, _, over, _ = environment.step(np.zeros(environment.action_space.shape))
+        gained += reward[0]
+    assert gained == pytest.approx(first - away(), rel=1e-9)
 
 
 @pytest.mark.parametrize(

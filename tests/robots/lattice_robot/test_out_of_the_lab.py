@@ -12,6 +12,7 @@ from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
 from robots.lattice_robot.mesh_robot import MarkedRegion, robot_of_mesh
 from robots.lattice_robot.on_rig import played_robot
 from robots.lattice_robot.printing import overlapping_parts_of, parts_of
+from robots.lattice_robot.reflexes import Reflexes
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file
 
@@ -185,6 +186,14 @@ def test_robots_that_no_rig_plays_say_why():
 
 
 # --- files of other simulators
+
+
+def test_a_robot_that_feels_is_no_vxa(tmp_path):
+    """Its reflexes would be lost."""
+    feeling = robot((Drive("legs", (1, 2, 3, 4), amplitude=0.1),), reflexes=Reflexes(("touch",)))
+    with pytest.raises(ValueError, match=r"^reflexes: a robot that feels is not allowed in a .vxa"):
+        feeling.save_voxels(tmp_path / "a.vxa")
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.kernels

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from optim.problems.robot import RobotProblem
+from robots.ground import Ground
 from robots.inflatable.actuation import ACTUATION
 from robots.lattice_robot import Drive, Free, LatticeRobot, simulate
 from robots.lattice_robot.offered import soft_quadruped
@@ -159,3 +160,34 @@ def test_searches_know_what_becomes_of_props():
 def test_bad_input(make, message):
     with pytest.raises(ValueError, match="^" + message):
         make()
+
+
+@pytest.mark.kernels
+def test_beside_props_a_robot_has_the_bits_that_it_has_alone():
+    """In its motion, which follows strains that it feels, and in every measure."""
+    robot = crawler(Reflexes(("strain",), gain=0.05))
+    points = robot.start + 0.1 * np.random.default_rng(0).normal(size=(5, len(robot.start)))
+    world = on("box:0.03,0.03,0.03,0.052,0.0")
+    together = simulate(robot, points, world, threads=1)
+    for number, point in enumerate(points):
+        alone = simulate(robot, point, world, threads=1)
+        assert {name: v[number] for name, v in together.measures.items()} == {
+            n: v[0] for n, v in alone.measures.items()
+        }
+
+
+@pytest.mark.kernels
+def test_heights_are_told_above_the_ground_that_a_robot_begins_on():
+    """On top of a wide hill, where the robot lies still."""
+    still = dataclasses.replace(crawler(settling=0.3), drives=(Drive("legs", (0, 1, 2), amplitude=0.0),))
+    box, hill = "box:0.02,0.02,0.02,0.08,0.0", "rough:0.02,5.0,3"
+    found, raised = (simulate(still, None, on(box, ground=ground)) for ground in (None, hill))
+    assert Ground(hill).relief(0.0, 0.01).rise(still.body.start_positions, 0.01) > 0.015
+    for name in ("jump", "prop_height"):
+        assert raised.measures[name][0] == pytest.approx(found.measures[name][0], abs=1e-4), name
+
+
+def test_props_are_in_no_chamber_of_their_own():
+    robot = crawler()
+    body = dataclasses.replace(robot.body, chambers=np.ones(robot.body.voxel_count, int))
+    assert set(dataclasses.replace(robot, body=body).on(on(BEHIND)).body.chambers.tolist()) == {1}
