@@ -6,12 +6,16 @@ from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike, fspath
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.problems import kind_of_run, robot_of_run
 from optim.progress import Update, shown_progress
+from optim.runs.config import read_config
+from optim.runs.history import read_history
 from robots.robot import KINDS, OK, Outcome, Replay, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, whole_number
@@ -181,8 +185,8 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
     """The robot of a name or a file, with the options of its kind.
 
     Args:
-        source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; or a
-            robot, which comes back with the options.
+        source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; the
+            folder of a run, whose best design it is; or a robot, which comes back with the options.
         options: as the command line has them, such as ``slope=5``; text is read as there.
 
     Raises:
@@ -203,6 +207,8 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
         )
     if isinstance(source, Robot):
         return source.changed(values)
+    if (run := _run_in(source)) is not None:
+        return robot_of_run(read_history(run))[0].changed(values)
     return make_robot(kind, find_robot_doing(fspath(source))[1], values)
 
 
@@ -212,7 +218,17 @@ def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
     Raises:
         ValueError: for an unknown robot.
     """
-    return KINDS[source.kind] if isinstance(source, Robot) else find_robot_doing(fspath(source))[0]
+    if isinstance(source, Robot):
+        return KINDS[source.kind]
+    if (run := _run_in(source)) is not None:
+        return kind_of_run(run, read_config(run))
+    return find_robot_doing(fspath(source))[0]
+
+
+def _run_in(source: str | PathLike[str] | Robot) -> Path | None:
+    """The folder of a run, if a source is one."""
+    folder = None if isinstance(source, Robot) else Path(source)
+    return folder if folder is not None and folder.is_dir() and (folder / "config.toml").exists() else None
 
 
 def robots() -> dict[str, str]:
@@ -221,22 +237,28 @@ def robots() -> dict[str, str]:
     return {**known, **{design: KINDS[name].title for name in KINDS for design in KINDS[name].designs}}
 
 
-def world(of: Robot, name: "str | World | None" = None) -> World:
-    """A world of a robot by its name, such as ``"hill:15"``; its usual one for None.
+def world(of: Robot, name: "str | int | World | None" = None) -> World:
+    """A world of a robot by its name, such as ``"hill:15"``, or its number; its usual one for None.
 
     Raises:
-        ValueError: for a world that robots of its kind do not know.
+        ValueError: for a world that robots of its kind do not know, and for several.
     """
     kind = KINDS[of.kind]
     if name is None:
         return of.worlds[0]
-    return kind.world(read_option(kind.world_option, kind.world_type, name)) if isinstance(name, str) else name
+    if isinstance(name, int | np.integer):
+        name = str(name)
+    if isinstance(name, str):
+        return kind.world(read_option(kind.world_option, kind.world_type, name))
+    if not hasattr(name, "where"):
+        raise ValueError(f"where: {name!r} is not allowed; give one world, or its name")
+    return name
 
 
 def simulate(
     source: str | PathLike[str] | Robot,
     designs: Designs = None,
-    where: "str | World | None" = None,
+    where: "str | int | World | None" = None,
     **how: Unpack[ComputeOptions],
 ) -> Trials:
     """Try designs of a robot in a world, as one batch; a single design is recorded, so that it can be shown.
@@ -245,7 +267,7 @@ def simulate(
         source: the robot, or what :func:`robot` makes one of.
         designs: points, shape (N, P) or (P,); or values of some parameters by name, shape (N,) each or numbers, while
             the others are as at the start; None for the start.
-        where: the world or its name; the robot's usual one by default.
+        where: the world or its name; by default the robot's usual one, or the first one of a run.
         how: ``precision``, ``threads`` and ``device``, as of ``Compute``.
 
     Raises:
@@ -267,7 +289,7 @@ def simulate(
 def differentiate(
     source: str | PathLike[str] | Robot,
     designs: Designs = None,
-    where: "str | World | None" = None,
+    where: "str | int | World | None" = None,
     *,
     measures: Sequence[str] | None = None,
     **how: Unpack[ComputeOptions],
@@ -286,7 +308,7 @@ def differentiate(
 def view(
     source: str | PathLike[str] | Robot,
     design: Designs = None,
-    where: "str | World | None" = None,
+    where: "str | int | World | None" = None,
     *,
     height: int = 860,
     **how: Unpack[ComputeOptions],
@@ -307,11 +329,19 @@ def view(
 
 
 def _given(
-    source: str | PathLike[str] | Robot, designs: Designs, where: "str | World | None", how: ComputeOptions
+    source: str | PathLike[str] | Robot, designs: Designs, where: "str | int | World | None", how: ComputeOptions
 ) -> tuple[Robot, Floats, World, Compute]:
     """The robot, points, world and computation that a call asks for."""
     tried = robot(source)
-    return tried, tried.points(points_of(tried, designs)), world(tried, where), Compute(**how)
+    for name in how:
+        if name not in (known := list(ComputeOptions.__annotations__)):
+            raise ValueError(
+                f"{name}: is unknown here; there are {', '.join(known)}. What a robot or its world is like is told "
+                f"before: robot({(source if isinstance(source, str) else tried.name)!r}, {name}=...)"
+            )
+    run = _run_in(source) if where is None else None
+    place = world(tried, where) if run is None else robot_of_run(read_history(run))[1][0]
+    return tried, tried.points(points_of(tried, designs)), place, Compute(**how)
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:

@@ -210,12 +210,18 @@ class Robot(ShortText):
         """Try N designs in a world, with the derivatives of some measures, the first by default, by the parameters.
 
         Raises:
-            ValueError: if the robot has no gradients.
+            ValueError: if the robot has no gradients, and for unknown measures.
         """
         if not self.differentiable:
             raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
         names = tuple(measures) if measures is not None else (self.measures[0].name,)
-        return self.run(self.points(points), Trial(world, compute, None, progress, names, sharpness))
+        known = [measure.name for measure in self.measures_in([world])]
+        if unknown := [name for name in names if name not in known]:
+            raise ValueError(f"measures: {unknown[0]!r} is unknown; there are {', '.join(known)}")
+        outcome = self.run(self.points(points), Trial(world, compute, None, progress, names, sharpness))
+        if without := [name for name in names if name not in outcome.gradients]:
+            raise ValueError(f"measures: {without[0]} has no derivatives; there are {', '.join(outcome.gradients)}")
+        return dataclasses.replace(outcome, gradients={name: outcome.gradients[name] for name in names})
 
     @property
     def steps(self) -> int:

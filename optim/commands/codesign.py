@@ -62,6 +62,7 @@ def run(args: argparse.Namespace) -> Report:
 
 def _run_one(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
+    from optim.problems.robot import RobotProblem
     from optim.problems.robot_designing import RobotDesigning
     from optim.runs import open_run
     from optim.runs.environment import environment
@@ -70,6 +71,8 @@ def _run_one(args: argparse.Namespace) -> Report:
     planned = plan(args)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
+    if getattr(method, "through_mixtures", False) and isinstance(problem, RobotProblem):
+        problem.check_mixtures()
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
     numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
     about = environment(**numbers, seed=seed, **where)

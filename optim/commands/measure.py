@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,10 @@ from robots.tasks import Success
 
 if TYPE_CHECKING:
     from optim.experiments.body_metrics import BodyMetrics, Environments
+
+
+USUAL_CONTROLLERS = 1000
+NAMES_TOLD = 8  # of what a controller has values of
 
 
 def _own(kind: RobotKind) -> list[Option]:
@@ -45,7 +50,7 @@ COMMAND = Command(
             several=True,
             required=True,
         ),
-        count("controllers", 1, "drawn at random (default: 1000)", default=1000),
+        count("controllers", 1, f"drawn at random (default: {USUAL_CONTROLLERS})"),
         count("grid", 2, "values of each variable, instead, of which all combinations are tried"),
         count("climbers", 0, "that mutate controllers, for M1 to M4 (default: 0)", default=0),
         count("generations", 1, "of their mutations (default: 50)", default=50),
@@ -67,12 +72,16 @@ def run(args: argparse.Namespace) -> Report:
     from taichi_sim.base.files import write_text
     from taichi_sim.base.results_folder import ResultsFolder
 
+    if args.grid and args.controllers:
+        raise ValueError("controllers: they are drawn, and not allowed with --grid, which tries all; give one of them")
     kind, source = find_robot_doing(args.robot)
     given = args.parser.values(args, kind)
     robot = make_robot(kind, source, given)
     environments = _environments(kind, robot, args.environments, args.success)
     check_bounds(robot, environments)
-    settings = Measuring(args.controllers, args.grid or 0, args.climbers, args.generations, args.seed)
+    settings = Measuring(
+        args.controllers or USUAL_CONTROLLERS, args.grid or 0, args.climbers, args.generations, args.seed
+    )
     controllers_of(Space(tuple(robot.parameters)), settings)  # refuses a grid that is too large
     compute = options.compute(args, kind.search_precision)
     said = {
@@ -112,7 +121,9 @@ def _plain(described: Any) -> Any:
 
 def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> list[str]:
     sampled = found.sampled
-    lines = [f"{robot.name}: {counted(sampled.learnability.of, 'controller')}"]
+    names = [parameter.name for parameter in robot.parameters]
+    free = ", ".join(names[:NAMES_TOLD]) + (", ..." if len(names) > NAMES_TOLD else "")
+    lines = [f"{robot.name}: {counted(sampled.learnability.of, 'controller')}, each with values of its own of {free}"]
     for world, bounds, share in zip(environments.worlds, environments.success, sampled.each, strict=True):
         lines.append(f"  {world.name}, {' and '.join(b.text for b in bounds)}: {_share(share)}")
     lines.append(f"M_L, succeed in all: {_share(sampled.learnability)}")
@@ -120,7 +131,8 @@ def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> 
     if (mutations := found.mutations) is not None:
         lines.append(
             f"mutations that were kept, {mutations.changes} of the champion: M1 {mutations.worst:.4g} of the bound "
-            f"missing, M2 {mutations.angle:.1f} degrees, M3 {mutations.length:.4g}, M4 {mutations.share:.3f}"
+            f"missing, M2 {_told(mutations.angle, '.1f', ' degrees')}, M3 {_told(mutations.length, '.4g')}, "
+            f"M4 {_told(mutations.share, '.3f')}"
         )
     if found.felt is not None:
         distance, low, high, number = found.felt
@@ -128,6 +140,13 @@ def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> 
     return lines
 
 
+def _told(value: float, form: str, unit: str = "") -> str:
+    """A number with its unit; of what nothing was kept, none."""
+    return "none" if math.isnan(value) else f"{value:{form}}{unit}"
+
+
 def _share(share: Any) -> str:
+    if not share.of:
+        return "none"
     values = asdict(share)
     return "{count} of {of}, {value:.4f} ({low:.4f} to {high:.4f})".format(**values)

@@ -93,14 +93,18 @@ class BodyMetrics:
     felt: tuple[float, float, float, int] | None = None
 
     def document(self) -> dict[str, Any]:
-        """All of it but single controllers, fit for JSON."""
+        """All of it but single controllers, fit for JSON; what none was counted of is null."""
         felt = (
             None if self.felt is None else dict(zip(("distance", "low", "high", "controllers"), self.felt, strict=True))
         )
         mutations = None if self.mutations is None else asdict(self.mutations)
         if mutations:
             mutations = {name: None if value != value else value for name, value in mutations.items()}
-        return {**asdict(self.sampled), "mutations": mutations, "felt": felt}
+        sampled = asdict(self.sampled)
+        for share in (sampled["learnability"], sampled["resistance"], *sampled["each"]):
+            if not share["of"]:
+                share.update(value=None, low=None, high=None)
+        return {**sampled, "mutations": mutations, "felt": felt}
 
 
 def controllers_of(space: Space, settings: Measuring) -> list[Floats]:
@@ -160,7 +164,10 @@ def check_bounds(robot: Robot, environments: Environments) -> None:
         ValueError: that names it.
     """
     if not robot.parameters:
-        raise ValueError("robot: nothing of it is free to change; give one whose controller is free")
+        raise ValueError(
+            f"robot: nothing of {robot.name} is free, so it has no controllers to try; give one that has, such "
+            "as pouch, feeling-quadruped, legged or vehicle"
+        )
     names = [measure.name for measure in robot.measures_in(environments.worlds)]
     for one in {bound.measure for bounds in environments.success for bound in bounds}:
         if one not in names:

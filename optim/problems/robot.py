@@ -124,6 +124,19 @@ class JudgedRobot(RobotDesigning):
         measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
         return self._scored(points, Trial(self.tried_in[0], compute, gradients=measures, sharpness=sharpness))
 
+    def check_mixtures(self) -> None:
+        """Refuse a world that what lies between two robots that can be built does not know, before any work.
+
+        Raises:
+            ValueError: for props.
+        """
+        for world in self.tried_in if self.offered.relaxable else ():
+            if props := getattr(world, "props", ()):
+                raise ValueError(
+                    f"props: {props[0].name} is not allowed with a method that goes through mixtures of tissues, which "
+                    "meet none; choose one of true robots, such as nes, genetic or lamarckian"
+                )
+
     def _scored(self, points: ArrayLike, trial: Trial) -> Evaluation:
         """Judge points by what the robot does in every world; over draws, if something is uncertain."""
         points = self.space.relaxed().validate(np.atleast_2d(points))

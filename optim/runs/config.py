@@ -61,7 +61,9 @@ def read_config(folder: Path) -> dict[str, Any]:
     """
     path = folder / CONFIG
     if not path.exists():
-        raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing")
+        seeds = sorted(each.name for each in folder.glob("seed-*/") if (each / CONFIG).exists())
+        several = f"; it has runs of several seeds, name one, such as {folder / seeds[0]}" if seeds else ""
+        raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing{several}")
     text = files.read_text(path)
     try:
         config = tomllib.loads(text)

@@ -163,19 +163,28 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:
-    """List the given run folders, and the run folders inside given folders, each once however it is spelled.
+    """List the given run folders, and those inside given folders, each once however it is spelled.
+
+    Those of several seeds lie a folder deeper.
 
     Raises:
         ValueError: if a path has no run.
     """
     found: dict[Path, Path] = {}
     for path in paths:
-        inside = [path] if _may_have_run(path) else sorted(p for p in path.glob("*/") if _may_have_run(p))
+        inside = [path] if _may_have_run(path) else [run for each in sorted(path.glob("*/")) for run in _runs_of(each)]
         if not inside:
             raise ValueError(f"run: {path} holds no run" if path.exists() else f"run: {path} does not exist")
         for run in inside:
             found.setdefault(run.resolve(), run)
     return list(found.values())
+
+
+def _runs_of(folder: Path) -> list[Path]:
+    """The folder itself if it may have a run, else those of its seeds."""
+    if _may_have_run(folder):
+        return [folder]
+    return sorted(each for each in folder.glob("seed-*/") if _may_have_run(each))
 
 
 def _may_have_run(folder: Path) -> bool:

@@ -40,6 +40,8 @@ class CMAGradient(CMAESWithMargin):
         rate: first step, along the longest of the distribution's axes in it [standard deviations].
     """
 
+    through_mixtures = True
+
     arrays: ClassVar[tuple[str, ...]] = ("anchor", "slope", "moved", "change", "step")
 
     random_mean: bool = hidden(False)

@@ -50,6 +50,8 @@ class GradientAscent(IndependentSearches):
             that judges relaxed points differently.
     """
 
+    through_mixtures = True
+
     points_of_climbers: ClassVar[tuple[str, ...]] = ("here", "anchor", "slope", "step")
     arrays: ClassVar[tuple[str, ...]] = (*points_of_climbers, "value", "scale", "record", "stalled", "seeking")
 

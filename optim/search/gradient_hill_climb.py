@@ -31,6 +31,8 @@ class GradientHillClimb(HillClimb):
         blind: what a step does with variables whose slope is zero: ``"keep"`` or ``"mutate"`` them.
     """
 
+    through_mixtures = True
+
     arrays: ClassVar[tuple[str, ...]] = ("uphill", "step", "failures", "moved")
 
     first_step: float = positive(0.05, MOST)

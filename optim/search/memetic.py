@@ -39,6 +39,8 @@ class MemeticSearch(DifferentialEvolution):
         learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
     """
 
+    through_mixtures = True
+
     arrays: ClassVar[tuple[str, ...]] = ("refined", "anchor", "slopes", "scale")
 
     trials: int = hidden(0)

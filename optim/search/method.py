@@ -79,6 +79,8 @@ class Method(Protocol):
         ...     method.tell(points, problem.evaluate(points))  # if all it wants is points
     """
 
+    through_mixtures: bool = False  # whether it asks for what lies between true points, as a relaxation has it
+
     @property
     def several_objectives(self) -> bool:
         """Whether it looks for a front of several objectives; else it takes a single one."""

@@ -40,6 +40,8 @@ class GradientRace(IndependentSearches):
         mixed: part of a round that climbs through mixtures.
     """
 
+    through_mixtures = True
+
     arrays: ClassVar[tuple[str, ...]] = (
         *("here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),
     )

@@ -14,6 +14,7 @@ from robots.gym.batch import Batch, Observation
 from robots.gym.environment import RobotEnvironment, RobotVector
 from robots.quadruped import AS_RUN, ENVIRONMENTS, LIGHT_HEIGHT, MOTORS, SENSORS, Kind, Quadruped, Variant, engine
 from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.checks import instance
 from taichi_sim.rigid import Frames, RigidResult
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ class Quadrupeds(Batch):
 
     def __init__(self, count: int, robot: Quadruped, variant: Variant, lights: Sequence[Sequence[float]]) -> None:
         """Take what a ``QuadrupedEnvironment`` takes."""
+        robot = instance("robot", robot, Quadruped, "robots.quadruped.LEGGED")
+        variant = instance("variant", variant, Variant, "robots.quadruped.Variant()")
         low = np.array([min(variant.touch_values)] * (SENSORS - 1) + [0.0])
         high = np.array([max(variant.touch_values)] * (SENSORS - 1) + [BRIGHTEST])
         self._engine = engine(robot, variant, precision="f64", threads=1)

@@ -12,7 +12,7 @@ from robots.braitenberg import BASELINE, PUBLISHED, Traces, VehicleBody
 from robots.gym.batch import Batch, Observation
 from robots.gym.environment import RobotEnvironment, RobotVector
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import number
+from taichi_sim.base.checks import instance, number
 from taichi_sim.vehicle import VehicleTask
 from taichi_sim.vehicle.equations import move, readings
 
@@ -29,6 +29,8 @@ class Vehicles(Batch):
 
     def __init__(self, count: int, body: VehicleBody, task: VehicleTask, fastest: float) -> None:
         """Take what a ``VehicleEnvironment`` takes."""
+        body = instance("body", body, VehicleBody, "VehicleBody.published(162)")
+        task = instance("task", task, VehicleTask, "VehicleTask(steps=1000)")
         sensors = len(body.sensors)
         observed = gymnasium.spaces.Box(np.zeros(sensors), np.full(sensors, BRIGHTEST), dtype=np.float64)
         super().__init__(count, observed, gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64), task.time_step)

@@ -30,7 +30,7 @@ class OfferedRover(LightSeeker):
     kind = "rover"
     measures = (
         Measure("approach", "m", "approach to the light at the end"),
-        Measure("closest", "m", "closest approach to the light"),
+        Measure("best_approach", "m", "approach to the light when it was nearest"),
         Measure("reached", "", "lights reached"),
     )
     worlds = tuple(LightAt(*place) for place in LIGHTS)
@@ -55,7 +55,7 @@ class OfferedRover(LightSeeker):
         """How much nearer the light is at the end, with its gradient, and was at any time; whether it was reached."""
         ends, nearest = (approach(distance[:, 0], light) for distance in (found.distance, found.closest))
         slopes = {} if found.gradient is None else {"approach": -found.gradient[:, 0]}
-        return {"approach": ends, "closest": nearest, "reached": found.success[:, 0].astype(float)}, slopes
+        return {"approach": ends, "best_approach": nearest, "reached": found.success[:, 0].astype(float)}, slopes
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the rover and its sensors."""

@@ -86,6 +86,17 @@ def flag(field: str, value: object) -> bool:
     raise ValueError(f"{field}: {shown(value)} is not allowed; give true or false")
 
 
+def instance(field: str, value: Any, kind: type, example: str) -> Any:
+    """The value, if it is of a type.
+
+    Raises:
+        ValueError: naming the field, the value and an example otherwise.
+    """
+    if not isinstance(value, kind):
+        raise ValueError(f"{field}: {shown(value)} is not allowed; give a {kind.__name__}, such as {example}")
+    return value
+
+
 def table(field: str, value: object) -> Mapping[Any, Any]:
     """Check that a value is a mapping, such as a table of TOML.
 

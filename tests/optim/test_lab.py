@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 import morpholab as ml
+from optim.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -38,11 +39,33 @@ def test_robots_and_worlds_come_by_name():
         ),
         (lambda: ml.simulate("vehicle", np.zeros((2, 3))), r"points: shape \(2, 3\) is not allowed"),
         (lambda: ml.view("vehicle", np.zeros((2, 6))), "design: 2 are not allowed; give one"),
+        (
+            lambda: ml.simulate("rolling", geometry="small"),
+            r"^geometry: is unknown here; there are .*threads. .*: robot\('rolling', geometry=...\)$",
+        ),
+        (lambda: ml.simulate("vehicle", where=["1", "2"]), r"^where: \['1', '2'\] is not allowed; give one world"),
+        (
+            lambda: ml.differentiate("vehicle", measures=["speed"]),
+            "^measures: 'speed' is unknown; there are approach, closest, solved$",
+        ),
     ],
 )
 def test_bad_input(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_a_world_may_be_a_number():
+    assert ml.world(ml.robot("vehicle"), 2) == ml.world(ml.robot("vehicle"), "2")
+
+
+@pytest.mark.kernels
+def test_the_folder_of_a_run_is_its_best_design_in_its_world(tmp_path):
+    words = "codesign --robot soft-quadruped --terrain hill:3 --method random --climbers 4 --generations 1"
+    assert main([*words.split(), "--quiet", "--out", str(tmp_path / "run")]) == 0
+    tried = ml.simulate(tmp_path / "run")
+    assert tried.world.name == "hill:3" and ml.robot(tmp_path / "run").kind == "lattice"
+    assert tried["speed"][0] == ml.simulate(tmp_path / "run" / "best.json", where="hill:3")["speed"][0]
 
 
 @pytest.mark.kernels

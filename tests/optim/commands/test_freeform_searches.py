@@ -63,3 +63,10 @@ def test_descriptors_that_are_none_are_told_in_one_short_line(morpholab):
 def test_patches_need_fields_of_cells(morpholab):
     code, _, error = morpholab(f"{SMALL} --fields blobs --method genetic --set patches=0.5 --out a")
     assert code == 2 and "patches: only allowed where variables have places" in error
+
+
+def test_mixtures_meet_no_props_and_are_refused_before_any_work(morpholab, tmp_path):
+    line = f"{SMALL} --terrain flat+box:0.02,0.02,0.02,0.07,0 --method race --climbers 2 --generations 1 --out a"
+    code, _, error = morpholab(line)
+    assert code == 2 and "is not allowed with a method that goes through mixtures of tissues" in error
+    assert not (tmp_path / "a").exists()

@@ -80,7 +80,8 @@ def test_lattice_robots(capsys, tmp_path):
         ([*CLOSE, "--environments", "7"], "environment: '7' is not allowed; give a whole number from 1 to 4"),
         (["--success", "fast"], "argument --success: 'fast' is not allowed; give MEASURE >= NUMBER"),
         ([*CLOSE, "--grid", "2000"], "grid: 2000 values of 2 variables are too many"),
-        ([*CLOSE, "--controller", "1,1"], "robot: nothing of it is free to change"),
+        ([*CLOSE, "--controller", "1,1"], "robot: nothing of vehicle 162 is free, so it has no controllers"),
+        ([*CLOSE, "--grid", "3", "--controllers", "9"], "controllers: they are drawn, and not allowed with --grid"),
     ],
 )
 def test_bad_input(capsys, tmp_path, words, message):
@@ -92,6 +93,23 @@ def test_bad_input(capsys, tmp_path, words, message):
         code = stopped.code
     assert code == 2 and message in capsys.readouterr().err
     assert not out.exists()
+
+
+@pytest.mark.kernels
+def test_what_none_succeeds_in_has_no_number(capsys, tmp_path):
+    """M_CI of no controllers, and M2 to M4 of no mutations; and what a controller is made of is told."""
+    words = "measure --robot vehicle --success closest<=1e-9 --controllers 2 --climbers 2 --generations 1 --json"
+        "measure --robot vehicle --success closest<=1e-9 --controllers 2 --climbers 2 --generations 1 --json --quiet"
+    )
+    assert cli.main([*words.split(), "--quiet", "--out", str(tmp_path / "out")]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["learnability"]["value"] == 0 and found["resistance"]["of"] == 0
+    assert [found["resistance"][name] for name in ("value", "low", "high")] == [None] * 3
+    words = words.replace(" --json", "")
+    assert cli.main([*words.split(), "--quiet", "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "2 controllers, each with values of its own of l1x, l1y, l2x, l2y, w1, w2" in told
+    assert "M_CI, of those that succeed in any: none" in told and "nan" not in told
 
 
 def test_controllers_of_a_seed_are_always_the_same(tmp_path):

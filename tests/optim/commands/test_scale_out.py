@@ -14,6 +14,7 @@ from optim.commands.codesign_plan import named_kinds
 from optim.commands.codesign_seeds import seeds_of
 from optim.problems.user_file import load_problem
 from optim.runs.config import write_config
+from optim.runs.history import runs_below
 from optim.runs.workers.folder_files import Offer, make_folders
 from optim.runs.workers.slurm import job_script
 
@@ -182,6 +183,8 @@ def test_each_seed_has_the_run_that_it_has_alone(rocket, morpholab):
     code, out, error = morpholab(f"codesign {SHORT} --seeds 0,2 --out a --json")
     assert (code, error) == (0, "") and [run["seed"] for run in json.loads(out)["runs"]] == [0, 2]
     assert sorted(path.name for path in (rocket / "a").iterdir()) == ["seed-0", "seed-2"]
+    assert [run.parent.name for run in runs_below([rocket])].count("a") == 2  # as status and track find them
+    assert "it has runs of several seeds, name one, such as a/seed-0" in morpholab("view a")[2]
     assert log(rocket / "a/seed-2") == log(rocket / "alone")
     code, _, error = morpholab(f"codesign {SHORT} --seeds 1-2 --out a")
     assert code == 2 and "out: a/seed-2 holds a run already; continue it with --resume" in error
