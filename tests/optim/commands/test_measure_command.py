@@ -99,8 +99,6 @@ def test_bad_input(capsys, tmp_path, words, message):
 def test_what_none_succeeds_in_has_no_number(capsys, tmp_path):
     """M_CI of no controllers, and M2 to M4 of no mutations; and what a controller is made of is told."""
     words = "measure --robot vehicle --success closest<=1e-9 --controllers 2 --climbers 2 --generations 1 --json"
-        "measure --robot vehicle --success closest<=1e-9 --controllers 2 --climbers 2 --generations 1 --json --quiet"
-    )
     assert cli.main([*words.split(), "--quiet", "--out", str(tmp_path / "out")]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["learnability"]["value"] == 0 and found["resistance"]["of"] == 0
