@@ -186,8 +186,9 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
 
     Args:
         source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; the
-            folder of a run, whose best design it is; or a robot, which comes back with the options.
-        options: as the command line has them, such as ``slope=5``; text is read as there.
+            folder of a run, whose best design it is, without the run's world; or a robot, which comes back with the
+            options.
+        options: as the command line has them, such as ``geometry="small"``; text is read as there.
 
     Raises:
         ValueError: for an unknown robot or option, or a value that is not allowed.
@@ -208,7 +209,7 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
     if isinstance(source, Robot):
         return source.changed(values)
     if (run := _run_in(source)) is not None:
-        return robot_of_run(read_history(run))[0].changed(values)
+        return _of_run(run)[0].changed(values)
     return make_robot(kind, find_robot_doing(fspath(source))[1], values)
 
 
@@ -332,16 +333,31 @@ def _given(
     source: str | PathLike[str] | Robot, designs: Designs, where: "str | int | World | None", how: ComputeOptions
 ) -> tuple[Robot, Floats, World, Compute]:
     """The robot, points, world and computation that a call asks for."""
-    tried = robot(source)
+    run = _run_in(source)
+    tried, place = (robot(source), None) if run is None else _of_run(run)
     for name in how:
-        if name not in (known := list(ComputeOptions.__annotations__)):
-            raise ValueError(
-                f"{name}: is unknown here; there are {', '.join(known)}. What a robot or its world is like is told "
-                f"before: robot({(source if isinstance(source, str) else tried.name)!r}, {name}=...)"
-            )
-    run = _run_in(source) if where is None else None
-    place = world(tried, where) if run is None else robot_of_run(read_history(run))[1][0]
+        if name not in ComputeOptions.__annotations__:
+            raise ValueError(f"{name}: is unknown here; {_place_of(tried, source, name)}")
+    if place is None or where is not None:
+        place = world(tried, where)
     return tried, tried.points(points_of(tried, designs)), place, Compute(**how)
+
+
+def _of_run(folder: Path) -> tuple[Robot, World]:
+    """The best design of a run, and the first world that it was tried in."""
+    found, worlds = robot_of_run(read_history(folder))
+    return found, worlds[0]
+
+
+def _place_of(tried: Robot, source: str | PathLike[str] | Robot, name: str) -> str:
+    """Where a keyword belongs that is none of a computation."""
+    kind = KINDS[tried.kind]
+    if name in {option.name for option in kind.world_options}:
+        return f"the world is told by its name, as where={tried.worlds[0].name!r}"
+    if name in {option.name for option in kind.options}:
+        given = fspath(source) if not isinstance(source, Robot) else tried.name
+        return f"what the robot is like is told before, as robot({given!r}, {name}=...)"
+    return f"there are {', '.join(ComputeOptions.__annotations__)}"
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:

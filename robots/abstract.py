@@ -210,7 +210,7 @@ class Robot(ShortText):
         """Try N designs in a world, with the derivatives of some measures, the first by default, by the parameters.
 
         Raises:
-            ValueError: if the robot has no gradients, and for unknown measures.
+            ValueError: if the robot has no gradients, and for measures that are unknown or have none.
         """
         if not self.differentiable:
             raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")

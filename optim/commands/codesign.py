@@ -5,6 +5,7 @@ import dataclasses
 import functools
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,7 +63,7 @@ def run(args: argparse.Namespace) -> Report:
 
 def _run_one(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
-    from optim.problems.robot import RobotProblem
+    from optim.problems.robot import JudgedRobot
     from optim.problems.robot_designing import RobotDesigning
     from optim.runs import open_run
     from optim.runs.environment import environment
@@ -71,7 +72,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     planned = plan(args)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
-    if getattr(method, "through_mixtures", False) and isinstance(problem, RobotProblem):
+    if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
         problem.check_mixtures()
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
     numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
@@ -162,15 +163,30 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     if last.best is None:
         return Report(document, f"{folder}: nothing succeeded in {counted(last.evaluations, 'evaluation')}", FAILED)
     numbers = {name: value for name, value in (last.best_details or {}).items() if isinstance(value, int | float)}
-    prefix = f"{planned.score.name}_"
-    details = ", ".join(f"{name.removeprefix(prefix)} {value:.4f}" for name, value in numbers.items())
+    worlds = [world.name for world in getattr(planned.problem, "tried_in", ())]
+    details, *lines = _told_by_world(numbers, worlds, planned.score.name)
     best = planned.score.value(last.best) + (f" ({details})" if details else "")
     spent = counted(last.evaluations, "evaluation")
-    told = [f"best {planned.score.name}: {best} after {spent}", f"{folder}: {', '.join(written)}"]
+    told = [f"best {planned.score.name}: {best} after {spent}", *lines, f"{folder}: {', '.join(written)}"]
     if ROBUST_FILE in written:
         document["robust"] = read_robust(folder)
-        told[1:1] = told_of(folder)
+        told[-1:-1] = told_of(folder)
     return Report(document, "\n".join(told))
+
+
+def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: str) -> list[str]:
+    """What is told of the numbers of a design: those of no single world, then a line for each of several worlds.
+
+    Where there is one world, the score in it goes by the name of the world: what it is is told before.
+    """
+    parts: dict[str, list[str]] = {name: [] for name in ("", *worlds)}
+    for name, value in numbers.items():
+        fitting = [w for w in worlds if name.endswith(f"_{w}")] if len(worlds) > 1 else []
+        world = max(fitting, key=len, default="")  # the name of a world may end as another one does
+        parts[world].append(
+            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:.4f}"
+        )
+    return [", ".join(parts.pop("")), *(f"  {world}: {', '.join(found)}" for world, found in parts.items() if found)]
 
 
 def _of_task(report: Report, given: str | None, problem: "Problem", last: "Generation") -> Report:

@@ -73,7 +73,9 @@ def run(args: argparse.Namespace) -> Report:
     from taichi_sim.base.results_folder import ResultsFolder
 
     if args.grid and args.controllers:
-        raise ValueError("controllers: they are drawn, and not allowed with --grid, which tries all; give one of them")
+        raise ValueError(
+            f"controllers: {args.controllers} is not allowed beside --grid, which tries all combinations; leave one out"
+        )
     kind, source = find_robot_doing(args.robot)
     given = args.parser.values(args, kind)
     robot = make_robot(kind, source, given)

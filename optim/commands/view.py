@@ -12,7 +12,7 @@ from optim.commands.robots import loaded, named_source, world_and_own
 from optim.commands.view_files import APPEARANCE, OUTPUTS, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
 from optim.wording import counted, spoken_size
-from robots.robot import RobotKind
+from robots.robot import RobotKind, World
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -68,6 +68,7 @@ def run(args: argparse.Namespace) -> Report:
         loaded(each, args.parser.values(args, each.kind, *kinds), args.member if each.run else None) for each in named
     ]
     motions: list[Motion] = []
+    others = [_others(each.kind, worlds) if each.run else "" for each, (_, worlds) in zip(named, robots, strict=True)]
     with shown_progress(args.sources[0], float(count), args.quiet) as update:
         for done, (each, (robot, (world, *_))) in enumerate(zip(named, robots, strict=True)):
             update(float(done), args.sources[done])
@@ -88,10 +89,18 @@ def run(args: argparse.Namespace) -> Report:
     ]
     document = {"robots": about, "files": [{"path": str(path), "bytes": size} for path, size in files]}
     told = [
-        f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {a['seconds']:.1f} s"
-        for a in about
+        f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {a['seconds']:.1f} s{more}"
+        for a, more in zip(about, others, strict=True)
     ]
     return Report(document, "\n".join([*told, *(f"{path}: {spoken_size(size)}" for path, size in files)]))
+
+
+def _others(kind: RobotKind, worlds: Sequence[World]) -> str:
+    """What is told of the other worlds of a run, of which the first is shown."""
+    if len(worlds) < 2:
+        return ""
+    names = ", ".join(world.name for world in worlds[1:])
+    return f"; its run has {names}, too: --{kind.world_option} shows another"
 
 
 def _tick(update: Update, done: int, part: float) -> None:

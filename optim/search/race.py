@@ -40,8 +40,6 @@ class GradientRace(IndependentSearches):
         mixed: part of a round that climbs through mixtures.
     """
 
-    through_mixtures = True
-
     arrays: ClassVar[tuple[str, ...]] = (
         *("here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),
     )
@@ -72,6 +70,11 @@ class GradientRace(IndependentSearches):
     def wants(self) -> method.Wants:
         """Gradients; true points whenever climbers have given up among mixtures."""
         return "points" if self.judging else "gradients"
+
+    @property
+    def through_mixtures(self) -> bool:  # type: ignore[override]
+        """Whether some of its moves do."""
+        return self.between > 0
 
     @property
     def sharpness(self) -> float:

@@ -28,7 +28,7 @@ CONTROLLERS, VEHICLE_STEPS = 441, 1000
 QUADRUPEDS, QUADRUPED_STEPS = {"quick": (64,), "full": (64, 1024, 8192)}, 100
 ROUNDS = 3  # of which the best counts, after one that compiles
 GRADIENTS, GRADIENT_STEPS = {"quick": (64, 512), "full": (64, 512, 2048)}, 200  # robots and steps of the gradient
-GRADIENT_MEMORY_PER_ROBOT = 1.6e7  # B
+GRADIENT_MEMORY_PER_ROBOT = 1.6e7  # B; with less a large batch would record short pieces, and run forward more often
 
 
 def published(compute: Compute, batch: int) -> lattice.Batch:

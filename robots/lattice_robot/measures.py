@@ -14,7 +14,7 @@ import numpy as np
 from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
 from robots.lattice_robot.props import Placed
 from robots.robot import Measure
-from taichi_sim.autodiff.arrays import value_of
+from taichi_sim.autodiff.arrays import revalued, value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeResult
 
@@ -74,7 +74,8 @@ class Record:
     def own(self, placed: Placed) -> "Record":
         """That of the robot without props."""
         own = placed.own
-        strains = np.stack([each[:, placed.own_links] for each in self.strains])  # summed as in a batch of one
+        strains = self.strains[:, :, placed.own_links]
+        strains = revalued(strains, np.ascontiguousarray(value_of(strains)))  # summed as in a batch of one
         return Record(self.positions[:, :, :own], strains, self.sizes[:, :, :own])
 
     @property
@@ -225,7 +226,9 @@ def _prop_middles(record: Record, constants: Constants, along: Floats) -> Any:
     assert constants.placed is not None
     rows = np.flatnonzero(constants.placed.of(1))
     shares = np.full(len(rows), 1 / len(rows))
-    return np.stack([(each[:2][:, rows] @ along) @ shares for each in record.positions])  # summed as in a batch of one
+    return np.stack(
+        [(each[:, rows] @ along) @ shares for each in record.positions[:, :2]]
+    )  # summed as in a batch of one
 
 
 def _prop_distance(record: Record, constants: Constants) -> Any:

@@ -41,7 +41,17 @@ def test_robots_and_worlds_come_by_name():
         (lambda: ml.view("vehicle", np.zeros((2, 6))), "design: 2 are not allowed; give one"),
         (
             lambda: ml.simulate("rolling", geometry="small"),
-            r"^geometry: is unknown here; there are .*threads. .*: robot\('rolling', geometry=...\)$",
+            r"^geometry: is unknown here; what the robot is like is told before, as robot\('rolling', geometry=...\)$",
+        ),
+        (
+            lambda: ml.simulate("rolling", slope=5),
+            "^slope: is unknown here; the world is told by its name, as where='flat'$",
+        ),
+        (lambda: ml.simulate("rolling", colour=5), "^colour: is unknown here; there are .*precision"),
+        pytest.param(
+            lambda: ml.differentiate("vehicle", measures=["solved"]),
+            "^measures: solved has no derivatives; there are approach, closest$",
+            marks=pytest.mark.kernels,
         ),
         (lambda: ml.simulate("vehicle", where=["1", "2"]), r"^where: \['1', '2'\] is not allowed; give one world"),
         (

@@ -75,10 +75,13 @@ class SteppedRun(Run):
         batch, slots, blank = self.driver.batch, self.driver.layout.state_slots, self.driver.blank
         kept = self._record
         if kept is None or room > kept.logged.shape[0] or contacts > kept.log.shape[1]:
-            self._record = None  # before the larger one is made
-            states = blank((max(room * slots, 1), batch), self.driver.real.numpy)
-            log = blank((max(room, 1), contacts, batch, 2), np.int32)
-            kept = self._record = Record(first, states, log, blank((max(room, 1), batch), np.int32))
+            kept = self._record = None  # before the larger one is made
+            room = max(room, 1)
+            states, log = (
+                blank((room * slots, batch), self.driver.real.numpy),
+                blank((room, contacts, batch, 2), np.int32),
+            )
+            kept = self._record = Record(first, states, log, blank((room, batch), np.int32))
         return kept._replace(first=first)
 
     def fits(self, record: Record) -> bool:

@@ -323,3 +323,15 @@ def test_gaits_refuse_gradients_of_true_designs_in_one_line(morpholab):
     line = "codesign --terrain flat --encoding bits --geometry small --method lamarckian --population 4 --quiet --out a"
     code, _, error = morpholab(line)
     assert code == 2 and "method: it wants gradients of true designs, which gaits do not have" in error
+
+
+def test_numbers_of_several_worlds_have_a_line_each():
+    from optim.commands.codesign import _told_by_world
+
+    numbers = {"speed_flat": 0.5, "jump_flat": 0.25, "speed_hill:5": 0.125, "solved": 1.0}
+    assert _told_by_world(numbers, ["flat", "hill:5"], "speed") == [
+        "solved 1.0000",
+        "  flat: speed 0.5000, jump 0.2500",
+        "  hill:5: speed 0.1250",
+    ]
+    assert _told_by_world({"jump": 0.25, "speed_flat": 0.5}, ["flat"], "speed") == ["jump 0.2500, flat 0.5000"]

@@ -70,3 +70,9 @@ def test_mixtures_meet_no_props_and_are_refused_before_any_work(morpholab, tmp_p
     code, _, error = morpholab(line)
     assert code == 2 and "is not allowed with a method that goes through mixtures of tissues" in error
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.kernels
+def test_a_race_through_true_robots_meets_props(morpholab):
+    line = f"{SMALL} --terrain flat+box:0.02,0.02,0.02,0.07,0 --method race --climbers 2 --set moves=2 --set mixed=0"
+    assert morpholab(f"{line} --generations 1 --out a")[::2] == (0, "")

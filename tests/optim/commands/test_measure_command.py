@@ -81,7 +81,7 @@ def test_lattice_robots(capsys, tmp_path):
         (["--success", "fast"], "argument --success: 'fast' is not allowed; give MEASURE >= NUMBER"),
         ([*CLOSE, "--grid", "2000"], "grid: 2000 values of 2 variables are too many"),
         ([*CLOSE, "--controller", "1,1"], "robot: nothing of vehicle 162 is free, so it has no controllers"),
-        ([*CLOSE, "--grid", "3", "--controllers", "9"], "controllers: they are drawn, and not allowed with --grid"),
+        ([*CLOSE, "--grid", "3", "--controllers", "9"], "controllers: 9 is not allowed beside --grid"),
     ],
 )
 def test_bad_input(capsys, tmp_path, words, message):
