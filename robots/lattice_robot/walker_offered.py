@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from robots.lattice_robot import walker
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.walker import KINDS, WalkerActuation, WalkerDesign
+from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, KINDS, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker_encoding import WalkerEncoding, encoding_of
 from robots.outcome import recorded
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
@@ -67,6 +67,15 @@ class WalkerRobot(Robot):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The genes of the body, if it is free."""
         return () if self.body else tuple(self._encoding.variables())
+
+    @property
+    def start(self) -> Floats:
+        """A block whose front and rear swell in turn, for a look at what moves; no search begins there."""
+        if self.body or self.encoding != "direct":
+            return super().start
+        materials = np.full(self.shape, ANTIPHASE)
+        materials[self.shape[0] // 2 :] = ACTIVE
+        return materials.ravel().astype(float)
 
     def bodies(self, points: ArrayLike) -> list[WalkerDesign]:
         """The bodies of points, shape (N, P)."""

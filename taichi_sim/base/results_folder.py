@@ -52,9 +52,9 @@ class ResultsFolder:
         text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
         if file.exists():
             if (before := read_text(file)) != text:
-                article = "an" if kind[0] in "aeiou" else "a"
+                article = "" if kind.endswith("s") else "an " if kind[0] in "aeiou" else "a "
                 raise ValueError(
-                    f"out: {path} holds {article} {kind} of other settings{_difference(before, text)}; "
+                    f"out: {path} holds {article}{kind} of other settings{_difference(before, text)}; "
                     "name another folder"
                 )
             remove_cut_off(path)

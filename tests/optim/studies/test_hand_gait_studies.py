@@ -266,7 +266,7 @@ def test_metrics_are_studied_body_by_body_with_the_same_gaits(simulator, tmp_pat
     simulator.calls.clear()
     metrics.study(tmp_path / "a", replace(settings, pressures=(0.0, 6e3, 12e3)))  # more bodies
     assert [call.designs[0].pressure for call in simulator.calls] == [6e3, 6e3, 6e3]
-    with pytest.raises(ValueError, match="holds a soft-robot-metrics of other settings"):
+    with pytest.raises(ValueError, match="holds soft-robot-metrics of other settings"):
         metrics.study(tmp_path / "a", replace(settings, gaits=6))
 
 

@@ -14,6 +14,7 @@ from robots.lattice_robot.walker import (
     save_walker,
     simulate,
 )
+from robots.lattice_robot.walker_offered import WalkerRobot
 from robots.world import Terrain
 from taichi_sim.lattice.faces import corners
 
@@ -174,3 +175,13 @@ def test_what_makes_no_sense_is_refused_in_one_line(make, message):
     with pytest.raises(ValueError, match=f"^{message}") as error:
         make()
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.kernels
+def test_a_walker_that_nothing_has_designed_is_a_block_that_moves():
+    """So commands that take any robot have one to show; searches begin where their own variables say."""
+    offered = WalkerRobot((4, 2, 2), actuation=WalkerActuation(cycles=1))
+    assert offered.design(offered.start).body.fault == ""
+    outcome = offered.simulate(offered.start[None], offered.worlds[0])
+    assert outcome.status[0] == "ok" and outcome.measures["voxels"][0] == 16
+    assert [parameter.first for parameter in offered.parameters] == [1.0] * 16
