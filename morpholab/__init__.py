@@ -37,16 +37,16 @@ if TYPE_CHECKING:
     from optim.explorer import explore as explore
     from optim.lab import Trials as Trials
     from optim.lab import differentiate as differentiate
-    from optim.lab import robot as robot
-    from optim.lab import robots as robots
     from optim.lab import simulate as simulate
     from optim.lab import view as view
-    from optim.lab import world as world
     from optim.maximising import Maximum as Maximum
     from optim.maximising import maximise as maximise
     from optim.measures import homeostasis as homeostasis
     from optim.measures import interference as interference
     from optim.measures import learnability as learnability
+    from optim.named import robot as robot
+    from optim.named import robots as robots
+    from optim.named import world as world
     from optim.problem import Evaluation as Evaluation
     from optim.problem import Problem as Problem
     from optim.problems.function import problem_of as problem_of

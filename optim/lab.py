@@ -1,26 +1,20 @@
 """Try a robot in one call, and look at what came of it: the functions behind ``import morpholab as ml``."""
 
 import html
-from argparse import ArgumentTypeError
 from base64 import b64encode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from os import PathLike, fspath
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from optim.problems import kind_of_run, robot_of_run
+from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
-from optim.runs.config import read_config
-from optim.runs.history import read_history
-from robots.robot import KINDS, OK, Outcome, Replay, Robot, RobotKind, World, find_robot_doing, make_robot
+from robots.robot import KINDS, OK, Outcome, Replay, Robot, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.base.options import Option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -30,9 +24,6 @@ if TYPE_CHECKING:
 MOST_ROWS = 12  # of a table in a notebook
 POSES = 100  # recorded of a single design, so that its picture costs no second run
 DOTS_PER_INCH = 110
-
-OptionValue = str | float | bool | PathLike[str] | Sequence[float] | None
-Designs = ArrayLike | Mapping[str, ArrayLike] | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,81 +172,6 @@ class Trials:
         return figure
 
 
-def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
-    """The robot of a name or a file, with the options of its kind.
-
-    Args:
-        source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; the
-            folder of a run, whose best design it is, without the run's world; or a robot, which comes back with the
-            options.
-        options: as the command line has them, such as ``geometry="small"``; text is read as there.
-
-    Raises:
-        ValueError: for an unknown robot or option, or a value that is not allowed.
-    """
-    if isinstance(source, Robot) and not options:
-        return source
-    kind = kind_of(source)
-    known = {option.name: option for option in kind.options}
-    values: dict[str, Any] = {}
-    for name, value in options.items():
-        if name not in known:
-            raise ValueError(
-                f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
-            )
-        values[name] = (
-            _read_all(known[name], value) if known[name].several else read_option(name, known[name].type, value)
-        )
-    if isinstance(source, Robot):
-        return source.changed(values)
-    if (run := _run_in(source)) is not None:
-        return _of_run(run)[0].changed(values)
-    return make_robot(kind, find_robot_doing(fspath(source))[1], values)
-
-
-def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
-    """The kind of a robot, or of what :func:`robot` makes one of.
-
-    Raises:
-        ValueError: for an unknown robot.
-    """
-    if isinstance(source, Robot):
-        return KINDS[source.kind]
-    if (run := _run_in(source)) is not None:
-        return kind_of_run(run, read_config(run))
-    return find_robot_doing(fspath(source))[0]
-
-
-def _run_in(source: str | PathLike[str] | Robot) -> Path | None:
-    """The folder of a run, if a source is one."""
-    folder = None if isinstance(source, Robot) else Path(source)
-    return folder if folder is not None and folder.is_dir() and (folder / "config.toml").exists() else None
-
-
-def robots() -> dict[str, str]:
-    """What :func:`robot` knows by name, kinds and designs, and what each is."""
-    known = {name: KINDS[name].title for name in KINDS}
-    return {**known, **{design: KINDS[name].title for name in KINDS for design in KINDS[name].designs}}
-
-
-def world(of: Robot, name: "str | int | World | None" = None) -> World:
-    """A world of a robot by its name, such as ``"hill:15"``, or its number; its usual one for None.
-
-    Raises:
-        ValueError: for a world that robots of its kind do not know, and for several.
-    """
-    kind = KINDS[of.kind]
-    if name is None:
-        return of.worlds[0]
-    if isinstance(name, int | np.integer):
-        name = str(name)
-    if isinstance(name, str):
-        return kind.world(read_option(kind.world_option, kind.world_type, name))
-    if not hasattr(name, "where"):
-        raise ValueError(f"where: {name!r} is not allowed; give one world, or its name")
-    return name
-
-
 def simulate(
     source: str | PathLike[str] | Robot,
     designs: Designs = None,
@@ -333,20 +249,14 @@ def _given(
     source: str | PathLike[str] | Robot, designs: Designs, where: "str | int | World | None", how: ComputeOptions
 ) -> tuple[Robot, Floats, World, Compute]:
     """The robot, points, world and computation that a call asks for."""
-    run = _run_in(source)
-    tried, place = (robot(source), None) if run is None else _of_run(run)
+    run = run_in(source)
+    tried, place = (robot(source), None) if run is None else of_run(run)
     for name in how:
         if name not in ComputeOptions.__annotations__:
             raise ValueError(f"{name}: is unknown here; {_place_of(tried, source, name)}")
     if place is None or where is not None:
         place = world(tried, where)
     return tried, tried.points(points_of(tried, designs)), place, Compute(**how)
-
-
-def _of_run(folder: Path) -> tuple[Robot, World]:
-    """The best design of a run, and the first world that it was tried in."""
-    found, worlds = robot_of_run(read_history(folder))
-    return found, worlds[0]
 
 
 def _place_of(tried: Robot, source: str | PathLike[str] | Robot, name: str) -> str:
@@ -360,54 +270,12 @@ def _place_of(tried: Robot, source: str | PathLike[str] | Robot, name: str) -> s
     return f"there are {', '.join(ComputeOptions.__annotations__)}"
 
 
-def points_of(tried: Robot, designs: Designs) -> ArrayLike:
-    """Points, shape (N, P), of what a caller may give."""
-    if designs is None:
-        return tried.start[None]
-    if not isinstance(designs, Mapping):
-        return designs
-    names = [parameter.name for parameter in tried.parameters]
-    for name in designs:
-        if name not in names:
-            known = f"there are {some_of(names)}{nearest(name, names)}" if names else "nothing of the robot is free"
-            raise ValueError(f"designs: {name!r} is unknown; {known}")
-    try:
-        given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in designs.values()))
-    except (ValueError, TypeError):
-        raise ValueError("designs: give numbers, or arrays of one length, for each parameter") from None
-    points = np.tile(tried.start, (len(given[0]) if given else 1, 1))
-    for name, values in zip(designs, given, strict=True):
-        points[:, names.index(name)] = values
-    return points
-
-
-def some_of(names: Sequence[str]) -> str:
-    """Names with commas between them, of many only the first."""
-    return ", ".join(names[:MOST_ROWS]) + (", ..." if len(names) > MOST_ROWS else "")
-
-
 def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, update: Update) -> Replay | None:
     """The trial of a single design with its motion; None if it is no robot, or cannot be shown."""
     try:
         return tried.replay(points[0], place, frames=POSES, compute=compute, progress=update)
     except (ValueError, NotImplementedError):
         return None
-
-
-def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
-    """A value of an option; a text is read as the command line reads it."""
-    try:
-        return reads(value) if isinstance(value, str) and reads is not None else value
-    except ArgumentTypeError as error:
-        raise ValueError(f"{name}: {error}") from None
-
-
-def _read_all(option: Option, value: Any) -> list[Any] | None:
-    """The values of an option that may be repeated; one alone needs no list."""
-    if value is None:
-        return None
-    each = value if isinstance(value, list | tuple) else [value]
-    return [read_option(option.name, option.type, one) for one in each]
 
 
 def _told(value: Any) -> str:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import Any
 
-from optim import lab
+from optim import named
 from robots.robot import KINDS, OK, Parameter, Progress, Replay, Robot, RobotKind, World
 from taichi_sim.base.checks import choice, nearest
 from taichi_sim.base.checks import number as checked_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import Option
 
-Choice = lab.OptionValue | tuple[float, float] | list[Any]
+Choice = named.OptionValue | tuple[float, float] | list[Any]
 Source = str | PathLike[str] | Robot | Callable[..., Robot]
 MOST_SUGGESTED = 8  # parameters that have a slider unless some are named
 FINENESS = 100  # steps of a slider
@@ -151,12 +151,12 @@ class Exploration:
         given = {**self._fixed, **self.checked(values)}
         robot = self._made(given)
         place = {
-            name: lab.read_option(name, option.type, _text(given[name]))
+            name: named.read_option(name, option.type, _text(given[name]))
             for name, option in self._places.items()
             if name in given
         }
         free = {name: given[name] for name in self._parameters if name in given}
-        fixed = robot.design(robot.points(lab.points_of(robot, free))[0]) if robot.parameters else robot
+        fixed = robot.design(robot.points(named.points_of(robot, free))[0]) if robot.parameters else robot
         world = KINDS[robot.kind].chosen_world(place) if place else None
         return fixed, world or robot.worlds[0]
 
@@ -182,9 +182,9 @@ class Exploration:
     def _made(self, given: Mapping[str, Any]) -> Robot:
         """The robot of values, before its parameters are set."""
         source = self._returned(given) if self._makes else self.source
-        known = {option.name for option in lab.kind_of(source).options}  # type: ignore[arg-type]
+        known = {option.name for option in named.kind_of(source).options}  # type: ignore[arg-type]
         chosen = {n: _text(value) for n, value in given.items() if n in known and n not in self._taken}
-        return lab.robot(source, **chosen)  # type: ignore[arg-type]
+        return named.robot(source, **chosen)  # type: ignore[arg-type]
 
     def _returned(self, given: Mapping[str, Any]) -> Robot:
         """The robot that the user's function makes of values."""
@@ -222,13 +222,13 @@ class Exploration:
         known = [*self._taken, *self._parameters, *self._options, *self._places]
         for name in names:
             if name not in known:
-                there = f"there are {lab.some_of(known)}{nearest(name, known)}"
+                there = f"there are {named.some_of(known)}{nearest(name, known)}"
                 raise ValueError(f"{name}: no parameter or option of {title}; {there}")
 
     def _kind_of(self, robot: Robot) -> RobotKind:
         """The kind whose options make the robot: the one that is named, which may make robots of another."""
-        named = isinstance(self.source, str) and self.source in lab.robots()
-        return lab.kind_of(self.source) if named else KINDS[robot.kind]  # type: ignore[arg-type]
+        by_name = isinstance(self.source, str) and self.source in named.robots()
+        return named.kind_of(self.source) if by_name else KINDS[robot.kind]  # type: ignore[arg-type]
 
     def _suggested(self, robot: Robot) -> dict[str, Any]:
         """Pairs and lists for a robot of which nothing was chosen."""
@@ -266,7 +266,7 @@ class Exploration:
         if name in self._taken:
             return all(isinstance(end, numbers.Integral) for end in value)
         try:
-            lab.read_option(name, option.type if option else None, f"{value[0] + 0.5}")
+            named.read_option(name, option.type if option else None, f"{value[0] + 0.5}")
         except ValueError:
             return all(float(end).is_integer() for end in value)
         return False

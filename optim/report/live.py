@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from optim.lab import read_option
+from optim.named import read_option
 from optim.problems import kept_point
 from optim.report.front import places
 from optim.report.one_run import OneRun

@@ -1,0 +1,145 @@
+"""Robots, worlds and designs by what they are called: names, files, folders of runs, values of parameters."""
+
+from argparse import ArgumentTypeError
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from optim.problems import kind_of_run, robot_of_run
+from optim.runs.config import read_config
+from optim.runs.history import read_history
+from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
+from taichi_sim.base.checks import nearest
+from taichi_sim.base.options import Option
+
+MOST_TOLD = 12  # names in a message
+
+OptionValue = str | float | bool | PathLike[str] | Sequence[float] | None
+Designs = ArrayLike | Mapping[str, ArrayLike] | None
+
+
+def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
+    """The robot of a name or a file, with the options of its kind.
+
+    Args:
+        source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; the
+            folder of a run, whose best design it is, without the run's world; or a robot, which comes back with the
+            options.
+        options: as the command line has them, such as ``geometry="small"``; text is read as there.
+
+    Raises:
+        ValueError: for an unknown robot or option, or a value that is not allowed.
+    """
+    if isinstance(source, Robot) and not options:
+        return source
+    kind = kind_of(source)
+    known = {option.name: option for option in kind.options}
+    values: dict[str, Any] = {}
+    for name, value in options.items():
+        if name not in known:
+            raise ValueError(
+                f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
+            )
+        values[name] = (
+            _read_all(known[name], value) if known[name].several else read_option(name, known[name].type, value)
+        )
+    if isinstance(source, Robot):
+        return source.changed(values)
+    if (run := run_in(source)) is not None:
+        return of_run(run)[0].changed(values)
+    return make_robot(kind, find_robot_doing(fspath(source))[1], values)
+
+
+def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
+    """The kind of a robot, or of what :func:`robot` makes one of.
+
+    Raises:
+        ValueError: for an unknown robot.
+    """
+    if isinstance(source, Robot):
+        return KINDS[source.kind]
+    if (run := run_in(source)) is not None:
+        return kind_of_run(run, read_config(run))
+    return find_robot_doing(fspath(source))[0]
+
+
+def run_in(source: str | PathLike[str] | Robot) -> Path | None:
+    """The folder of a run, if a source is one."""
+    folder = None if isinstance(source, Robot) else Path(source)
+    return folder if folder is not None and folder.is_dir() and (folder / "config.toml").exists() else None
+
+
+def robots() -> dict[str, str]:
+    """What :func:`robot` knows by name, kinds and designs, and what each is."""
+    known = {name: KINDS[name].title for name in KINDS}
+    return {**known, **{design: KINDS[name].title for name in KINDS for design in KINDS[name].designs}}
+
+
+def world(of: Robot, name: "str | int | World | None" = None) -> World:
+    """A world of a robot by its name, such as ``"hill:15"``, or its number; its usual one for None.
+
+    Raises:
+        ValueError: for a world that robots of its kind do not know, and for several.
+    """
+    kind = KINDS[of.kind]
+    if name is None:
+        return of.worlds[0]
+    if isinstance(name, int | np.integer):
+        name = str(name)
+    if isinstance(name, str):
+        return kind.world(read_option(kind.world_option, kind.world_type, name))
+    if not hasattr(name, "where"):
+        raise ValueError(f"where: {name!r} is not allowed; give one world, or its name")
+    return name
+
+
+def of_run(folder: Path) -> tuple[Robot, World]:
+    """The best design of a run, and the first world that it was tried in."""
+    found, worlds = robot_of_run(read_history(folder))
+    return found, worlds[0]
+
+
+def points_of(tried: Robot, designs: Designs) -> ArrayLike:
+    """Points, shape (N, P), of what a caller may give."""
+    if designs is None:
+        return tried.start[None]
+    if not isinstance(designs, Mapping):
+        return designs
+    names = [parameter.name for parameter in tried.parameters]
+    for name in designs:
+        if name not in names:
+            known = f"there are {some_of(names)}{nearest(name, names)}" if names else "nothing of the robot is free"
+            raise ValueError(f"designs: {name!r} is unknown; {known}")
+    try:
+        given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in designs.values()))
+    except (ValueError, TypeError):
+        raise ValueError("designs: give numbers, or arrays of one length, for each parameter") from None
+    points = np.tile(tried.start, (len(given[0]) if given else 1, 1))
+    for name, values in zip(designs, given, strict=True):
+        points[:, names.index(name)] = values
+    return points
+
+
+def some_of(names: Sequence[str]) -> str:
+    """Names with commas between them, of many only the first."""
+    return ", ".join(names[:MOST_TOLD]) + (", ..." if len(names) > MOST_TOLD else "")
+
+
+def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
+    """A value of an option; a text is read as the command line reads it."""
+    try:
+        return reads(value) if isinstance(value, str) and reads is not None else value
+    except ArgumentTypeError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def _read_all(option: Option, value: Any) -> list[Any] | None:
+    """The values of an option that may be repeated; one alone needs no list."""
+    if value is None:
+        return None
+    each = value if isinstance(value, list | tuple) else [value]
+    return [read_option(option.name, option.type, one) for one in each]
