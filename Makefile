@@ -54,7 +54,9 @@ fuzz-physics: $(venv)/dev
 	OMP_NUM_THREADS=1 nice -n 19 $(python) tests/fuzz/fuzz_physics.py --cases $(CASES) --gradients $(GRADIENTS)
 
 coverage: $(venv)/dev
-	$(test) -p kernel_lines --cov --cov-branch --cov-report=term-missing
+	$(test) -p kernel_lines --cov --cov-branch --cov-report=
+	$(test) -m "slow and not device and not browser" --cov --cov-branch --cov-append --cov-report=term-missing \
+		tests/optim/studies tests/robots/test_bench.py
 
 validate: $(venv)/dev
 	$(python) -m pytest -q -m slow
