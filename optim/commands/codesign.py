@@ -83,18 +83,15 @@ def _run_one(args: argparse.Namespace) -> Report:
         if isinstance(problem, RobotDesigning):
             with folder.writing():
                 problem.prepare(folder.path)
-        shown: list[Generation] = []
         try:
-            last = _search(planned, method, folder, args, shown)
+            last = _search(planned, method, folder, args)
             written = _write_best(problem, last, folder)
         except KeyboardInterrupt as interrupt:
-            return _interrupted(shown, planned, folder.path, stopped_by(interrupt))
+            return _interrupted(planned, folder.path, stopped_by(interrupt))
     return _of_task(_report(last, folder.path, written, planned), args.task, problem, last)
 
 
-def _search(
-    planned: Plan, method: Any, folder: "RunFolder", args: argparse.Namespace, shown: "list[Generation]"
-) -> "Generation":
+def _search(planned: Plan, method: Any, folder: "RunFolder", args: argparse.Namespace) -> "Generation":
     """Search up to the last generation planned, with progress on screen.
 
     Args:
@@ -102,11 +99,11 @@ def _search(
         method: how.
         folder: of the run.
         args: where to evaluate, and whether to be quiet.
-        shown: where generations are added as they are complete; when a run continues, first the one that it had.
     """
     from optim.runs import run_search
+    from optim.runs.generation import Generation
 
-    begun = 0.0
+    begun, shown = 0.0, list[Generation]()  # when a run continues, the first is the one that it had
     with shown_progress("random starts", planned.generations + 1, args.quiet) as update:
 
         def show(last: "Generation") -> None:
@@ -205,11 +202,15 @@ def _of_task(report: Report, given: str | None, problem: "Problem", last: "Gener
     return dataclasses.replace(report, document={**report.document, "task": task.name, "succeeded": done}, text=text)  # type: ignore[dict-item]
 
 
-def _interrupted(shown: "list[Generation]", planned: Plan, folder: Path, code: int) -> Report:
-    document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(shown[-1]) if shown else {})}
-    if not shown:
+def _interrupted(planned: Plan, folder: Path, code: int) -> Report:
+    """What is kept: the generation that was written last may not have been shown."""
+    from optim.runs.history import read_history
+
+    kept = read_history(folder).generations
+    document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(kept[-1]) if kept else {})}
+    if not kept:
         return Report(document, f"interrupted before the first generation was complete; {folder}: --resume", code)
-    text = f"interrupted: {_text(shown[-1], planned)}\n{folder} keeps every complete generation, go on with --resume"
+    text = f"interrupted: {_text(kept[-1], planned)}\n{folder} keeps every complete generation, go on with --resume"
     return Report(document, text, code)
 
 
