@@ -158,7 +158,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
     world = robot.worlds[0]
     assert KINDS["articulated"].world_of(KINDS["articulated"].world_record(world)) == Place("ground")
     points = some_points(robot, 2)
-    outcome = robot.differentiate(points, world)
+    outcome = robot.differentiate(points, world, measures=["speed", "distance"])
     assert outcome.measures["speed"] == pytest.approx(outcome.measures["distance"] / 0.4)
     assert outcome.gradients["speed"] == pytest.approx(outcome.gradients["distance"] / 0.4)
     replay = robot.design(points[1]).replay((), world, frames=9)
