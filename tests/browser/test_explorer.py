@@ -174,5 +174,5 @@ def test_a_robot_that_changes_its_shape(tab):
 def test_what_is_no_robot_is_told(tab):
     widget = ml.explore(lambda size: ml.robot("walker", frequency=size, encoding="pattern"), size=(2.0, 4.0))
     opened(tab, widget)
-    assert tab.inner_text(".message") == "source: walker is no robot: the body has no active voxel"
+    assert tab.inner_text(".message") == "source: walker is no robot: the body is empty"
     assert not tab.query_selector("iframe")
