@@ -124,9 +124,9 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     return points
 
 
-def some_of(names: Sequence[str]) -> str:
+def some_of(names: Sequence[str], most: int = MOST_TOLD) -> str:
     """Names with commas between them, of many only the first."""
-    return ", ".join(names[:MOST_TOLD]) + (", ..." if len(names) > MOST_TOLD else "")
+    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
 def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:

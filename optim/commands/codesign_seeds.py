@@ -8,7 +8,7 @@ from typing import Any
 
 from optim.commands import INTERRUPTED, TERMINATED, Report
 from optim.commands.options import Option, checked
-from optim.runs.config import has_run
+from optim.runs.config import folder_of_seed, folders_of_seeds, has_run
 
 MOST_SEEDS = 10_000
 
@@ -41,14 +41,9 @@ SEEDS = Option(
 )
 
 
-def folder_of_seed(out: Path, seed: int) -> Path:
-    """Where the run of a seed is, below the folder of all."""
-    return out / f"seed-{seed}"
-
-
 def run_of_any_seed(out: Path) -> Path | None:
     """The first run in the folder of several seeds; None if there is none yet."""
-    return next((folder for folder in sorted(out.glob("seed-*")) if has_run(folder)), None)
+    return next(filter(has_run, folders_of_seeds(out)), None)
 
 
 def search_each(args: argparse.Namespace, search: Callable[[argparse.Namespace], Report]) -> Report:

@@ -122,9 +122,10 @@ def _plain(described: Any) -> Any:
 
 
 def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> list[str]:
+    from optim.named import some_of
+
     sampled = found.sampled
-    names = [parameter.name for parameter in robot.parameters]
-    free = ", ".join(names[:NAMES_TOLD]) + (", ..." if len(names) > NAMES_TOLD else "")
+    free = some_of([parameter.name for parameter in robot.parameters], NAMES_TOLD)
     lines = [f"{robot.name}: {counted(sampled.learnability.of, 'controller')}, each with values of its own of {free}"]
     for world, bounds, share in zip(environments.worlds, environments.success, sampled.each, strict=True):
         lines.append(f"  {world.name}, {' and '.join(b.text for b in bounds)}: {_share(share)}")

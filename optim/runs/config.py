@@ -46,6 +46,16 @@ def has_run(folder: Path) -> bool:
     return (folder / CONFIG).exists()
 
 
+def folder_of_seed(out: Path, seed: int) -> Path:
+    """Where the run of a seed is, below the folder of all."""
+    return out / f"seed-{seed}"
+
+
+def folders_of_seeds(out: Path) -> list[Path]:
+    """The folders below one that are named as those of seeds are, in order, whether or not they have a run."""
+    return sorted(out.glob("seed-*/"))
+
+
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Write the settings of a run."""
     text = tomli_w.dumps({"format": FORMAT, **config})
@@ -61,8 +71,8 @@ def read_config(folder: Path) -> dict[str, Any]:
     """
     path = folder / CONFIG
     if not path.exists():
-        seeds = sorted(each.name for each in folder.glob("seed-*/") if (each / CONFIG).exists())
-        several = f"; it has runs of several seeds, name one, such as {folder / seeds[0]}" if seeds else ""
+        seeds = list(filter(has_run, folders_of_seeds(folder)))
+        several = f"; it has runs of several seeds, name one, such as {seeds[0]}" if seeds else ""
         raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing{several}")
     text = files.read_text(path)
     try:

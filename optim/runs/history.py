@@ -12,7 +12,7 @@ import numpy as np
 
 from optim.problem import Problem
 from optim.runs import checkpoint
-from optim.runs.config import has_run, identity, read_config
+from optim.runs.config import folders_of_seeds, has_run, identity, read_config
 from optim.runs.folder import TIMING, in_use
 from optim.runs.generation import Generation
 from optim.search import build_method
@@ -184,7 +184,7 @@ def _runs_of(folder: Path) -> list[Path]:
     """The folder itself if it may have a run, else those of its seeds."""
     if _may_have_run(folder):
         return [folder]
-    return sorted(each for each in folder.glob("seed-*/") if _may_have_run(each))
+    return list(filter(_may_have_run, folders_of_seeds(folder)))
 
 
 def _may_have_run(folder: Path) -> bool:

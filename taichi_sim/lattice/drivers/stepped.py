@@ -77,11 +77,9 @@ class SteppedRun(Run):
         if kept is None or room > kept.logged.shape[0] or contacts > kept.log.shape[1]:
             kept = self._record = None  # before the larger one is made
             room = max(room, 1)
-            states, log = (
-                blank((room * slots, batch), self.driver.real.numpy),
-                blank((room, contacts, batch, 2), np.int32),
-            )
-            kept = self._record = Record(first, states, log, blank((room, batch), np.int32))
+            states = blank((room * slots, batch), self.driver.real.numpy)
+            log, logged = blank((room, contacts, batch, 2), np.int32), blank((room, batch), np.int32)
+            kept = self._record = Record(first, states, log, logged)
         return kept._replace(first=first)
 
     def fits(self, record: Record) -> bool:
