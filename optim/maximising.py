@@ -9,11 +9,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from optim.problem import Objective, Problem, Request, judge, objectives_of, score_of
+from optim.problem import Objective, Problem, judge, objectives_of, score_of
 from optim.problems.function import Bounds, Function, problem_of
 from optim.runs.generation import Generation, record
 from optim.search import build_method, check_objectives
-from optim.search.method import SearchResult
+from optim.search.method import SearchResult, check_minibatches, next_request
 from optim.space import Space
 from optim.wording import counted
 from taichi_sim.base.arrays import Floats
@@ -100,10 +100,11 @@ def maximise(
     generations = whole_number("generations", generations, 0)
     check_objectives(method, [objective.name for objective in objectives])
     search = build_method(method, designed.space, {"seed": seed, **settings})
+    check_minibatches(search, designed)
     records: list[Generation] = []
     with _shown(progress, generations, score_of(objectives)) as show:
         while len(records) <= generations:
-            request = Request(search.ask(), search.wants, search.sharpness)
+            request = next_request(search)
             evaluation = judge(designed, request)
             search.tell(request.points, evaluation)
             result = search.result()

@@ -2,15 +2,15 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, cast, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.space import Space
-from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.files import write_text
 
 OK = "ok"
@@ -144,17 +144,59 @@ class RelaxableProblem(Problem, Protocol):
         """
 
 
+@dataclass(frozen=True)
+class Minibatch:
+    """A few of the worlds, or draws, in which a problem judges points: the next ones of an order shuffled by a seed.
+
+    Attributes:
+        size: how many.
+        number: of the minibatch, from 0. Those of one shuffled order follow each other; then all are shuffled anew.
+        seed: of the orders.
+    """
+
+    size: int
+    number: int = 0
+    seed: int = 0
+
+    def of(self, count: int) -> Ints:
+        """Numbers of those that belong to it, ascending, out of ``count``: all if there are no more than its size."""
+        if count <= self.size:
+            return np.arange(count)
+        order, part = divmod(self.number, -(-count // self.size))
+        shuffled = np.random.default_rng((self.seed, order)).permutation(count)
+        first = min(part * self.size, count - self.size)  # the last of an order is full, too
+        return np.sort(shuffled[first : first + self.size])
+
+
+class MinibatchProblem(Problem, Protocol):
+    """A problem that judges points in several worlds, or draws, and can do so in a few of them."""
+
+    def check_minibatch(self, size: int) -> None:
+        """Raise a one-line ValueError if minibatches of this size are not allowed, before any work."""
+
+    def in_minibatch(self, minibatch: Minibatch) -> "Judging":
+        """The problem in these worlds or draws only; the mean over all minibatches of an order is its objective."""
+
+
 @dataclass(frozen=True, eq=False)
 class Request:
-    """Points to evaluate, shape (N, D); ``wants`` is that of ``Method``, ``sharpness`` that of a relaxation."""
+    """Points to evaluate, shape (N, D), and how.
+
+    Attributes:
+        points: to evaluate.
+        wants: as in ``Method``.
+        sharpness: of a relaxation.
+        minibatch: where they are judged; None is everywhere.
+    """
 
     points: Floats
     wants: Wants = "points"
     sharpness: float = 0.0
+    minibatch: Minibatch | None = None
 
     def part(self, begin: int, end: int) -> "Request":
         """Request for the points from ``begin`` up to ``end``."""
-        return Request(self.points[begin:end], self.wants, self.sharpness)
+        return replace(self, points=self.points[begin:end])
 
 
 Evaluate = Callable[[Request], Evaluation]
@@ -175,8 +217,10 @@ def judge(problem: Judging, request: Request) -> Evaluation:
     """Evaluate a request in this process.
 
     Raises:
-        ValueError: if the problem has no relaxation, but one is wanted.
+        ValueError: if the problem has no relaxation, or no minibatches, but one is wanted.
     """
+    if request.minibatch is not None:
+        problem = minibatches_of(problem).in_minibatch(request.minibatch)
     if request.wants == "points":
         return problem.evaluate(request.points)
     evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
@@ -185,6 +229,20 @@ def judge(problem: Judging, request: Request) -> Evaluation:
             f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
         )
     return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
+
+
+def minibatches_of(problem: Judging) -> MinibatchProblem:
+    """The problem, which has minibatches.
+
+    Raises:
+        ValueError: if it has none.
+    """
+    if hasattr(problem, "in_minibatch"):
+        return cast(MinibatchProblem, problem)
+    raise ValueError(
+        f"minibatch_size: {type(problem).__name__} judges in all worlds at once, and cannot in a few of them; leave it "
+        "out, or choose another method"
+    )
 
 
 def objectives_of(problem: Problem) -> tuple[Objective, ...]:

@@ -68,12 +68,14 @@ def _run_one(args: argparse.Namespace) -> Report:
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
+    from optim.search.method import check_minibatches
 
     planned = plan(args)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
     if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
         problem.check_mixtures()
+    check_minibatches(method, problem)
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
     numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
     about = environment(**numbers, seed=seed, **where)

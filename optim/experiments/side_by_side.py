@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 from optim.experiments.results import Progress
 from optim.problem import Evaluation, Request
 from optim.runs.requests import join_requests, part_of
-from optim.search.method import Method
+from optim.search.method import Method, next_request
 from taichi_sim.base.arrays import Floats
 
 
@@ -67,7 +67,7 @@ def judge_together(
     """
     batches: dict[Hashable, list[int]] = {}
     for number, (search, request) in enumerate(zip(searches, requests, strict=True)):
-        batches.setdefault((kind(search), request.wants, request.sharpness), []).append(number)
+        batches.setdefault((kind(search), request.wants, request.sharpness, request.minibatch), []).append(number)
     found: dict[int, Evaluation] = {}
     for numbers in batches.values():
         owners = [searches[number] for number in numbers for _ in requests[number].points]
@@ -94,7 +94,7 @@ class BudgetedSearch:
 
     def ask(self) -> Request:
         """Points that the method wants evaluated next."""
-        return Request(self.method.ask(), self.method.wants, self.method.sharpness)
+        return next_request(self.method)
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
         """Tell the method, then the observer."""

@@ -5,14 +5,14 @@ these distances are objectives of their own.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import VEHICLE, Evaluation, check_kind
+from optim.problem import VEHICLE, Evaluation, Minibatch, check_kind
 from optim.problems.robot import JudgedRobot
 from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
@@ -131,6 +131,17 @@ class VehicleProblem(JudgedRobot):
             slopes = slopes * np.minimum(1.0, self.clip / np.maximum(length, 1e-300))
             slopes[closest < self.task.radius] = 0.0
         return self._distances(closest, np.isnan(closest), -slopes.sum(axis=1))
+
+    def check_minibatch(self, size: int) -> None:
+        """Allow a few of several environments, if one objective is their sum."""
+        if self.objectives != "total":
+            raise ValueError(f"minibatch_size: {size} is not allowed with objectives {self.objectives!r}; choose total")
+        super().check_minibatch(size)
+
+    def in_minibatch(self, minibatch: Minibatch) -> "VehicleProblem":
+        """The problem in a few of the environments; the score is the sum over these."""
+        rows = minibatch.of(len(self.task.starts))
+        return replace(self, task=replace(self.task, starts=self.task.starts[rows], lights=self.task.lights[rows]))
 
     def _distances(self, closest: Floats, diverged: Bools, gradients: Floats | None = None) -> Evaluation:
         """The judgement of the smallest distances, shape (N, environments)."""

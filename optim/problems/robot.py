@@ -5,6 +5,7 @@ import json
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import OK, Evaluation, Objective
+from optim.problem import OK, Evaluation, Minibatch, Objective
 from optim.problems.goals import Goals, Names, named, objective_of
 from optim.problems.objectives import RobotObjective
 from optim.problems.robot_designing import RobotDesigning, subject_of
@@ -137,6 +138,40 @@ class JudgedRobot(RobotDesigning):
                     "meet none; choose one of true robots, such as nes, genetic or lamarckian"
                 )
 
+    def check_minibatch(self, size: int) -> None:
+        """Refuse minibatches in which the objective is another one, before any work.
+
+        Raises:
+            ValueError: if there is nothing to choose from; and for a single world or draw, of which there is no worst.
+        """
+        what, count = ("draws", self.draws) if self.uncertain else ("worlds", len(self.tried_in))
+        if count == 1:
+            raise ValueError(
+                f"minibatch_size: {size} is not allowed with one world of which nothing is uncertain; give several "
+                f"{KINDS[self.robot_kind].world_option}s, or uncertain, or leave it out"
+            )
+        word = self.objective if isinstance(self.objective, str) else self.objective[0]
+        worst = self.risk if self.uncertain else word
+        if size == 1 and worst not in ("mean", "each"):
+            raise ValueError(f"minibatch_size: 1 is not allowed with {worst} of several {what}; give at least 2")
+
+    def in_minibatch(self, minibatch: Minibatch) -> "JudgedRobot":
+        """The problem in a few of the draws, each in all worlds; or worlds, if nothing is uncertain."""
+        part, count = copy(self), len(self.tried_in)
+        if self.uncertain:
+            chosen = minibatch.of(self.draws)
+            rows = (chosen[:, None] * count + np.arange(count)).ravel()
+        else:
+            rows = minibatch.of(count)
+            object.__setattr__(part, "_judged_in", tuple(self.tried_in[row] for row in rows))
+        object.__setattr__(part, "_trials", self._trials.part(rows, len(part._judged_in)))
+        return part
+
+    @cached_property
+    def _judged_in(self) -> Sequence[World]:
+        """The worlds: all but in a minibatch."""
+        return self.tried_in
+
     def _scored(self, points: ArrayLike, trial: Trial) -> Evaluation:
         """Judge points by what the robot does in every world; over draws, if something is uncertain."""
         points = self.space.relaxed().validate(np.atleast_2d(points))
@@ -162,7 +197,7 @@ class JudgedRobot(RobotDesigning):
         status = np.full(len(values), OK, dtype=object)
         details = {}
         single = len(outcomes) == 1
-        for world, outcome in zip(self.tried_in, outcomes, strict=True):
+        for world, outcome in zip(self._judged_in, outcomes, strict=True):
             status = np.where(status == OK, outcome.told, status)
             for name, found in outcome.measures.items():
                 if not (single and (name,) == self.objective_names):

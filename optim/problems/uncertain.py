@@ -11,7 +11,7 @@ import numpy as np
 from robots.robot import OK, Outcome, Robot, Trial, World
 from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
 from robots.world import terrain_of
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Indices
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
@@ -84,6 +84,11 @@ class Trials:
         around = [one.around(robot, terrain_of(world)) for one in drawn for world in worlds]
         variants = [variant for one in drawn for variant in [robot.perturbed(one)] * len(worlds)]
         return cls(around, variants, len(worlds))
+
+    def part(self, rows: Indices, count: int) -> Self:
+        """Some of them, by number, ``count`` for each draw."""
+        variants = [self.variants[row] for row in rows] if self.variants else ()
+        return type(self)([self.worlds[row] for row in rows], variants, count)
 
     def outcomes(self, robot: Robot, points: Floats, trial: Trial) -> list[list[Outcome]]:
         """What a robot does at points, shape (N, P), in each world, draw by draw."""

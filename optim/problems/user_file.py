@@ -4,13 +4,14 @@ import runpy
 import sys
 import tempfile
 from collections.abc import Mapping
+from copy import copy
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from optim.problem import FILE, Evaluation, Objective, Problem, check_kind, objectives_of
+from optim.problem import FILE, Evaluation, Minibatch, Objective, Problem, check_kind, objectives_of
 from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
 from optim.wording import counted
@@ -44,8 +45,14 @@ class FileProblem(PlainProblem):
         names, self._run_as = _run(file, source, folder)
         self._problem = _defined(names, file)
         super().__init__(self._problem.space, objectives_of(self._problem))
+        self._offer()
+
+    def _offer(self) -> None:
+        """Have the abilities that not every problem has, if the file's has them."""
         if hasattr(self._problem, "evaluate_relaxed"):
             self.evaluate_relaxed = self._evaluate_relaxed
+        if hasattr(self._problem, "in_minibatch"):
+            self.in_minibatch, self.check_minibatch = self._in_minibatch, self._check_minibatch
 
     def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
         return FileProblem, (self.file, self.source, self._folder)
@@ -58,6 +65,17 @@ class FileProblem(PlainProblem):
     def _evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
         with blamed(self.file, self._run_as):
             return self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
+
+    def _in_minibatch(self, minibatch: Minibatch) -> "FileProblem":
+        part = copy(self)
+        with blamed(self.file, self._run_as):
+            part._problem = self._problem.in_minibatch(minibatch)  # type: ignore[attr-defined]
+        part._offer()
+        return part
+
+    def _check_minibatch(self, size: int) -> None:
+        with blamed(self.file, self._run_as):
+            self._problem.check_minibatch(size)  # type: ignore[attr-defined]
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write a point as the problem does; as values by name if it says nothing else."""

@@ -11,7 +11,7 @@ from optim.problem import Evaluate, Evaluation, Problem, Request, judge
 from optim.runs.checkpoint import restore
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
-from optim.search.method import Method, SearchResult
+from optim.search.method import Method, SearchResult, next_request
 
 
 class FolderSearch:
@@ -55,7 +55,7 @@ class FolderSearch:
     def ask(self) -> Request:
         """Points that the method wants evaluated next."""
         self._asked = time.perf_counter()
-        return Request(self._method.ask(), self._method.wants, self._method.sharpness)
+        return next_request(self._method)
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
         """Complete a generation: tell the method, and write designs, log and checkpoint."""

@@ -11,7 +11,7 @@ from optim.problem import Evaluation, Request
 
 
 def join_requests(requests: Sequence[Request]) -> Request:
-    """Join requests that want the same with the same sharpness into one."""
+    """Join requests that differ in their points only into one."""
     return replace(requests[0], points=np.concatenate([request.points for request in requests]))
 
 

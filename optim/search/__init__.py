@@ -35,6 +35,7 @@ METHODS: Registry[type[Method]] = Registry(
         "nes": "optim.search.nes:SeparableNES",
         "nsga2": "optim.search.nsga2:NSGA2",
         "race": "optim.search.race:GradientRace",
+        "stochastic": "optim.search.stochastic:StochasticAscent",
         "random": "optim.search.random_search:RandomSearch",
     },
 )

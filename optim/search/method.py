@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Judging, Minibatch, Request, minibatches_of
 from optim.problem import Wants as Wants
 from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Floats, Ints
@@ -100,6 +100,11 @@ class Method(Protocol):
         """The sharpness with which relaxed points are evaluated, see ``RelaxableProblem.evaluate_relaxed``."""
         return 0.0
 
+    @property
+    def minibatch(self) -> Minibatch | None:
+        """In which few of a problem's worlds, or draws, the next points are judged; None is in all."""
+        return None
+
     def ask(self) -> Floats:
         """The points to evaluate next, shape (N, D), inside the space, or its relaxation if ``wants`` says so."""
 
@@ -114,6 +119,17 @@ class Method(Protocol):
 
     def restore(self, state: Arrays) -> None:
         """Take over what :meth:`state` returned."""
+
+
+def next_request(method: Method) -> Request:
+    """What a method wants evaluated next."""
+    return Request(method.ask(), method.wants, method.sharpness, method.minibatch)
+
+
+def check_minibatches(method: Method, problem: Judging) -> None:
+    """Raise a one-line ValueError unless a problem can be judged in the minibatches that a method asks for."""
+    if (size := getattr(method, "minibatch_size", None)) is not None:
+        minibatches_of(problem).check_minibatch(size)
 
 
 def generator(seed: int, *stream: int) -> np.random.Generator:

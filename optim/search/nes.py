@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from optim.problem import Evaluation
+from optim.problem import Evaluation, Minibatch
 from optim.search.base import number, whole
 from optim.search.method import MOST_POINTS, below_all
 from optim.search.population import PopulationSearch
@@ -31,6 +31,10 @@ class SeparableNES(PopulationSearch):
 
     Equal scores share their utilities, failures those of the last ranks. Nothing restarts it.
 
+    With ``minibatch_size``, the points of a generation are judged in a few of the problem's worlds, or draws of what is
+    uncertain, all in the same ones; the mean is judged in all every few generations, and only these judgements are
+    results.
+
     Attributes:
         start: values by name where the mean first is; of the other variables it is in the middle, or at random.
             Where all are given, generation 0 judges that point, too.
@@ -38,6 +42,8 @@ class SeparableNES(PopulationSearch):
         mirrored: draw every other point opposite to the one before, seen from the mean.
         random_mean: begin at a random point, not in the middle.
         max_sigma: the largest standard deviation [ranges]; wider than its range says no more.
+        minibatch_size: worlds or draws of a generation; all by default.
+        judging: generations between two judgements of the mean in all of them.
         bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between mean and bound.
     """
 
@@ -48,6 +54,8 @@ class SeparableNES(PopulationSearch):
     mirrored: bool = False
     random_mean: bool = False
     max_sigma: float = number(1.0, "sigma", 1e300)
+    minibatch_size: int | None = whole(None, 1)
+    judging: int = whole(10, 1)
     bounds: Bounds = "reflect"
 
     def __post_init__(self) -> None:
@@ -59,12 +67,36 @@ class SeparableNES(PopulationSearch):
         self.ceiling = np.maximum(self.max_sigma, self.floor)
         self.deviation = np.maximum(self.sigma, self.floor)
 
+    @property
+    def _judges(self) -> bool:
+        """Whether this generation judges the mean in all worlds."""
+        return self.minibatch_size is not None and self.generation % (self.judging + 1) == 0
+
+    @property
+    def minibatch(self) -> Minibatch | None:
+        """Another one each generation."""
+        size = None if self._judges else self.minibatch_size
+        return None if size is None else Minibatch(size, self.generation, self.seed)
+
     def ask(self) -> Floats:
-        """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
+        """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D).
+
+        Where minibatches are judged, now and then the mean alone.
+        """
+        if self._judges:
+            return self.space.round(self.space.low + self.mean * self.space.span)[None]
         drawn = self.space.round(self._inside(self.mean + self.deviation * self._deviates(), 1))
         return np.concatenate([drawn, self._complete_start()])
 
+    def _remember(self, points: Floats, scores: Floats) -> None:
+        if self.minibatch is None:  # others are judged elsewhere
+            super()._remember(points, scores)
+
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
+        if not self._judges:
+            self._follow_ranks(points, evaluation)
+
+    def _follow_ranks(self, points: Floats, evaluation: Evaluation) -> None:
         """Algorithm 6: both gradients in the coordinates of the distribution itself."""
         self.points = points[: self.population].copy()
         self.objectives = evaluation.objectives[: self.population].copy()

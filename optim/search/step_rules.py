@@ -48,8 +48,9 @@ class Adam(StepRule):
 
     monotone = False
 
-    def __init__(self, climbers: int, size: int, rate: float, clip: float) -> None:
-        self.rate, self.clip = rate, clip
+    def __init__(self, climbers: int, size: int, rate: float, clip: float, squares: float = SQUARES) -> None:
+        """For C climbers; ``squares`` is beta_2, by which the mean of squares forgets."""
+        self.rate, self.clip, self.squares = rate, clip, squares
         shape = (climbers, size)
         self.arrays = {"mean": np.zeros(shape), "square": np.zeros(shape), "count": np.zeros((climbers, 1))}
 
@@ -59,14 +60,14 @@ class Adam(StepRule):
         slope = slope * (self.clip / np.maximum(_length(slope), self.clip))
         new = {
             "mean": MOMENTUM * self.arrays["mean"] + (1 - MOMENTUM) * slope,
-            "square": SQUARES * self.arrays["square"] + (1 - SQUARES) * slope**2,
+            "square": self.squares * self.arrays["square"] + (1 - self.squares) * slope**2,
             "count": self.arrays["count"] + 1,
         }
         for name, values in new.items():
             self.arrays[name] = np.where(climbers[:, None], values, self.arrays[name])
         count = np.maximum(self.arrays["count"], 1.0)
         mean = self.arrays["mean"] / (1 - MOMENTUM**count)
-        square = self.arrays["square"] / (1 - SQUARES**count)
+        square = self.arrays["square"] / (1 - self.squares**count)
         return np.where(free, self.rate * mean / (np.sqrt(square) + SMALL), 0.0)
 
 

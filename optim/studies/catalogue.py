@@ -33,6 +33,7 @@ STUDIES: Registry[Study] = Registry(
         "universal-control": "optim.studies.beyond.body_and_learning.universal:STUDY",
         "forgetting": "optim.studies.beyond.forgetting.study:STUDY",
         "light-seeking": "optim.studies.beyond.light_seeking:STUDY",
+        "uncertain-walking": "optim.studies.beyond.uncertain_walking:STUDY",
         "sense-and-switch": "optim.studies.beyond.sense_and_switch.study:STUDY",
         "robust-gaits": "optim.studies.beyond.robust_gaits:STUDY",
         "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",

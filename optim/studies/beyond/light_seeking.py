@@ -39,9 +39,13 @@ WARM_UP = 3  # seed of the point that has the kernels compiled
 WIDEST = 60.0  # degrees to either side of the way ahead
 NEAR, FAR = 0.06, 0.1  # distance of held-out lights [m]; those of training are half way
 OBJECTIVE = ("mean", "minimise:remaining")
+NES = {"population": 16, "random_mean": True, "sigma": 0.1}
+STOCHASTIC = {"minibatch_size": 2, "moves": 350, "learning_rate": 0.008, "clip": 0.1}
 ARMS = {
     "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "candidates": 16, "patience": 30}, True),
-    "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
+    "stochastic": Arm("stochastic ascent, 2 lights a move", "stochastic", STOCHASTIC, True),
+    "nes": Arm("NES", "nes", NES),
+    "nes-minibatch": Arm("NES, 2 lights a generation", "nes", {**NES, "minibatch_size": 2}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
 }
 COLUMNS: dict[str, Kind] = {
