@@ -36,7 +36,7 @@ def test_a_function_is_maximised_in_one_call():
     assert repr(found).startswith("best score -0.0000 after 1220 evaluations: x 0.5")
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "stochastic"])  # a function has one world
 def test_every_method_gives_the_same_bits_again(method):
     bounds = {name: each for name, each in BOUNDS.items() if method not in ("gradient", "race") or name != "n"}
     best = np.array([BEST[list(BOUNDS).index(name)] for name in bounds])

@@ -16,13 +16,13 @@ import contextlib
 import json
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from optim.problem import Evaluation, Request
+from optim.problem import Evaluation, Minibatch, Request
 from optim.runs.environment import cpu_model, versions
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Raised
@@ -185,6 +185,7 @@ def packed_request(request: Request, search: str) -> tuple[str, bytes]:
             "search": np.array(search),
             "wants": np.array(request.wants),
             "sharpness": np.array(request.sharpness, float),
+            "minibatch": np.array(astuple(request.minibatch) if request.minibatch else (), np.int64),
             "points": request.points,
         }
     )
@@ -200,7 +201,8 @@ def unpacked_request(content: bytes) -> tuple[str, Request]:
     try:
         found = files.unpack(content)
         wants: Any = str(found["wants"])
-        return str(found["search"]), Request(found["points"], wants, float(found["sharpness"]))
+        minibatch = Minibatch(*found["minibatch"].tolist()) if found["minibatch"].size else None
+        return str(found["search"]), Request(found["points"], wants, float(found["sharpness"]), minibatch)
     except files.UNREADABLE as error:
         raise ValueError(files.why_unread(error)) from None
 

@@ -19,10 +19,10 @@ SPACE = Space(
     )
 )
 RELAXABLE = Space((*SPACE.variables[:2], Variable("n", 0, 1, "binary")))
-SPACES = {"gradient": RELAXABLE, "race": RELAXABLE}  # of the others SPACE
+SPACES = dict.fromkeys(("gradient", "race", "stochastic"), RELAXABLE)  # of the others SPACE
 BEST = np.array([1.0, 30.0, 1.0])
 SCALE = np.array([10.0, 90.0, 8.0])
-INDEPENDENT = [n for n, m in METHODS.items() if issubclass(m, IndependentSearches) and n != "race"]  # who races, looks
+INDEPENDENT = [n for n, m in METHODS.items() if issubclass(m, IndependentSearches) and n not in ("race", "stochastic")]
 methods = pytest.mark.parametrize("name", METHODS)
 independent = pytest.mark.parametrize("name", INDEPENDENT)
 
@@ -234,7 +234,7 @@ def test_an_evaluation_holds_no_number_that_did_not_succeed(objectives):
 @pytest.mark.parametrize("name", METHODS)
 def test_every_setting_has_a_default_that_is_allowed(name):
     settings = default_settings(name)
-    assert settings[size_of(name)] == {"race": 8}.get(name, 60) and settings["seed"] == 0
+    assert settings[size_of(name)] == {"race": 8, "stochastic": 1}.get(name, 60) and settings["seed"] == 0
     assert same(build(name, **settings), build(name))
 
 
