@@ -21,6 +21,7 @@ from optim.problems.robot_designing import RobotDesigning, subject_of
 from optim.problems.uncertain import (
     Trials,
     check_drawn,
+    check_part,
     checked_uncertain,
     held_out_products,
     mean_outcome,
@@ -144,16 +145,12 @@ class JudgedRobot(RobotDesigning):
         Raises:
             ValueError: if there is nothing to choose from; and for a single world or draw, of which there is no worst.
         """
-        what, count = ("draws", self.draws) if self.uncertain else ("worlds", len(self.tried_in))
-        if count == 1:
-            raise ValueError(
-                f"minibatch_size: {size} is not allowed with one world of which nothing is uncertain; give several "
-                f"{KINDS[self.robot_kind].world_option}s, or uncertain, or leave it out"
-            )
         word = self.objective if isinstance(self.objective, str) else self.objective[0]
-        worst = self.risk if self.uncertain else word
-        if size == 1 and worst not in ("mean", "each"):
-            raise ValueError(f"minibatch_size: 1 is not allowed with {worst} of several {what}; give at least 2")
+        option = KINDS[self.robot_kind].world_option
+        if self.uncertain:
+            check_part(size, "draws", self.draws, self.risk, option)
+        else:
+            check_part(size, "worlds", len(self.tried_in), word, option)
 
     def in_minibatch(self, minibatch: Minibatch) -> "JudgedRobot":
         """The problem in a few of the draws, each in all worlds; or worlds, if nothing is uncertain."""

@@ -61,6 +61,28 @@ def check_drawn(robot: Robot, worlds: Sequence[World], uncertain: str, draws: in
         Uncertainty.parse(uncertain).check(robot, world)
 
 
+def check_part(size: int, what: str, count: int, over: str, option: str) -> None:
+    """Refuse minibatches of a single world of which nothing is drawn, and the worst of a single one.
+
+    Args:
+        size: of a minibatch.
+        what: ``"draws"`` or ``"worlds"``, of which it has some.
+        count: how many there are.
+        over: how scores in several become one.
+        option: what worlds are called.
+
+    Raises:
+        ValueError: for these.
+    """
+    if count == 1:
+        raise ValueError(
+            f"minibatch_size: {size} is not allowed with one world of which nothing is uncertain; give several "
+            f"{option}s, or uncertain, or choose another method"
+        )
+    if size == 1 and over not in ("mean", "each"):
+        raise ValueError(f"minibatch_size: 1 is not allowed with {over} of several {what}; give at least 2")
+
+
 @dataclass(frozen=True, eq=False)
 class Trials:
     """Where a robot is tried: in its worlds; as they are in each of K draws, if something is uncertain.

@@ -19,6 +19,7 @@ SINGLE = (
     "studies/test_evolving_bodies.py",
     "studies/test_light_seeking.py",
     "studies/test_tasks_study.py",
+    "studies/test_uncertain_walking.py",
     "view/test_lattice_states.py",
     "view/test_motion.py",
     "view/test_paraview.py",

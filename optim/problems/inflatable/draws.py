@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.timing import predicted_steps
 from robots.uncertainty import Perturbation, Risk, Uncertainty
 from robots.world import Terrain, friction_of_parts
-from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.arrays import Floats, Indices, Ints
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +109,12 @@ class UncertainDraws(Draws):
     def drawn(self) -> list[Perturbation]:
         """What is drawn, one for each copy of a robot."""
         return self.uncertainty.draw(self.count, actuators=BLADDERS)
+
+    def part(self, rows: Indices) -> Self:
+        """Some of the draws, by number."""
+        some = dataclasses.replace(self, count=len(rows))
+        object.__setattr__(some, "drawn", [self.drawn[row] for row in rows])
+        return some
 
     def copies(self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation) -> Copies:
         """The copies of N designs on a terrain, as drawn."""

@@ -7,6 +7,7 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
@@ -15,13 +16,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from optim.problem import OK, Evaluation
+from optim.problem import OK, Evaluation, Minibatch
 from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
 from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
 from optim.problems.robot_designing import subject_of
-from optim.problems.uncertain import held_out_products
+from optim.problems.uncertain import check_part, held_out_products
 from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
@@ -319,10 +320,36 @@ class GaitProblem(GaitSettings):
         judged, by_points = drawn.judged(speeds, slopes)
         return judged, drawn.first_failure(result.status), by_points
 
+    def check_minibatch(self, size: int) -> None:
+        """Refuse minibatches in which the objective is another one, before any work.
+
+        Raises:
+            ValueError: with ``ladder``, which compares terrains; and see ``check_part``.
+        """
+        if self.ladder and not self.uncertain:
+            raise ValueError(f"minibatch_size: {size} is not allowed with ladder, which compares terrains")
+        if self.uncertain:
+            check_part(size, "draws", self.draws, self.risk, "terrain")
+        else:
+            check_part(size, "worlds", len(self.terrains), "mean", "terrain")
+
+    def in_minibatch(self, minibatch: Minibatch) -> "GaitProblem":
+        """The problem in a few of the draws, each on all terrains; or terrains, if nothing is uncertain."""
+        if not self.uncertain:
+            return dataclasses.replace(self, terrains=tuple(self.terrains[n] for n in minibatch.of(len(self.terrains))))
+        part = copy(self)
+        object.__setattr__(part, "_all_draws", self._all_draws.part(minibatch.of(self.draws)))
+        return part
+
+    @cached_property
+    def _all_draws(self) -> UncertainDraws:
+        """Those of what is uncertain."""
+        return UncertainDraws(self.draws, uncertainty=Uncertainty.parse(self.uncertain), risk=Risk.parse(self.risk))
+
     def _draws(self, relaxed: bool) -> Draws:
         """Over which gaits are judged."""
         if self.uncertain:
-            return UncertainDraws(self.draws, uncertainty=Uncertainty.parse(self.uncertain), risk=Risk.parse(self.risk))
+            return self._all_draws
         return Draws(self.draws, self.noise, self.friction_spread) if relaxed else Draws()
 
     def robot_steps(

@@ -146,9 +146,27 @@ def test_freeform_robots_are_designed_under_uncertainty_and_resume_to_the_bit(mo
     assert 'risk = "worst"' in (tmp_path / "runs/a/config.toml").read_text()
 
 
+@pytest.mark.kernels
+def test_a_search_that_meets_few_draws_at_a_time_resumes_to_the_bit(morpholab, tmp_path):
+    line = f"codesign {FREEFORM} --uncertain friction=20%,slope=1 --draws 3 --method stochastic"
+    settings = "--set candidates=2 --set moves=4 --set judging=2"
+    code, out, error = morpholab(f"{line} {settings} --generations 8 --out runs/a")
+    assert code == 0, error
+    assert "flat: speed over 64 held-out draws: mean " in out
+    assert morpholab(f"{line} {settings} --generations 3 --out runs/b")[0] == 0
+    assert morpholab("codesign --resume --generations 8 --out runs/b --quiet --threads 1")[0] == 0
+    assert log(tmp_path / "runs/a") == log(tmp_path / "runs/b")
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ("--method stochastic", "minibatch_size: 1 is not allowed with one world of which nothing is uncertain; give"),
+        ("--set minibatch_size=2 --method nes", "minibatch_size: 2 is not allowed with one world of which nothing"),
+        (
+            "--uncertain friction=20% --risk worst --method stochastic",
+            "minibatch_size: 1 is not allowed with worst of several draws; give at least 2",
+        ),
         (
             "--uncertain sliding=10%",
             "sliding=0.1 is not allowed; freeform robot has no sliding feet to draw",

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from optim import maximise
 from optim.problem import Evaluation, Minibatch, Problem, Request, judge
 from optim.problems.braitenberg import VehicleProblem
+from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.robot import RobotProblem
 from optim.runs.workers.folder_files import packed_request, unpacked_request
 from optim.search import StochasticAscent, build_method
@@ -200,6 +201,21 @@ def test_vehicles_are_judged_in_a_few_environments():
     problem.check_minibatch(1)
     with pytest.raises(ValueError, match="minibatch_size: 1 is not allowed with objectives 'environments'; choose tot"):
         VehicleProblem(objectives="environments").check_minibatch(1)
+
+
+@pytest.mark.kernels
+def test_gaits_of_the_inflatable_robot_are_judged_in_a_few_draws():
+    uncertain = {"uncertain": "friction=20%,levels=5%", "draws": 4}
+    problem = GaitProblem(
+        (Terrain(5.0),), columns=1, encoding="graded", geometry="small", steps=2000, threads=1, **uncertain
+    )
+    points = problem.space.sample(np.random.default_rng(3), 2)
+    whole = problem.evaluate(points)
+    parts = [problem.in_minibatch(Minibatch(2, n, 9)).evaluate(points) for n in range(2)]
+    assert (whole.status == "ok").all() and not np.array_equal(parts[0].objectives, parts[1].objectives)
+    assert np.mean([part.objectives for part in parts], axis=0) == pytest.approx(whole.objectives, rel=1e-9)
+    with pytest.raises(ValueError, match="minibatch_size: 1 is not allowed with one world of which nothing is uncerta"):
+        GaitProblem((Terrain(),), columns=1).check_minibatch(1)
 
 
 def test_where_there_is_nothing_to_choose_from_it_says_so():
