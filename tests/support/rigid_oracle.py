@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from taichi_sim.rigid import Hinge
 
 COMPLIANCE, ROUNDING = 2e-9, 1e-12  # s/kg, of normals, as in the engine in f64
+REPETITIONS = 8  # of friction in its cone
 
 
 def complementarity(matrix, right, low, high):
@@ -142,8 +143,8 @@ class Oracle:
         (rates, low, high), normals = demands, np.arange(len(rows) - len(slides), len(rows))
         soft = COMPLIANCE * (np.arange(len(rows)) >= len(rows) - len(slides))
         free = slice(6 * self.tree.fixed, None)
-        strength = np.zeros(len(slides))
-        for phase in range(1 if not slides else 2 if np.isinf(self.world.friction) else 8):
+        strength, self.excess = np.zeros(len(slides)), 0.0
+        for phase in range(1 if not slides else 2 if np.isinf(self.world.friction) else REPETITIONS):
             inertia = matrix + sum(s * motion.T @ motion for s, (motion, _) in zip(strength, slides, strict=True))
             drive = right + sum(s * motion.T @ slip for s, (motion, slip) in zip(strength, slides, strict=True))
             inverse = np.zeros_like(matrix)
@@ -152,11 +153,19 @@ class Oracle:
             impulses = complementarity(system, rates - rows @ inverse @ drive, low, high)
             u = inverse @ (drive + rows.T @ impulses)
             speeds = np.array([np.linalg.norm([*(motion @ u - slip), 1e-6]) for motion, slip in slides])
+            most = self.world.time_step / self.world.slip
+            if np.isinf(self.world.friction):
+                strength = np.where(impulses[normals] > 0, most, 0.0)
+                continue
+            largest = self.world.friction * np.maximum(impulses[normals], 0)
+            lawful = np.minimum(largest / speeds, most)  # no more than the cone allows at the speed that is left
+            self.excess = float(np.abs(strength - lawful).max(initial=0.0) / most)
             if phase == 0:
-                strength = most = np.where(impulses[normals] > 0, self.world.time_step / self.world.slip, 0.0)
-                free_speeds = speeds
-            elif np.isfinite(self.world.friction):
-                largest = self.world.friction * impulses[normals]
-                slowed = np.maximum(free_speeds / speeds - 1, 0) / np.maximum(strength, 1e-20)
-                strength = np.minimum(largest / np.maximum(free_speeds - largest * slowed, 1e-20), most)
+                strength, free_speeds = lawful, speeds
+                continue
+            slide = (strength > 0) & (strength < most)
+            together = largest[slide].sum() / max((strength * speeds)[slide].sum(), 1e-20)
+            share = np.where(strength < most, together, largest / np.maximum(strength * speeds, 1e-20))
+            left = np.where(strength > 0, free_speeds - share * np.maximum(free_speeds - speeds, 0), speeds)
+            strength = np.minimum(largest / np.maximum(left, 1e-20), most)
         return u

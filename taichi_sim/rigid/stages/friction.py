@@ -1,10 +1,12 @@
 """Friction of points on the ground.
 
 Viscous slip: a horizontal impulse of -(h / slip) v, v the point's velocity at the end of the step, without any cone
-(ODE with mu = infinity and slip1 = slip2). With a coefficient of friction the strength falls where the impulse would
-exceed mu times the normal one; inside the cone the point creeps at slip times the force. That strength is found by
-repetition: friction of strength c slowed the point from u to v, so that an impulse takes (u / v - 1) / c times itself
-off its speed; the largest impulse, P, leaves u - P (u / v - 1) / c, and has the strength P over that.
+(ODE with mu = infinity and slip1 = slip2). With a coefficient of friction the strength c of a point, which gives it the
+impulse c v, falls where that would exceed the largest one, P = mu times the normal one; inside the cone the point
+creeps at slip times the force. The strength P / v is found by repetition: friction slowed the point from u to v with
+impulses whose sum over all points that slide was F, and that of their P is what they should have been, so the next
+speed is u - (P / F) (u - v). A sum, as friction that pitches a body loads some of its points and takes the load off
+others, which says nothing of how they will be slowed together. A point that held may slide: it counts by itself.
 """
 
 from typing import Any
@@ -27,31 +29,62 @@ def axes_of(robots: Block, point: Any) -> spatial.Axes:
     return None if robots.ground is None else spatial.tangents(row(robots, point + slots.NORMAL, 3))
 
 
+@primitive
+def sliding_speed(robots: Block, point: Any, body: Any, push_out: Any) -> Any:
+    """How fast a point slides on the ground."""
+    y = row(robots, body + slots.VELOCITY, 6)
+    of_tree = spatial.plus(y[3:], spatial.cross(y[:3], row(robots, point + slots.AT, 3)))
+    moving = spatial.minus_times(of_tree, row(robots, body + slots.DRIFT, 3), push_out)
+    sliding = spatial.along(axes_of(robots, point), moving)
+    return sqrt(sliding[0] * sliding[0] + sliding[1] * sliding[1] + _SLOWEST)
+
+
+@primitive
+def largest_impulse(robots: Block, point: Any, phase: Any) -> Any:
+    """The largest impulse of friction that the cone allows a point that pushed as it did in the last phase."""
+    largest = setting(robots, slots.FRICTION) * read(robots, point + slots.IMPULSES + ti.min(phase, 1))
+    return largest * read(robots, point + slots.ROUGHNESS) if robots.uneven else largest
+
+
 @ti.func
-def rub(robots: ti.template(), count, phase):
-    """The strength of each point's friction in the next phase: those rub that push without friction."""
-    strength, friction = setting(robots, slots.SLIP_STRENGTH), setting(robots, slots.FRICTION)
-    push_out = setting(robots, slots.PUSH_OUT)
+def allowed_share(robots: ti.template(), count, phase):
+    """What the cones allow points that slide, all together, over the impulses that they had in the last phase."""
+    strength, push_out = setting(robots, slots.SLIP_STRENGTH), setting(robots, slots.PUSH_OUT)
+    allowed = 0.0 * read(robots, slots.RESIDUAL)
+    had = allowed + _LEAST
     for n in range(count):
         _i, b, point = listed_point(robots, n)
-        body = body_at(robots, b)
+        before = read(robots, point + slots.RUBS)
+        slides = (before > 0.0) & (before < strength)
+        impulse = before * sliding_speed(robots, point, body_at(robots, b), push_out)
+        allowed = allowed + select(slides, largest_impulse(robots, point, phase), 0.0 * before)
+        had = had + select(slides, impulse, 0.0 * before)
+    return allowed / had
+
+
+@ti.func
+def rub(robots: ti.template(), count, phase):
+    """The strength of each point's friction in the next phase: those rub that push."""
+    strength, friction = setting(robots, slots.SLIP_STRENGTH), setting(robots, slots.FRICTION)
+    push_out = setting(robots, slots.PUSH_OUT)
+    together = 0.0 * read(robots, slots.RESIDUAL)
+    if friction < ENDLESS and phase > 0:
+        together = allowed_share(robots, count, phase)
+    for n in range(count):
+        _i, b, point = listed_point(robots, n)
         pushes = read(robots, point + slots.IMPULSES) > 0.0
         most = 0.0 * read(robots, point) + strength
         if friction < ENDLESS:
-            y = ti.static(row(robots, body + slots.VELOCITY, 6))
-            of_tree = ti.static(spatial.plus(y[3:], spatial.cross(y[:3], row(robots, point + slots.AT, 3))))
-            moving = ti.static(spatial.minus_times(of_tree, row(robots, body + slots.DRIFT, 3), push_out))
-            axes = ti.static(axes_of(robots, point))
-            sliding = ti.static(spatial.along(axes, moving))
-            speed = sqrt(sliding[0] * sliding[0] + sliding[1] * sliding[1] + _SLOWEST)
+            speed = sliding_speed(robots, point, body_at(robots, b), push_out)
+            largest = largest_impulse(robots, point, phase)
             if phase == 0:
                 write(robots, point + slots.SLIDES, speed)
-            else:
-                free = read(robots, point + slots.SLIDES)
-                largest = friction * read(robots, point + slots.IMPULSES + 1)
-                if ti.static(robots.uneven):
-                    largest = largest * read(robots, point + slots.ROUGHNESS)
-                before = larger(read(robots, point + slots.RUBS), 0.0 * free + _LEAST)
-                slowed = larger(free / speed - 1.0, 0.0 * free) / before
-                most = smaller(largest / larger(free - largest * slowed, 0.0 * free + _LEAST), most)
+            free, before = read(robots, point + slots.SLIDES), read(robots, point + slots.RUBS)
+            alone = largest / larger(before * speed, 0.0 * speed + _LEAST)
+            share = select(before < strength, 0.0 * alone + together, alone)
+            left = free - share * larger(free - speed, 0.0 * free)
+            # Without friction so far nothing tells how much it slows: it leaves no more than the speed.
+            left = select((before > 0.0) & (phase > 0), left, speed)
+            most = smaller(largest / larger(left, 0.0 * left + _LEAST), most)
+            pushes = largest > 0.0
         write(robots, point + slots.RUBS, select(pushes, most, 0.0 * most))

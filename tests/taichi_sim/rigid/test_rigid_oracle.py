@@ -21,12 +21,13 @@ def disagreement(robot, world, commands, steps=STEPS, start=None):
     tree = robot.tree()
     engine = RigidEngine(tree, world, robot.senses(), precision="f64", threads=1)
     found = engine.run(steps, commands=commands[None], start=start, record_every=1)
-    oracle, worst = Oracle(tree, world, start or engine.rest()), 0.0
+    oracle, worst, beyond = Oracle(tree, world, start or engine.rest()), 0.0, 0
     for step in range(steps + 1):
         ours = np.append(found.frames.position[step, 0], found.frames.angles[step, 0])
         worst = max(worst, np.abs(ours - np.append(oracle.position, oracle.angles)).max())
         oracle.step(commands[min(step, len(commands) - 1)])
-    assert found.residual[0] == 0
+        beyond += oracle.excess > 0.01
+    assert found.residual[0] == 0 and beyond <= 0.2 * steps
     return worst
 
 
@@ -48,7 +49,10 @@ def test_the_engine_is_its_dense_oracle_to_1e_9_over_200_steps(robot, case, inte
 
 @pytest.mark.parametrize(("friction", "tolerance"), [(np.inf, 1e-10), (0.4, 1e-6)])
 def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_commands(friction, tolerance):
-    """Stops, torque limits, flight and landings on any side; Coulomb's cone, cut off after few repetitions."""
+    """Stops, torque limits, flight and landings on any side.
+
+    Coulomb's cone is found in eight repetitions: in all but some steps, of impacts, to 1 % of what holds a point.
+    """
     rng = np.random.default_rng(3)
     for _ in range(4):
         turn = rng.normal(size=(1, 4))

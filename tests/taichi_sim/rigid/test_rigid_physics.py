@@ -244,6 +244,42 @@ def test_with_a_coefficient_of_friction_a_plate_stops_after_v_over_mu_g(integrat
     assert np.abs(speeds - expected).max() < 1e-4 and np.abs(speeds[68:]).max() < 1e-7
 
 
+SLIDERS = {
+    "plate": [Box((0.4, 0.4, 0.02))],
+    "small plate": [Box((0.2, 0.2, 0.02))],
+    "block": [Box((0.2, 0.2, 0.1))],
+    "feet": [Sphere(0.02, (x, y, -0.03)) for x in (-0.1, 0.1) for y in (-0.1, 0.1)],
+}
+
+
+@BOTH
+@pytest.mark.parametrize("slip", [1e-5, 1e-2])
+@pytest.mark.parametrize("name", SLIDERS)
+def test_friction_stays_in_its_cone_where_it_makes_a_body_pitch(integration, slip, name):
+    """Friction below the middle loads the points in front and takes the load off those behind."""
+    solids = SLIDERS[name]
+    height = 0.05 if name == "feet" else solids[0].size[2] / 2
+    tree = Tree([Body("slider", (0, 0, height), 1.0, solids, np.eye(3) * 0.004)])
+    world = World(0.01, -GRAVITY, slip=slip, friction=0.3, integration=integration)
+    found = simulate(tree, world, 40, moving(tree, (0, 0, 0, 2.0, 0, 0)))
+    speeds = np.diff(found.frames.position[:, 0, 0]) / world.time_step
+    assert np.abs(speeds[5:] - (2.0 - 0.3 * GRAVITY * world.time_step * np.arange(6, 41))).max() < 5e-3
+
+
+@BOTH
+@pytest.mark.parametrize(("degrees", "slides"), [(14.0, False), (20.0, True), (35.0, True)])
+def test_a_block_slides_where_the_ground_is_steeper_than_its_friction(integration, degrees, slides):
+    angle = np.radians(degrees)
+    tree = Tree([Body("block", (0, 0, 0.05), 1.0, [Box((0.2, 0.2, 0.1))])])
+    across = (GRAVITY * np.sin(angle), 0.0)
+    about = {"gravity_across": across, "integration": integration}
+    world = World(0.01, -GRAVITY * np.cos(angle), slip=1e-4, friction=0.3, **about)
+    found = simulate(tree, world, 100)
+    moved = found.frames.position[-1, 0, 0]
+    expected = GRAVITY * (np.sin(angle) - 0.3 * np.cos(angle)) / 2 if slides else 0.0
+    assert moved == pytest.approx(expected, rel=0.02, abs=1e-3)
+
+
 # resting, stops, motors, welds
 
 
