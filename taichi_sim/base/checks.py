@@ -132,7 +132,7 @@ def numbers(field: str, value: object, *shape: int | str) -> Floats:
     """
     wanted = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
     try:
-        found = np.array(value, float)
+        found = np.array(value, float, order="C")  # rounding depends on the order in which numbers lie
         if np.asarray(value).dtype.kind in "SU":
             raise TypeError("a text is no number, whatever it says")
     except (TypeError, ValueError, OverflowError):

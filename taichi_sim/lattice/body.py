@@ -21,7 +21,7 @@ def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np
         raise ValueError(f"{name}: shape {given.shape} is not allowed; it must be {wanted}")
     if given.dtype.kind == "f" and not np.all(np.isfinite(given) & (given == np.round(given))):
         raise ValueError(f"{name}: only whole numbers are allowed")
-    result: np.ndarray = given.astype(dtype)
+    result: np.ndarray = given.astype(dtype, order="C")  # rounding depends on the order in which numbers lie
     result.setflags(write=False)
     return result
 

@@ -13,6 +13,7 @@ from optim.problems.objectives import OBJECTIVES, RobotObjective
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
+from robots.lattice_robot.offered import light_seeker
 from robots.robot import Measure, Outcome, Parameter, Place, Robot
 from robots.world import Terrain
 
@@ -191,3 +192,14 @@ def test_descriptions_say_goals_and_old_ones_are_as_they_were():
     assert told == (
         "0.5 × speed along its heading (BL/s) minus work of the muscles in the last cycle (J) in the worst world"
     )
+
+
+@pytest.mark.kernels
+def test_a_problem_that_is_read_again_judges_to_the_same_bits():
+    """Also where a body was made from an array in another order: what a search goes on with is read from its folder."""
+    worlds = (Terrain(light=(0.1, 0.04)),)
+    made = RobotProblem(light_seeker(1), worlds, objective=("mean", "minimise:remaining"), threads=1)
+    again = RobotProblem.from_description(json.loads(json.dumps(made.describe())))
+    points = made.space.sample(np.random.default_rng(1), 8)
+    assert np.array_equal(made.evaluate(points).objectives, again.evaluate(points).objectives)
+    assert all(body.voxels.flags.c_contiguous for body in (made.robot.body, again.robot.body))
