@@ -20,8 +20,8 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, number
 
 RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
-_RESOLUTION = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
-_LEVEL_RESOLUTION = 6  # and of a level
+PRESSURE_DECIMALS = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
+LEVEL_DECIMALS = 6  # and of a level
 
 
 def _each_actuator(field: str, value: Any) -> tuple[float, ...]:
@@ -89,12 +89,12 @@ class LineMap:
         """
         given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
         told = given[:, :-ROWS].T if given.shape[1] > ROWS + 1 else given[:, 0]
-        core = np.round(np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa, _RESOLUTION)
+        core = np.round(np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa, PRESSURE_DECIMALS)
         if self.ramp_pa > 0:
             low = np.interp(told, self._ramp, (0.0, self.ramp_pa))
-            core = np.where(told < self._ramp[1], np.round(low, _RESOLUTION), core)
+            core = np.where(told < self._ramp[1], np.round(low, PRESSURE_DECIMALS), core)
         levels = (given[:, -ROWS:] - off) / (np.array(self.on_kpa) - off)
-        return core, np.round(np.clip(levels, 0.0, 1.0), _LEVEL_RESOLUTION).T
+        return core, np.round(np.clip(levels, 0.0, 1.0), LEVEL_DECIMALS).T
 
     def told(self, pressures: ArrayLike) -> Self:
         """This map without its ramp if no pressure of the core [Pa] lies on it, as earlier versions read it, too."""

@@ -182,7 +182,7 @@ def _events(
 def _follow(events: RobotEvents, table: GaitTable, lines: Floats, steps: Ints, begin: int, dt: float) -> None:
     """Write what the robot feels while L lines have these pressures [kPa], shape (S, L), at steps, shape (S,)."""
     a = events.actuation
-    core, levels = table.line_map.simulated(lines)
+    core, levels = table.simulated(lines)
     bodies = len(events.cores)
     if core.ndim == 2 and len(core) != bodies:
         raise ValueError(f"table: {len(core)} lines for cores are not allowed; the body has {bodies}, see --geometry")

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from robots.hardware.line_map import LineMap
+from robots.hardware.line_map import LEVEL_DECIMALS, PRESSURE_DECIMALS, LineMap
 from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.inflatable.body import PUBLISHED
@@ -93,6 +94,21 @@ class GaitTable(RigTable):
             *(("clipped", line) for line in self.clipped),
         ]
 
+    def simulated(self, lines: ArrayLike) -> tuple[Floats, Floats]:
+        """Core pressures [Pa] and levels that lines play, as :meth:`LineMap.simulated`; of the design the very numbers.
+
+        A table has nine digits: what its rows tell is taken for the design's number that is written so.
+        """
+        core, levels = self.line_map.simulated(lines)
+        schedule = self.design.schedule
+        pressures = [np.ravel(self.design.pressure)]
+        if schedule.core_pressure is not None:
+            pressures.append(np.ravel(schedule.core_pressure))
+        return (
+            _exact(core, np.concatenate(pressures), PRESSURE_DECIMALS),
+            _exact(levels, np.ravel(schedule.levels), LEVEL_DECIMALS),
+        )
+
     def played(self) -> InflatableDesign:
         """What the rows play, by the inverse of the map.
 
@@ -106,7 +122,7 @@ class GaitTable(RigTable):
         """
         last = np.append(np.flatnonzero(np.diff(self.states)), len(self.states) - 1)
         lines = self.pressures[last] * KPA_PER_UNIT[self.units]
-        told_core, levels = self.line_map.simulated(lines[:-1])  # the last state vents
+        told_core, levels = self.simulated(lines[:-1])  # the last state vents
         core = np.atleast_2d(told_core)
         given = self.design.schedule
         if given.skip_idle:
@@ -144,6 +160,14 @@ class GaitTable(RigTable):
             arrival = begin + (on_the_way[-1] + 1 if on_the_way.size else 0)
             found.append(np.diff(self.times[[begin, arrival, end]]))
         return np.round(np.array(found) / TIME_STEP).astype(int)
+
+
+def _exact(found: Floats, known: Floats, decimals: int) -> Floats:
+    """Rounded numbers, with those that are a known number's replaced by it."""
+    known = np.unique(known)
+    rounded = np.round(known, decimals)
+    place = np.minimum(np.searchsorted(rounded, found), len(known) - 1)
+    return np.where(rounded[place] == found, known[place], found)
 
 
 def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:
