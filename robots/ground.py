@@ -6,6 +6,7 @@ A ground is a function of the place, the same everywhere and for every robot; ro
 
 import io
 import math
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import numpy as np
 
 from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import UNREADABLE, array_of, content_of
+from taichi_sim.base.files import UNREADABLE, array_of, content_of, sha256, why_unread
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
@@ -131,6 +132,7 @@ SIGNED = ("DEGREES", "START", "LEVEL")  # numbers that may be negative
 POSITIVE = ("SIZE", "RUN", "LENGTH", "WIDTH", "YIELD", "DENSITY")
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FILES = (".npy", *IMAGES)
+_OF_FILE = re.compile(rf"(.*(?:{'|'.join(map(re.escape, FILES))}))(?::(.*))?", re.IGNORECASE | re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -186,10 +188,36 @@ class Ground:
 
     @property
     def _parts(self) -> list[str]:
-        """What the text names, one by one; names of files may have a plus."""
-        parts = self.text.split("+")
-        last = next((n for n, part in enumerate(parts) if part.partition(":")[0] in COVERS), len(parts))
-        return [*(["+".join(parts[:last])] if last else []), *parts[last:]]
+        """What the text names, one by one."""
+        return _parts_of(self.text)
+
+    @property
+    def file(self) -> str | None:
+        """The file of its heights; None for ground that is made from numbers."""
+        found = _OF_FILE.fullmatch(self.solid)
+        return found[1] if found else None
+
+    def check_file(self) -> None:
+        """Refuse a file that is missing, before any work; what only tells of a ground needs none.
+
+        Raises:
+            ValueError: if there is none.
+        """
+        if self.file is not None and not Path(self.file).is_file():
+            raise ValueError(f"terrain: {self.file!r} is no file")
+
+    @property
+    def checksum(self) -> str | None:
+        """SHA-256 of the file of its heights; None without a file.
+
+        Raises:
+            ValueError: if the file is missing or cannot be read.
+        """
+        self.check_file()
+        try:
+            return None if self.file is None else sha256(content_of(self.file))
+        except OSError as error:
+            raise ValueError(f"terrain: {self.file!r} cannot be read ({why_unread(error)})") from None
 
     def _cover(self, kind: str) -> tuple[float, ...]:
         """The numbers of what is on the ground; none without."""
@@ -200,13 +228,12 @@ class Ground:
         """The kind, or None for a file, and its numbers.
 
         Raises:
-            ValueError: for any other text, numbers that are not allowed, and files that are none.
+            ValueError: for any other text, and numbers that are not allowed.
         """
         if not self.solid:
             return LEVEL, ()
-        kind, _, given = self.solid.rpartition(":")
-        if Path(kind).suffix.lower() in FILES:
-            return None, self._file_numbers(kind, given)
+        if found := _OF_FILE.fullmatch(self.solid):
+            return None, self._file_numbers(found[1], found[2] or "")
         kind = self.solid.partition(":")[0]
         if kind not in GROUNDS:
             raise ValueError(f"terrain: {self.text!r} is unknown; give {ways()}")
@@ -234,8 +261,6 @@ class Ground:
         if len(numbers) != (2 if image else 1) or min(numbers) <= 0:
             way = "FILE.png:HEIGHT,SPACING" if image else "FILE.npy:SPACING"
             raise ValueError(f"terrain: {self.text!r} is not allowed; give {way}, in metres, more than 0")
-        if not Path(file).is_file():
-            raise ValueError(f"terrain: {file!r} is no file")
         return numbers
 
     def relief(self, heading: float, edge: float) -> "Relief":
@@ -244,8 +269,8 @@ class Ground:
         Raises:
             ValueError: for ground that is too steep on a grid of half an edge, and files that are no heights.
         """
-        named, _ = self._checked()
-        changed = None if named else Path(self.solid.rpartition(":")[0]).stat().st_mtime_ns
+        self.check_file()
+        changed = None if self.file is None else Path(self.file).stat().st_mtime_ns
         return _relief(self.text, float(heading), float(edge), changed)
 
     @property
@@ -260,10 +285,15 @@ class Ground:
 
 def is_ground(text: str) -> bool:
     """Whether a name begins like that of a kind of ground, or of a file of heights."""
-    first = text.partition(":")[0]
-    return (
-        first in GROUNDS or (first in COVERS and first != text) or Path(text.rpartition(":")[0]).suffix.lower() in FILES
-    )
+    first, of_file = text.partition(":")[0], _OF_FILE.fullmatch(_parts_of(text)[0])
+    return first in GROUNDS or (first in COVERS and first != text) or of_file is not None
+
+
+def _parts_of(text: str) -> list[str]:
+    """What the name of a ground names, one by one: the ground, then what is on it; names of files may have a plus."""
+    parts = text.split("+")
+    last = next((n for n, part in enumerate(parts) if part.partition(":")[0] in COVERS), len(parts))
+    return [*(["+".join(parts[:last])] if last else []), *parts[last:]]
 
 
 def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
@@ -321,7 +351,7 @@ def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, Floats | 
     if named is not None:
         friction = named.friction and named.friction(along, across, *numbers)
         return named.make(along, across, *numbers), friction
-    table = _table(Ground(text).solid.rpartition(":")[0])
+    table = _table(str(Ground(text).file))
     *height, spacing = numbers
     if height:
         table = table * height[0]

@@ -189,6 +189,12 @@ class Terrain:
         friction = FRICTION_DRAG if self.friction_drag is None else self.friction_drag
         return half * pressure, half * friction
 
+    def _with_its_file(self) -> Self:
+        """Itself, if the file of its ground is there: who names a terrain means to use it."""
+        if self.ground is not None:
+            Ground(self.ground).check_file()
+        return self
+
     @classmethod
     def water(cls) -> Self:
         """Water, in which the robot floats."""
@@ -216,14 +222,14 @@ class Terrain:
             return dataclasses.replace(cls.parse(text), light=places[0] if places else None, props=props)
         hill, plus, ground = text.partition("+")
         if plus and (hill in ("flat", "water") or hill.partition(":")[0] == "hill"):
-            return dataclasses.replace(cls.parse(hill), ground=ground)
+            return dataclasses.replace(cls.parse(hill), ground=ground)._with_its_file()
         kind, _, degrees = text.partition(":")
         if text == "flat":
             return cls()
         if text == "water":
             return cls.water()
         if is_ground(text):
-            return cls(ground=text)
+            return cls(ground=text)._with_its_file()
         try:
             slope = float(degrees if kind == "hill" else "")
         except ValueError:

@@ -95,6 +95,10 @@ def test_sand_and_water_lie_on_ground_of_any_kind(tmp_path):
         assert relief.water is not None and (relief.water.level, relief.water.density) == (0.02, 1025.0)
         assert np.array_equal(relief.heights, Ground(solid).relief(0, EDGE).heights if solid else 0 * relief.heights)
     assert Terrain.parse("water:0.02,1025").resistance == pytest.approx((0.5 * 1025 * 1.2, 0.5 * 1025 * 0.02))
+    for text in (f"{tmp_path / 'a+b.npy'}:0.1{cover}" for cover in ("+sand:2e5", "+water:0.005", "+sand:2e5+water:0")):
+        terrain = Terrain.parse(text)
+        assert terrain == Terrain(ground=text) and Terrain.parse(f"hill:0+{text}") == terrain
+        assert Terrain.parse(f"{text}+light:0.5,0.1").ground == text
     assert Ground("rough:0.01+sand:2e5").spoken == "smooth random hills of sand (rough:0.01+sand:2e5)"
 
 
@@ -122,6 +126,11 @@ def test_every_kind_is_offered():
         ("rough:-1", "HEIGHT -1 of 'rough:-1' is not allowed; give at least 0"),
         ("stairs:0.1,0", "RUN 0 of 'stairs:0.1,0' is not allowed; give more than 0"),
         ("no.npy:0.1", "'no.npy' is no file"),
+        ("hill:5+no.npy:0.1", "'no.npy' is no file"),
+        ("no.npy:0.1+sand:2e5", "'no.npy' is no file"),
+        ("no.npy", "'no.npy' is not allowed; give FILE.npy:SPACING"),
+        ("no.png:0.1:0.2+sand:2e5", "'0.1:0.2' of 'no.png:0.1:0.2+sand:2e5' is not allowed; give at most 2 numbers"),
+        ("no.npy:0.1+sand", "'no.npy:0.1+sand' lacks YIELD; give sand:YIELD"),
         ("no.png:0.1", "'no.png:0.1' is not allowed; give FILE.png:HEIGHT,SPACING"),
         ("water+rough:0.01", "ground: rough:0.01 is not allowed in a fluid"),
         ("rough:0.01+sand", "'rough:0.01+sand' lacks YIELD; give sand:YIELD"),
@@ -135,6 +144,17 @@ def test_bad_input(text, message):
     """One line."""
     with pytest.raises(ValueError, match=message.replace("+", r"\+")):
         Terrain.parse(text)
+
+
+def test_what_tells_of_a_ground_needs_no_file(tmp_path):
+    """Records of runs are read after their file is gone; who names it, or stands on it, needs it."""
+    text = f"{tmp_path / 'gone.npy'}:0.1+water:0.01"
+    terrain = Terrain(ground=text)
+    assert Terrain(**terrain.document) == terrain and terrain.name == text and "of a file" in terrain.spoken
+    for needs in (lambda: Terrain.parse(text), lambda: Ground(text).relief(0, EDGE), lambda: Ground(text).checksum):
+        with pytest.raises(ValueError, match=r"^terrain: '.*gone\.npy' is no file$"):
+            needs()
+    assert Ground("rough:0.01").checksum is None
 
 
 def test_what_is_too_steep_or_no_table_is_refused(tmp_path):
