@@ -14,7 +14,7 @@ from optim.commands.robots import early
 from optim.problem import FILE, Objective, objectives_of, score_of
 from optim.problems import kind_of_description, kind_of_run, problem_of_run
 from optim.problems.designer import Design, Request, designer_of
-from optim.runs.config import has_run, read_config, settings_of
+from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_config, settings_of
 from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
 from robots.tasks import find_task
@@ -139,6 +139,9 @@ def plan(args: argparse.Namespace) -> Plan:
         design = Design(_problem_of_file(args, known))
     else:
         design = _robot_design(args, known, name)
+    if known:  # which may be of another seed, whose folder this one is not
+        folder = args.out if has_run(args.out) else args.out.parent
+        check_ground_files(known, getattr(design.problem, GROUND_FILES, {}), folder)
     check_objectives(name, design.problem.objective_names)
     settings = _method(args, name, design, known["method"] if known else None)
     generations = args.generations

@@ -10,7 +10,9 @@ from typing import Any, Self
 from numpy.typing import ArrayLike
 
 from optim.problem import Problem
+from robots.ground import Ground
 from robots.robot import Facts, Robot, World
+from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -42,6 +44,17 @@ class RobotDesigning(Problem):
     @abstractmethod
     def tried_in(self) -> tuple[World, ...]:
         """The worlds in which robots are tried."""
+
+    @property
+    def ground_files(self) -> dict[str, str]:
+        """SHA-256 of each file of heights on which robots are tried, by its name, as it is now.
+
+        Raises:
+            ValueError: for a file that is missing or cannot be read.
+        """
+        named = (world.ground for world in self.tried_in if isinstance(world, Terrain) and world.ground)
+        found = {ground.file: ground.checksum for ground in map(Ground, named)}
+        return {file: checksum for file, checksum in found.items() if file and checksum}
 
     @abstractmethod
     def robot_of(self, point: ArrayLike) -> Robot:

@@ -88,6 +88,8 @@ class LiveRuns:
         if number is not None and generation != str(run.last.generation):
             raise ValueError(f"member: {folder} has gone on to generation {run.last.generation}; choose again")
         point = kept_point(run.history, run.subject.problem, number)
+        if refused := run.subject.unplayable(run.history):
+            raise ValueError(refused)
         with self._simulating:
             replays = run.subject.replays(point, FRAMES, lambda *_: None)
         if not replays:

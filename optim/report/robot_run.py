@@ -26,7 +26,9 @@ from optim.report.markup import (
     table,
 )
 from optim.report.rig import rig_section
+from optim.runs.config import check_ground_files
 from optim.runs.generation import Generation
+from optim.runs.history import History
 from optim.wording import counted
 from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot
@@ -78,6 +80,10 @@ class Subject:
         """Whether a rig can play designs of this run."""
         return False
 
+    def unplayable(self, history: History) -> str:
+        """Why designs of a run cannot be tried again as it tried them, in a line; empty if they can."""
+        return ""
+
     def replays(self, point: Floats, frames: int, progress: Progress) -> list[Replay]:
         """Try a point again in each world, with about so many frames of each motion."""
         return []
@@ -114,6 +120,14 @@ class RobotSubject(Subject):
     def plays_on_rigs(self) -> bool:
         """Whether a rig can play designs of this run; the robot of any point says so."""
         return self.problem.exportable
+
+    def unplayable(self, history: History) -> str:
+        """Why designs of a run cannot be tried again: a file of its ground is missing, or not the one it began with."""
+        try:
+            check_ground_files(history.config, self.problem.ground_files, history.path)
+        except ValueError as refused:
+            return str(refused)
+        return ""
 
     def replays(self, point: Floats, frames: int, progress: Progress) -> list[Replay]:
         """Try a point again in each world, with about so many frames of each motion."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
-from optim.runs.config import identity, usual_settings
+from optim.runs.config import GROUND_FILES, identity, usual_settings
 from optim.runs.history import History, begun
 from taichi_sim.base.arrays import Floats
 
@@ -166,7 +166,10 @@ def check_comparable(histories: Sequence[History]) -> None:
     first = histories[0]
     for other in histories[1:]:
         problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
-        for name in JUDGED:
+        files = [history.config.get(GROUND_FILES) for history in (first, other)]
+        if all(files):  # runs of earlier versions do not tell
+            problems = [{**each, GROUND_FILES: told} for each, told in zip(problems, files, strict=True)]
+        for name in (*JUDGED, GROUND_FILES):
             values = [json.dumps(problem.get(name)) for problem in problems]
             if values[0] != values[1]:
                 raise ValueError(

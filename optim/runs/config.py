@@ -21,6 +21,7 @@ FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
 SECTIONS = "problem", "method", "generations"
 OBJECTIVES = "objectives"  # names and units, for readers; version 1.0 did not write them, and no result depends on them
+GROUND_FILES = "ground_files"  # checksums of files of heights, by their names; written where there are any
 SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
     GAIT: Objective("speed", "BL/s"),
     ROBOT: Objective("speed", "BL/s"),
@@ -39,6 +40,7 @@ class _Config:
     method: dict[str, Any]
     generations: Annotated[int, partial(whole_number, low=0, high=2**31 - 1)]
     objectives: list[Objective] = field(default_factory=list)
+    ground_files: dict[str, str] = field(default_factory=dict)
 
 
 def has_run(folder: Path) -> bool:
@@ -98,12 +100,18 @@ def read_config(folder: Path) -> dict[str, Any]:
 
 
 def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], generations: int) -> dict[str, Any]:
-    """Make the content of ``config.toml`` for a search of a problem by a method."""
+    """Make the content of ``config.toml`` for a search of a problem by a method.
+
+    Raises:
+        ValueError: for a file of ground that is missing or cannot be read.
+    """
+    ground_files = getattr(problem, GROUND_FILES, {})
     return {
         "problem": problem.describe(),
         "method": {"name": method, **settings},
         "generations": generations,
         OBJECTIVES: [asdict(objective) for objective in objectives_of(problem)],
+        **({GROUND_FILES: ground_files} if ground_files else {}),
     }
 
 
@@ -128,6 +136,9 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
     for name, value in asked.items():
         if not prefix and name == OBJECTIVES:  # what the folder says of them stays
             continue
+        if not prefix and name == GROUND_FILES:
+            check_ground_files(known, value, folder)
+            continue
         old = known.get(name)
         if not prefix and isinstance(old, Mapping) and isinstance(value, Mapping):
             check_same(old, value, folder, f"{name}.")
@@ -137,6 +148,23 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
             continue  # a setting that methods did not have when the run began
         elif prefix + name != "generations" and value != old:
             raise ValueError(f"{prefix}{name}: {value!r} is not what the run in {folder} has, {old!r}; leave it out")
+
+
+def check_ground_files(known: Mapping[str, Any], found: Mapping[str, str], folder: Path) -> None:
+    """Refuse files of ground that are not as they were when the run with some settings began.
+
+    Runs of earlier versions do not tell, and go on.
+
+    Raises:
+        ValueError: for the first that differs.
+    """
+    recorded = known.get(GROUND_FILES, {})
+    for file, checksum in found.items():
+        if (old := recorded.get(file, checksum)) != checksum:
+            raise ValueError(
+                f"terrain: {file} is not the file of the run in {folder} (SHA-256 {checksum[:12]}..., the run has "
+                f"{old[:12]}...); give it as it was, or start a new run"
+            )
 
 
 def usual_settings(method: Mapping[str, Any]) -> dict[str, Any]:

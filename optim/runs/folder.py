@@ -32,7 +32,16 @@ from typing import Any
 from optim.runs import checkpoint
 from optim.runs.checkpoint import CHECKPOINT, LOG, PREVIOUS, Record, State
 from optim.runs.compatibility import check_resumable
-from optim.runs.config import OBJECTIVES, SECTIONS, check_same, has_run, identity, read_config, write_config
+from optim.runs.config import (
+    GROUND_FILES,
+    OBJECTIVES,
+    SECTIONS,
+    check_same,
+    has_run,
+    identity,
+    read_config,
+    write_config,
+)
 from optim.runs.environment import differences
 from taichi_sim.base import files
 
@@ -202,7 +211,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
         resolved = known | {"generations": config.get("generations", known["generations"])}
     else:
         check_free(path)
-        told = (*SECTIONS, *({OBJECTIVES} & set(config)))
+        told = (*SECTIONS, *(name for name in (OBJECTIVES, GROUND_FILES) if name in config))
         known, resolved = {}, {name: config[name] for name in told}
         _write_json(path / ENVIRONMENT, environment)
     if resolved != known:

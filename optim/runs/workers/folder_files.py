@@ -16,7 +16,8 @@ import contextlib
 import json
 import os
 import time
-from dataclasses import astuple, dataclass
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -48,22 +49,25 @@ class Offer:
         versions: of what results depend on, where the search runs.
         processor: model of the CPU there.
         silence: time without a sign of life after which a worker has lost its part [s].
+        ground_files: checksums of the files of heights that the problem needs, by their names.
     """
 
     problem: dict[str, Any]
     versions: dict[str, str | None]
     processor: str
     silence: float
+    ground_files: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def here(cls, problem: dict[str, Any], silence: float) -> "Offer":
+    def here(cls, problem: dict[str, Any], silence: float, ground_files: Mapping[str, str] | None = None) -> "Offer":
         """The offer of a search on this machine."""
-        return cls(json.loads(json.dumps(problem)), versions(), cpu_model(), silence)
+        return cls(json.loads(json.dumps(problem)), versions(), cpu_model(), silence, dict(ground_files or {}))
 
     @property
     def digest(self) -> str:
         """Checksum of all that answers depend on."""
-        return _digest_of({"problem": self.problem, "versions": self.versions})
+        files = {"ground_files": self.ground_files} if self.ground_files else {}
+        return _digest_of({"problem": self.problem, "versions": self.versions, **files})
 
     def write(self, folder: Path) -> None:
         """Write the offer to a folder of workers."""

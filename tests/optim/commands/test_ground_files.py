@@ -1,0 +1,112 @@
+"""Runs on ground of a file: what is resumed, compared and reported when the file is another one, or gone."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+ROBOT = "--robot freeform --shape 3,2,2 --full --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet"
+SEARCH = f"codesign {ROBOT} --method random --climbers 2 --generations 1 --terrain hills.npy:0.01"
+MORE = "codesign --resume --generations 2 --threads 1 --quiet"
+
+
+@pytest.fixture(autouse=True)
+def hills(tmp_path):
+    return written(tmp_path, 0.0)
+
+
+def written(folder, height):
+    np.save(folder / "hills.npy", np.full((40, 40), height))
+    return folder / "hills.npy"
+
+
+def without_checksum(folder):
+    """The run as earlier versions began it, before its first generation."""
+    from optim.runs.config import read_config, write_config
+
+    known = read_config(folder)
+    assert list(known.pop("ground_files")) == ["hills.npy"]
+    for path in (each for each in folder.iterdir() if each.name != "environment.json"):
+        path.unlink()
+    write_config(folder, known)
+
+
+@pytest.mark.kernels
+def test_a_run_goes_on_with_the_very_file_alone(morpholab, tmp_path):
+    assert morpholab(f"{SEARCH} --out a")[::2] == (0, "")
+    assert len(tomllib.loads((tmp_path / "a/config.toml").read_text())["ground_files"]["hills.npy"]) == 64
+    before, content = (tmp_path / "a/log.jsonl").read_bytes(), (tmp_path / "hills.npy").read_bytes()
+    written(tmp_path, 0.001)
+    code, _, error = morpholab(f"{MORE} --out a")
+    assert code == 2 and error.startswith(
+        "morpholab codesign: error: terrain: hills.npy is not the file of the run in a (SHA-256 "
+    )
+    assert error.count("\n") == 1 and "give it as it was, or start a new run" in error
+    (tmp_path / "hills.npy").unlink()
+    code, _, error = morpholab(f"{MORE} --out a")
+    assert code == 2 and error == "morpholab codesign: error: terrain: 'hills.npy' is no file\n"
+    assert (tmp_path / "a/log.jsonl").read_bytes() == before
+    (tmp_path / "hills.npy").write_bytes(content)
+    assert morpholab(f"{MORE} --out a")[::2] == (0, "")
+
+
+@pytest.mark.kernels
+def test_seeds_of_one_study_share_one_ground(morpholab, tmp_path):
+    options = "--robot soft-quadruped --method random --climbers 2 --threads 1 --quiet --terrain hills.npy:0.01"
+    assert morpholab(f"codesign {options} --generations 0 --seed 1 --out a/seed-1")[0] == 0
+    written(tmp_path, 0.001)
+    code, _, error = morpholab(f"{MORE} --seeds 2 --out a")
+    assert code != 0 and "terrain: hills.npy is not the file of the run in a" in error
+    assert not (tmp_path / "a/seed-2/config.toml").exists()
+
+
+@pytest.mark.kernels
+def test_runs_of_earlier_versions_go_on(morpholab, tmp_path):
+    assert morpholab(f"{SEARCH} --out a")[0] == 0
+    without_checksum(tmp_path / "a")
+    assert morpholab(f"{MORE} --out a")[::2] == (0, "")
+    written(tmp_path, 0.001)
+    assert morpholab("codesign --resume --generations 3 --threads 1 --quiet --out a")[::2] == (0, "")
+    assert "ground_files" not in (tmp_path / "a/config.toml").read_text()
+
+
+@pytest.mark.kernels
+def test_runs_are_told_of_without_their_ground(morpholab, tmp_path):
+    for seed in (1, 2):
+        assert morpholab(f"{SEARCH} --seed {seed} --out runs/{seed}")[0] == 0
+    written(tmp_path, 0.001)
+    code, _, error = morpholab("report runs/1 --out changed.html --frames 4")
+    assert code == 0 and "hills.npy is not the file of the run in runs/1" in error and "the player is left out" in error
+    assert morpholab(f"{SEARCH} --out other")[0] == 0
+    code, _, error = morpholab("compare runs/1 other")
+    assert code == 2 and "are judged differently (ground_files" in error
+    (tmp_path / "hills.npy").unlink()
+    code, out, _ = morpholab("status runs")
+    assert code == 0 and out.count("finished") == 2
+    assert morpholab("compare runs")[::2] == (0, "")
+    assert morpholab("report runs --no-player --out all.html --quiet")[::2] == (0, "")
+    code, out, error = morpholab("report runs/1 --out one.html --json --quiet")
+    assert (code, error) == (0, "")
+    assert json.loads(out)["notes"] == ["terrain: 'hills.npy' is no file; the player is left out"]
+    code, _, error = morpholab("view runs/1 --out v.html")
+    assert code == 2 and error.endswith("\nmorpholab view: error: terrain: 'hills.npy' is no file\n")
+
+
+def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
+    from optim.problems.robot import RobotProblem
+    from optim.runs.workers import folder_files
+    from robots.freeform.robot import FreeformRobot
+    from robots.world import Terrain
+
+    problem = RobotProblem(FreeformRobot(full=True), (Terrain(ground="hills.npy:0.01"),))
+    offers = [folder_files.Offer.here(problem.describe(), 1.0, problem.ground_files)]
+    (tmp_path / "w").mkdir()
+    folder_files.make_folders(tmp_path / "w")
+    offers[0].write(tmp_path / "w")
+    assert folder_files.Offer.read(tmp_path / "w") == offers[0]
+    written(tmp_path, 0.001)
+    code, _, error = morpholab("work w --quiet")
+    assert code == 2 and "terrain: hills.npy is not the file of the run in w (SHA-256 " in error
+    offers.append(folder_files.Offer.here(problem.describe(), 1.0, problem.ground_files))
+    assert offers[0].digest != offers[1].digest  # so that no answer on the other ground is taken for one on this
