@@ -118,6 +118,11 @@ class Robot(ShortText):
         """
         raise NotImplementedError
 
+    @property
+    def footprint(self) -> tuple[float, float] | None:
+        """Where it begins and ends along its heading as it starts, from its origin [m]; None if unknown."""
+        return None
+
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
         """What it is judged by in all of some worlds; the same everywhere by default."""
         return self.measures
@@ -417,6 +422,11 @@ class FixedRobot(Robot):
     def name(self) -> str:
         """What people call this robot."""
         return self.robot.name
+
+    @property
+    def footprint(self) -> tuple[float, float] | None:
+        """That of the robot."""
+        return self.robot.footprint
 
     @property
     def steps(self) -> int:

@@ -23,9 +23,10 @@ from taichi_sim.base.files import UNREADABLE, array_of, content_of, sha256, why_
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
 
-START = 0.3  # m: where stairs, ramps and gaps begin, before which the ground is level
+START = 0.3  # m ahead of a robot's origin: where stairs, ramps and gaps begin; up to there the ground is level
 BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot; it goes on as at this edge
 MOST_NODES_ALONG = 1500
+SAMPLED, EVEN = 1e-3, 1e-9  # m along the way, and how much what is level differs, where that is asked
 MOST_PIXELS = 25_000_000  # of an image, however small it was packed
 WATER_DENSITY = 1000.0  # kg/m^3
 
@@ -272,6 +273,36 @@ class Ground:
         self.check_file()
         changed = None if self.file is None else Path(self.file).stat().st_mtime_ns
         return _relief(self.text, float(heading), float(edge), changed)
+
+    def level_until(self, begin: float, end: float) -> float | None:
+        """Up to where it is as it is below a robot, from which on it differs [m ahead of the origin].
+
+        Args:
+            begin: where the robot begins along its heading [m].
+            end: where it ends [m].
+
+        Returns:
+            Infinity where it is the same everywhere ahead; None where it already differs below or beside the robot.
+
+        Raises:
+            ValueError: for files that are no heights.
+        """
+        self.check_file()
+        x, y = np.arange(begin, AHEAD, SAMPLED), (end - begin) * np.linspace(-1, 1, 9)
+        found = _values(self.text, *np.meshgrid(x, y, indexing="ij"))
+        changes = [abs(each - each[0, 0]).max(axis=1) > EVEN for each in found if each is not None]
+        where = x[np.logical_or.reduce(changes)]
+        if not len(where):
+            return math.inf
+        return None if where[0] <= end else float(where[0])
+
+    def beginning_at(self, place: float) -> str | None:
+        """The text with another start [m]; None for kinds of ground that have none."""
+        named, numbers = self._checked()
+        if named is None or BEGINS not in named.numbers:
+            return None
+        numbers = (*numbers[: named.numbers.index(BEGINS)], place)
+        return "+".join([f"{self.solid.partition(':')[0]}:{','.join(f'{n:g}' for n in numbers)}", *self.covers])
 
     @property
     def spoken(self) -> str:

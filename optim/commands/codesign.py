@@ -13,6 +13,7 @@ from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, named_kinds, plan
 from optim.commands.codesign_seeds import search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
+from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.task_file import TASK, take_task
 from optim.problem import Objective
@@ -76,6 +77,8 @@ def _run_one(args: argparse.Namespace) -> Report:
     if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
         problem.check_mixtures()
     check_minibatches(method, problem)
+    if not (args.quiet or args.resume):
+        note_far_ground(problem)
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
     numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
     about = environment(**numbers, seed=seed, **where)

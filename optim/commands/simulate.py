@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from optim.commands import FAILED, Report, options
+from optim.commands.far_ground import note_unmet_ground
 from optim.commands.options import Command, Option, count, flag, path_to
 from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.progress import shown_progress
@@ -118,6 +119,7 @@ def _report(
 ) -> Report:
     """What the command says, and the files that it writes."""
     ok = outcome.status[0] == OK
+    note_unmet_ground(robot, world, outcome)
     numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
     document = {
         **about,

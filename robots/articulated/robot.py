@@ -238,6 +238,13 @@ class ArticulatedRobot(Robot):
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
         ]
 
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """From the rear to the front of what may touch the ground."""
+        centres, radii = self.model.tree.balls()
+        along = centres @ self.direction
+        return float((along - radii).min()), float((along + radii).max())
+
     def at_horizon(self, length: int) -> tuple[str, "ArticulatedRobot"]:
         """The robot for so many seconds."""
         return counted(length, "second"), replace(self, duration=float(length))

@@ -177,6 +177,11 @@ class FreeformRobot(Robot):
         return self.grid.shape[0] * self.grid.voxel_size
 
     @property
+    def footprint(self) -> tuple[float, float]:
+        """From the rear to the front of its grid, whose first cells are about the origin."""
+        return -self.grid.voxel_size / 2, self.length - self.grid.voxel_size / 2
+
+    @property
     def aim(self) -> Aim:
         """What its motion is measured by."""
         return Aim(0.0, self.length, self.target)

@@ -114,6 +114,13 @@ class InflatableRobot(Robot):
 
         return robot_of(self.geometry, self.weight, self.properties)
 
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """From the rear to the front of the flat pouch, along its heading."""
+        from robots.lattice_robot.rollout import ahead, footprint_of
+
+        return footprint_of(self.parts[0].body, ahead(self.gait.orientation))
+
     def changed(self, options: Mapping[str, Any]) -> "InflatableRobot":
         """With another body, the properties of another rig, a part of the gait, or noise."""
         from robots.calibration import load_calibration

@@ -21,7 +21,7 @@ from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
-from robots.lattice_robot.rollout import Aim, ahead, turned
+from robots.lattice_robot.rollout import Aim, ahead, footprint_of, turned
 from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_variants
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
@@ -277,6 +277,11 @@ class LatticeRobot(OutOfTheLab):
         if self.reference_length is not None:
             return self.reference_length
         return float(np.ptp(self.body.start_positions @ self.direction)) + self.body.voxel_size
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """From the rear to the front of its voxels."""
+        return footprint_of(self.body, self.direction)
 
     @property
     def aim(self) -> Aim:

@@ -39,6 +39,12 @@ def turned(place: tuple[float, float], heading: float) -> tuple[float, float]:
     return along * x - across * y, along * y + across * x
 
 
+def footprint_of(body: LatticeBody, direction: Floats) -> tuple[float, float]:
+    """From where to where a body reaches along a direction, shape (3,), as it starts [m]."""
+    along, half = body.start_positions @ direction, body.voxel_size / 2
+    return float(along.min()) - half, float(along.max()) + half
+
+
 @dataclass(frozen=True, eq=False)
 class Aim:
     """What a robot's motion is measured by.

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from robots.lattice_robot import walker
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, KINDS, WalkerActuation, WalkerDesign
+from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, KINDS, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker_encoding import WalkerEncoding, encoding_of
 from robots.outcome import recorded
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
@@ -67,6 +67,12 @@ class WalkerRobot(Robot):
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
         """The genes of the body, if it is free."""
         return () if self.body else tuple(self._encoding.variables())
+
+    @property
+    def footprint(self) -> tuple[float, float]:
+        """From the rear to the front of its lattice, whose first voxels are about the origin."""
+        edge = WalkerTissue().voxel_size
+        return -edge / 2, (self.shape[0] - 0.5) * edge
 
     @property
     def start(self) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from robots.course import Course
 from robots.ground import GROUNDS, Ground
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
@@ -144,6 +145,25 @@ def test_bad_input(text, message):
     """One line."""
     with pytest.raises(ValueError, match=message.replace("+", r"\+")):
         Terrain.parse(text)
+
+
+def test_how_far_ground_is_level_ahead_of_a_robot(tmp_path):
+    """Up to where its height or friction changes; unknown where it does below the robot."""
+    np.save(tmp_path / "flat.npy", np.zeros((3, 3)))
+    for text, found in [
+        ("stairs:0.01,0.1", 0.3),
+        ("hill:5+stairs:0.01,0.1,0.13+sand:2e5", 0.13),
+        ("gap:0.02", 0.3),
+        ("course:1", Course(1, 0.2, 8.0, 0.004, 0.05).ends[0]),
+        ("sand:2e5", np.inf),
+        (f"{tmp_path / 'flat.npy'}:0.1", np.inf),
+    ]:
+        ground = Ground(Terrain.parse(text).ground)
+        assert ground.level_until(-0.005, 0.115) == pytest.approx(found, abs=0.0011)
+    for text in ("rough:0.01", "patches:0.5,1", "ramp:5,0.1", "ramp:5,-1"):
+        assert Ground(text).level_until(-0.005, 0.115) is None
+    assert Ground("gap:0.02+sand:2e5").beginning_at(0.13) == "gap:0.02,0.02,0.13+sand:2e5"
+    assert Ground("rough:0.01").beginning_at(0.13) is None and Ground("sand:1").beginning_at(0.13) is None
 
 
 def test_what_tells_of_a_ground_needs_no_file(tmp_path):

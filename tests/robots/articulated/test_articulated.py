@@ -254,3 +254,10 @@ def test_terrains_by_name():
             kind.chosen_world({"terrain": terrain})
     with pytest.raises(ValueError, match=r"^terrain: rough:0\.02,0\.2 is not allowed beside --world"):
         kind.chosen_world({"terrain": UNEVEN, "world": "ground"})
+
+
+def test_it_knows_where_it_begins_and_ends():
+    """Along its heading, from the origin of its file."""
+    back, front = crawler().footprint
+    assert back < 0 < front
+    assert crawler(heading=180.0).footprint == pytest.approx((-front, -back))

@@ -1,0 +1,63 @@
+"""Notes on ground that a robot hardly reaches: level below it, and uneven only far ahead of it."""
+
+import math
+import sys
+from collections.abc import Iterable
+
+from optim.problems.robot_designing import RobotDesigning
+from robots.ground import Ground
+from robots.robot import OK, Outcome, Robot, World
+from robots.world import Terrain
+
+FAR = 1.0  # lengths of the robot ahead of its front, from which on a search tells
+
+
+def note_far_ground(problem: object) -> None:
+    """Tell, before a search, of grounds that begin farther ahead of a robot than it is long."""
+    if not isinstance(problem, RobotDesigning) or not any(map(_named, problem.tried_in)):
+        return
+    space, robot = problem.space, getattr(problem, "offered", None)
+    robot = robot or problem.robot_of(space.round((space.low + space.high) / 2))
+    _tell(_far(robot, problem.tried_in, None))
+
+
+def note_unmet_ground(robot: Robot, world: World, outcome: Outcome) -> None:
+    """Tell of a ground whose uneven part began farther ahead of a robot than it has gone."""
+    if outcome.status[0] == OK and "distance" in outcome.measures:
+        _tell(_far(robot, (world,), float(outcome.measures["distance"][0])))
+
+
+def _tell(notes: Iterable[str]) -> None:
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+
+
+def _named(world: World) -> str | None:
+    """The text of a world's ground; None of planes."""
+    return world.ground if isinstance(world, Terrain) else None
+
+
+def _far(robot: Robot, worlds: Iterable[World], gone: float | None) -> Iterable[str]:
+    """A line for each ground that is level up to where a robot hardly gets, in a trial in which it has gone so far [m].
+
+    What it goes before its distance counts, and how far its front moves, are taken to be half its length at most.
+    """
+    if robot.footprint is None:
+        return
+    begin, front = robot.footprint
+    length = front - begin
+    for text in filter(None, map(_named, worlds)):
+        ground = Ground(text)
+        start = ground.level_until(begin, front)
+        near = front + (FAR * length if gone is None else max(gone, 0.0) + length / 2)
+        if start is None or start <= near or math.isinf(start):
+            continue
+        lengths = f"{(start - front) / length:.2g} body lengths"
+        went = "one that goes less far" if gone is None else f"this one went {gone:.3g} m, so it"
+        closer = math.ceil((front + length / 10) / 0.01) * 0.01
+        way = ground.beginning_at(closer)
+        told = f"; give its START, such as {way}" if way else ""
+        yield (
+            f"terrain: {text} is level up to {start:.2g} m ahead of the robot's origin, {lengths} beyond its front; "
+            f"{went} meets nothing else{told}"
+        )
