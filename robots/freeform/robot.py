@@ -16,13 +16,13 @@ from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import try_variants
-from robots.lattice_robot.measures import checked_target, measures_of
+from robots.lattice_robot.measures import checked_target, measures_among, measures_of
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from robots.uncertainty import Perturbation
-from robots.world import Terrain
+from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
@@ -137,6 +137,11 @@ class FreeformRobot(Robot):
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """Those of lattice robots; speeds are in lengths of the grid."""
         return measures_of(self.target is not None)
+
+    def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
+        """Where there is a light, how far it remains; where there are props, what becomes of the first of them."""
+        terrains = [terrain_of(world) for world in worlds]
+        return measures_among(terrains, self.target is not None or all(each.light for each in terrains))
 
     @property
     def descriptors(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]

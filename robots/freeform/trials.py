@@ -14,7 +14,7 @@ from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
 from robots.lattice_robot.ground import material_friction
-from robots.lattice_robot.rollout import Channels, Rollout
+from robots.lattice_robot.rollout import Aim, Channels, Rollout
 from robots.lattice_robot.scenes import Scenes
 from robots.lattice_robot.simulation import LARGEST_BATCH, LatticeRobotResult, assembled, result_of
 from robots.robot import Progress, Trial, World, part_of
@@ -82,7 +82,9 @@ def try_variants(
     """
     terrains = [terrain_of(world) for world in worlds]
     pairs = zip(robots, terrains, strict=True)
-    groups = grouped((r.actuation.frequency, around(terrain, r.palette.materials)) for r, terrain in pairs)
+    groups = grouped(
+        (r.actuation.frequency, terrain.light is None, around(terrain, r.palette.materials)) for r, terrain in pairs
+    )
 
     def run(group: Sequence[int], progress: Progress | None) -> Iterator[LatticeRobotResult]:
         told = replace(trial, progress=progress)
@@ -114,7 +116,8 @@ def _true(cases: Cases, points: Floats) -> LatticeRobotResult:
 def _assembled(
     cases: Cases, parts: list[tuple[NDArray[Any], LatticeRobotResult]], reason: NDArray[np.str_], free: int
 ) -> LatticeRobotResult:
-    names, slopes = [m.name for m in cases.first.measures], dict.fromkeys(cases.trial.gradients, free)
+    measures = cases.first.measures_in(cases.terrains)
+    names, slopes = [m.name for m in measures], dict.fromkeys(cases.trial.gradients, free)
     return assembled(parts, np.tile(reason, len(cases.robots)), cases.first.cycle.time_step, names, slopes)
 
 
@@ -138,7 +141,7 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
     every_body, cycle = [robot.body for robot in scenes.robots], cases.first.cycle
-    aim, every = replace(cases.first.aim, placed=scenes.first.placed), trial.record_every
+    aim, every = replace(_aim(cases.first, where), placed=scenes.first.placed), trial.record_every
     rollout = Rollout(every_body, _sizes(regions), swung, cycle, where, aim, trial.compute, every, scenes.starts)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
@@ -170,7 +173,16 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
     rows = ({name: found[row] for name, found in numbers.items()} for row in range(len(points)))
     bodies = [robot.palette.body(plain, row) for row in rows]
     rollout = Rollout(
-        bodies, _sizes(each), swung, robot.cycle, terrains, robot.aim, trial.compute, trial.record_every, None, driven
+        bodies,
+        _sizes(each),
+        swung,
+        robot.cycle,
+        terrains,
+        _aim(robot, terrains),
+        trial.compute,
+        trial.record_every,
+        None,
+        driven,
     )
     if not trial.gradients:
         return result_of(rollout, rollout.run(trial.progress), {})
@@ -179,6 +191,15 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
         by = (slopes.materials[field] for field in MIXED)
         gradients[name] = pull_back(slopes.swing, slopes.driven, *by)[0]
     return result_of(rollout, moved, gradients)
+
+
+def _aim(robot: "FreeformRobot", terrains: Sequence[Terrain]) -> Aim:
+    """What motions on terrains are measured by: each light is what should be come near, where the robot has no target.
+
+    It travels along x, so that ahead and to the left are x and y.
+    """
+    lights = [terrain.light for terrain in terrains]
+    return robot.aim if robot.target is not None or None in lights else replace(robot.aim, target=np.array(lights))
 
 
 def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: float) -> tuple[Any, ...]:

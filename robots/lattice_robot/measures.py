@@ -5,7 +5,7 @@ derivatives by everything that it depends on.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
 from robots.lattice_robot.props import Placed
 from robots.robot import Measure
+from robots.world import Terrain
 from taichi_sim.autodiff.arrays import revalued, value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody, LatticeResult
@@ -147,6 +148,17 @@ class Constants:
 def measures_of(targeted: bool) -> tuple[Measure, ...]:
     """The measures of a robot, with or without a target."""
     return (*MEASURES, TARGETED) if targeted else MEASURES
+
+
+def measures_among(worlds: Sequence[Terrain], targeted: bool) -> tuple[Measure, ...]:
+    """The measures of a robot that can be told in all of some worlds.
+
+    Args:
+        worlds: where it is tried.
+        targeted: whether it has something to come near in each of them.
+    """
+    found = measures_of(targeted)
+    return (*found, *OF_PROPS) if all(world.props for world in worlds) else found
 
 
 def measure(name: str, record: Record, constants: Constants) -> Any:

@@ -16,7 +16,7 @@ from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
-from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_of
+from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
 from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
@@ -252,8 +252,8 @@ class LatticeRobot(OutOfTheLab):
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
         """Where there are props, what becomes of the first of them, too."""
-        found = measures_of(self.target is not None or all(self.light_in(terrain_of(world)) for world in worlds))
-        return (*found, *OF_PROPS) if all(terrain_of(world).props for world in worlds) else found
+        terrains = [terrain_of(world) for world in worlds]
+        return measures_among(terrains, self.target is not None or all(map(self.light_in, terrains)))
 
     def light_in(self, terrain: Terrain) -> tuple[float, float] | None:
         """Place (x, y) of the light, from where the body's centre starts [m]: the terrain's, or the reflexes'."""

@@ -76,3 +76,18 @@ def test_mixtures_meet_no_props_and_are_refused_before_any_work(morpholab, tmp_p
 def test_a_race_through_true_robots_meets_props(morpholab):
     line = f"{SMALL} --terrain flat+box:0.02,0.02,0.02,0.07,0 --method race --climbers 2 --set moves=2 --set mixed=0"
     assert morpholab(f"{line} --generations 1 --out a")[::2] == (0, "")
+
+
+@pytest.mark.kernels
+def test_a_search_is_judged_by_what_becomes_of_a_prop(morpholab, tmp_path):
+    line = "codesign --task push --robot freeform --shape 6,4,3 --cycles 1 --frequency 12 --settling 0.02 --threads 1"
+    code, out, error = morpholab(f"{line} --method random --climbers 2 --generations 1 --out a --quiet")
+    assert code == 0 and error == ""
+    assert "best prop_distance: " in out and "task push: not succeeded, prop_distance >= 0.03 was asked" in out
+
+
+@pytest.mark.kernels
+def test_a_search_is_judged_by_the_way_to_a_light(morpholab):
+    line = f"{SMALL} --terrain flat+light:0.1,0.02 --objective minimise:remaining --method random --climbers 2 --out a"
+    code, out, error = morpholab(f"{line} --generations 1")
+    assert code == 0 and error == "" and "best minus remaining: " in out

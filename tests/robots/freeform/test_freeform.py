@@ -323,3 +323,45 @@ def test_the_table_of_a_rig_plays_as_designed(tmp_path):
     played = played_robot(walker, read_channels(tmp_path / "walker.csv"))
     speeds = [each.simulate((), Terrain(), compute=F64).measures["speed"][0] for each in (walker, played)]
     assert speeds[1] == pytest.approx(speeds[0], rel=1e-5)
+
+
+PUSHED = Terrain.parse("rough:0.002+light:0.1,0.02+box:0.01,0.02,0.01,0.06,0")
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("target", [None, (0.03, -0.01)])
+def test_a_light_and_props_are_measured_as_of_the_lattice_robot_that_it_is_saved_as(target, tmp_path):
+    """The distance that remains is that to the light, or to the robot's own target where it has one."""
+    made = robot(target=target)
+    point = sampled(made, seed=2)
+    worlds = (PUSHED, Terrain.parse("flat+light:-0.05,0.1"), Terrain())
+    together = made.run_in(np.repeat(point, 2, axis=0), worlds, Trial(worlds[0], F64))
+    made.save(point, tmp_path / "best.json")
+    saved = load_robot(tmp_path / "best.json")
+    for world, ours in zip(worlds, together, strict=True):
+        theirs = saved.simulate((), world, compute=F64)
+        names = [measure.name for measure in made.measures_in((world,))]
+        assert set(ours.measures) == {*names, "cells", "channels"} and set(theirs.measures) == set(names)
+        for name in names:
+            assert (ours.measures[name] == theirs.measures[name][0]).all(), name
+    assert {"remaining", "prop_distance", "prop_height"} <= set(together[0].measures)
+    assert "prop_height" not in together[1].measures and ("remaining" in together[2].measures) is bool(target)
+    assert [m.name for m in made.measures_in(worlds)] == [m.name for m in made.measures]
+
+
+@pytest.mark.kernels
+def test_gradients_to_a_light_and_of_props_agree_with_differences():
+    """Of true designs among props; of mixtures, which meet none, to the light."""
+    made = robot((5, 3, 2), actuation=LONG)
+    moving = np.array([p.name.startswith(("amplitude", "phase")) for p in made.parameters], float)
+    terrain = Terrain.parse("flat+light:0.1,0.02+box:0.01,0.02,0.01,0.062,0")
+    check(made, sampled(made, seed=2), ("remaining", "prop_distance"), terrain, math.inf, moving)
+    points = sampled(made, 2, seed=1, relaxed=True)
+    lit = Terrain.parse("flat+light:0.1,0.02")
+    check(made, points[:1], ("remaining",), lit, 3.0, np.ones(len(made.parameters)))
+    worlds = (lit, Terrain.parse("flat+light:-0.1,0.05"), Terrain())
+    together = made.run_in(points, worlds, Trial(lit, F64, sharpness=3.0))
+    for world, found in zip(worlds, together, strict=True):
+        alone = made.simulate(points, world, compute=F64, sharpness=3.0)
+        assert {*alone.measures} == {*found.measures} == {m.name for m in made.measures_in((world,))}
+        assert all(np.array_equal(alone.measures[name], found.measures[name]) for name in alone.measures)
