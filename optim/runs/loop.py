@@ -9,6 +9,7 @@ import numpy as np
 
 from optim.problem import Evaluate, Evaluation, Problem, Request, judge
 from optim.runs.checkpoint import restore
+from optim.runs.config import GROUND_FILES, check_ground_files
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
 from optim.search.method import Method, SearchResult, next_request
@@ -58,7 +59,13 @@ class FolderSearch:
         return next_request(self._method)
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
-        """Complete a generation: tell the method, and write designs, log and checkpoint."""
+        """Complete a generation: tell the method, and write designs, log and checkpoint.
+
+        Raises:
+            ValueError: if a file of ground has changed meanwhile, so that the generation may be of another one.
+        """
+        if self._folder.config.get(GROUND_FILES):
+            check_ground_files(self._folder.config, getattr(self.problem, GROUND_FILES, {}), self._folder.path)
         self._method.tell(request.points, evaluation)
         result = self._method.result()
         self.last = record(self.last, self.problem, result, request.points, evaluation)

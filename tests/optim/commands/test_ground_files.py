@@ -6,13 +6,25 @@ import tomllib
 import numpy as np
 import pytest
 
+from optim.problems.robot import RobotProblem
+from optim.runs import open_run, run_search
+from optim.runs.config import read_config, settings_of, write_config
+from optim.runs.workers import folder_files
+from optim.search import build_method, default_settings
+from robots.freeform import FreeformRobot
+from robots.freeform.grid import Grid
+from robots.freeform.robot import FreeformActuation
+from robots.world import Terrain
+
+HILLS, QUICK = "hills.npy:0.01", FreeformActuation(cycles=1, frequency=12.0, settling=0.02)
 ROBOT = "--robot freeform --shape 3,2,2 --full --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet"
-SEARCH = f"codesign {ROBOT} --method random --climbers 2 --generations 1 --terrain hills.npy:0.01"
+SEARCH = f"codesign {ROBOT} --method random --climbers 2 --generations 1 --terrain {HILLS}"
 MORE = "codesign --resume --generations 2 --threads 1 --quiet"
 
 
 @pytest.fixture(autouse=True)
-def hills(tmp_path):
+def hills(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     return written(tmp_path, 0.0)
 
 
@@ -23,8 +35,6 @@ def written(folder, height):
 
 def without_checksum(folder):
     """The run as earlier versions began it, before its first generation."""
-    from optim.runs.config import read_config, write_config
-
     known = read_config(folder)
     assert list(known.pop("ground_files")) == ["hills.npy"]
     for path in (each for each in folder.iterdir() if each.name != "environment.json"):
@@ -52,8 +62,25 @@ def test_a_run_goes_on_with_the_very_file_alone(morpholab, tmp_path):
 
 
 @pytest.mark.kernels
+def test_a_generation_on_another_ground_is_not_kept(tmp_path):
+    """The file changes while the search goes on."""
+    problem = RobotProblem(FreeformRobot(Grid((3, 2, 2)), full=True, actuation=QUICK), (Terrain(ground=HILLS),))
+    settings, done = default_settings("random") | {"climbers": 2}, []
+    method, config = build_method("random", problem.space, settings), settings_of(problem, "random", settings, 3)
+
+    def overwritten(last):
+        done.append(last.generation)
+        written(tmp_path, 0.001)
+
+    refused = pytest.raises(ValueError, match=r"^terrain: hills\.npy is not the file of the run in .*a \(SHA-256 ")
+    with open_run(tmp_path / "a", config) as folder, refused:
+        run_search(problem, method, folder, 3, overwritten)
+    assert done == [0] and len((tmp_path / "a/log.jsonl").read_text().splitlines()) == 1
+
+
+@pytest.mark.kernels
 def test_seeds_of_one_study_share_one_ground(morpholab, tmp_path):
-    options = "--robot soft-quadruped --method random --climbers 2 --threads 1 --quiet --terrain hills.npy:0.01"
+    options = f"--robot soft-quadruped --method random --climbers 2 --threads 1 --quiet --terrain {HILLS}"
     assert morpholab(f"codesign {options} --generations 0 --seed 1 --out a/seed-1")[0] == 0
     written(tmp_path, 0.001)
     code, _, error = morpholab(f"{MORE} --seeds 2 --out a")
@@ -94,12 +121,7 @@ def test_runs_are_told_of_without_their_ground(morpholab, tmp_path):
 
 
 def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
-    from optim.problems.robot import RobotProblem
-    from optim.runs.workers import folder_files
-    from robots.freeform.robot import FreeformRobot
-    from robots.world import Terrain
-
-    problem = RobotProblem(FreeformRobot(full=True), (Terrain(ground="hills.npy:0.01"),))
+    problem = RobotProblem(FreeformRobot(full=True), (Terrain(ground=HILLS),))
     offers = [folder_files.Offer.here(problem.describe(), 1.0, problem.ground_files)]
     (tmp_path / "w").mkdir()
     folder_files.make_folders(tmp_path / "w")
