@@ -54,6 +54,13 @@ def test_the_hopper_is_designed_by_the_new_method_and_objective(lab):
     assert found.score == pytest.approx(np.sqrt(highest), rel=0.02)
 
 
+@pytest.mark.parametrize("method", ["hill-climb", "gradient-hill-climb"])
+def test_the_hopper_whose_parameters_name_no_step_is_designed_by_climbers(lab, method):
+    problem = RobotProblem(KINDS["hopper"].build(None, {}))
+    found = maximise(problem, method=method, generations=60, climbers=8, seed=3, progress=lambda _: None)
+    assert found.score == pytest.approx((40.0 / 9.80665 - 1.0) * 0.3, rel=0.05)
+
+
 def test_the_objective_is_named_among_others_and_has_a_gradient(lab):
     robot, point = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]])
     problem = RobotProblem(robot, objective=("2*cautious", "minimise:0.5*height"), summed=True)

@@ -138,7 +138,7 @@ def measure_body(
     Raises:
         ValueError: if nothing of the robot is free, or it lacks a measure that a bound is about.
     """
-    space = Space(tuple(robot.parameters))
+    space = Space.of_parameters(robot.parameters)
     check_bounds(robot, environments)
     tries = Tries(robot, environments, compute)
     parts = controllers_of(space, settings)

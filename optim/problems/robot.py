@@ -61,7 +61,7 @@ class JudgedRobot(RobotDesigning):
         """What is free."""
         if not self.offered.parameters:
             raise ValueError("robot: nothing of it is free to change; make some value Free")
-        return Space(tuple(self.offered.parameters))
+        return Space.of_parameters(self.offered.parameters)
 
     @property
     def judged_by(self) -> Measure:
