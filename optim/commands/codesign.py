@@ -71,6 +71,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     from optim.search.method import check_minibatches
 
     planned = plan(args)
+    _check_task(args.task, planned.problem)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
     if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
@@ -186,6 +187,15 @@ def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: s
             f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:.4f}"
         )
     return [", ".join(parts.pop("")), *(f"  {world}: {', '.join(found)}" for world, found in parts.items() if found)]
+
+
+def _check_task(given: str | None, problem: "Problem") -> None:
+    """Refuse a task whose success is told by what the robot, which may be another than the task's, is not judged by."""
+    from optim.problems.robot import RobotProblem
+    from robots.tasks import check_success, find_task
+
+    if given is not None and isinstance(problem, RobotProblem):
+        check_success(find_task(given).success, problem.offered, problem.tried_in)
 
 
 def _of_task(report: Report, given: str | None, problem: "Problem", last: "Generation") -> Report:
