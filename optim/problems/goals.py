@@ -8,7 +8,7 @@ Searches maximise all that they are told, so a goal that is minimised is told ne
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -119,13 +119,15 @@ def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> Rob
         summed: whether goals add up to one objective; else each is one.
 
     Raises:
-        ValueError: for a name that is unknown, or goals that cannot be combined so.
+        ValueError: for a name that is unknown or of two things, or goals that cannot be combined so.
     """
-    if isinstance(names, str):
-        return OBJECTIVES.find(names)()
     known = {measure.name: measure for measure in measures}
+    if isinstance(names, str):
+        _check_apart(names, known)
+        return OBJECTIVES.find(names)()
     parts = []
     for goal in map(Goal.of, names[1:]):
+        _check_apart(goal.name, known)
         if goal.name not in OBJECTIVES and goal.name not in known:
             others = [name for name in OBJECTIVES if name not in WORDS]
             hint = nearest(goal.name, [*known, *OBJECTIVES]).removeprefix("; ")
@@ -136,6 +138,15 @@ def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> Rob
         scored = OBJECTIVES[goal.name]() if goal.name in OBJECTIVES else RobotObjective()
         parts.append(Part(goal, scored, None if goal.name in OBJECTIVES else known[goal.name], names[0]))
     return Goals(tuple(parts), names[0], summed)
+
+
+def _check_apart(name: str, known: Collection[str]) -> None:
+    """Refuse an objective of a package that is called as a measure of the robot, as it would be taken for that."""
+    if name in known and name in OBJECTIVES and name not in OBJECTIVES.builtin:
+        raise ValueError(
+            f"objective: {name!r} is both a measure of the robot and an objective of an installed package; give "
+            "another one, or have the package rename its own"
+        )
 
 
 @dataclass(frozen=True)
