@@ -232,9 +232,19 @@ class Robot(ShortText):
         """
         raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
 
+    @property
+    def has_motion(self) -> bool:
+        """Whether it can be shown: its kind defines :attr:`steps` and :meth:`motion`."""
+        own = type(self)
+        return own.motion is not Robot.motion and getattr(own, "steps", None) is not Robot.steps
+
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of a robot of which nothing is free, for an outcome with frames."""
-        raise NotImplementedError
+        """The motion of a robot of which nothing is free, for an outcome with frames.
+
+        Raises:
+            ValueError: if robots of this kind cannot be shown.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
 
     def title_of(self, outcome: Outcome, world: World) -> str:
         """Title of the picture of such a motion; empty for a plain one."""
@@ -422,6 +432,11 @@ class FixedRobot(Robot):
     def steps(self) -> int:
         """Time steps of a trial."""
         return self.robot.steps
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether it can be shown."""
+        return self.robot.has_motion
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Try the design, as often as there are points, shape (N, 0)."""

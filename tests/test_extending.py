@@ -61,6 +61,22 @@ def test_the_hopper_whose_parameters_name_no_step_is_designed_by_climbers(lab, m
     assert found.score == pytest.approx((40.0 / 9.80665 - 1.0) * 0.3, rel=0.05)
 
 
+@pytest.mark.long
+def test_runs_of_a_robot_without_a_motion_are_reported_without_a_player(lab, morpholab, tmp_path):
+    for seed, name in enumerate("ab"):
+        line = f"codesign --robot hopper --climbers 2 --generations 1 --seed {seed} --quiet --out runs/{name}"
+        assert morpholab(line)[0] == 0
+    for page, runs in (("one", "runs/a"), ("two", "runs/a runs/b")):
+        code, _, error = morpholab(f"report {runs} --out {page}.html")
+        assert code == 0 and "note: there is no player: one-legged hopper cannot be shown\n" in error
+        text = (tmp_path / f"{page}.html").read_text()
+        assert "The best design" in text and "morpholab view" not in text and "<iframe" not in text
+    code, _, error = morpholab("report runs/a --no-player --out plain.html")
+    assert code == 0 and "note" not in error
+    code, _, error = morpholab("view runs/a --out view.html")
+    assert code == 2 and "robot: one-legged hopper cannot be shown" in error
+
+
 def test_the_objective_is_named_among_others_and_has_a_gradient(lab):
     robot, point = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]])
     problem = RobotProblem(robot, objective=("2*cautious", "minimise:0.5*height"), summed=True)
