@@ -422,6 +422,7 @@ class FixedRobot(Robot):
         self.robot, self.point = robot, robot.points(point)[0]
         self.kind, self.measures, self.worlds = robot.kind, robot.measures, robot.worlds
         self.curves = robot.curves
+        self.uncertain_in, self.actuators, self.foot_friction = robot.uncertain_in, robot.actuators, robot.foot_friction
 
     @property
     def name(self) -> str:
@@ -444,6 +445,10 @@ class FixedRobot(Robot):
         return self.robot.simulate(
             several, trial.world, compute=trial.compute, record_every=every, progress=trial.progress
         )
+
+    def perturbed(self, drawn: "Perturbation") -> Self:
+        """The design with what a draw says of it."""
+        return type(self)(self.robot.perturbed(drawn), self.point)
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the design."""

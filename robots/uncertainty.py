@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.robot import HERE, OK, Judgement, Progress, Robot, World
+from robots.robot import HERE, OK, Judgement, Outcome, Progress, Robot, World
 from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -223,6 +223,29 @@ class Risk:
         return np.where(failed, np.nan, (self.weights(scores) * np.where(failed[..., None], 0, scores)).sum(axis=-1))
 
 
+@dataclass(frozen=True)
+class Score:
+    """A number by which a robot is judged in one world, where more is better.
+
+    Attributes:
+        name: such as ``speed`` or ``minus energy``.
+        unit: such as ``BL/s``; empty for a plain number.
+        of: its values, shape (N,), in an outcome.
+        stands_in: whether it is the robot's first measure in place of what a search judges, which is no such number.
+    """
+
+    name: str
+    unit: str
+    of: Callable[[Outcome], Floats]
+    stands_in: bool = False
+
+    @classmethod
+    def first_of(cls, robot: Robot, stands_in: bool = False) -> Self:
+        """The first measure of a robot."""
+        measure = robot.measures[0]
+        return cls(measure.name, measure.unit, lambda outcome: outcome.measures[measure.name], stands_in)
+
+
 def judge_uncertain(
     robot: Robot,
     world: World,
@@ -230,12 +253,23 @@ def judge_uncertain(
     risk: Risk,
     draws: int,
     *,
+    score: Score | None = None,
     compute: Compute = HERE,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
+    """Tell how a robot of which nothing is free does over draws that no search has seen.
 
     What the risk names is told first; CVaR is of its share, or of ``TAIL``.
+
+    Args:
+        robot: that is judged.
+        world: where.
+        uncertainty: what is drawn.
+        risk: that is told first.
+        draws: how many.
+        score: by which it is judged; its first measure by default. A draw in which it is no number has failed.
+        compute: device, precision and threads.
+        progress: called now and then with the fraction done.
 
     Raises:
         ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
@@ -246,13 +280,14 @@ def judge_uncertain(
     drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
     terrains = [one.around(robot, world) for one in drawn]
     outcomes = robot.simulate_in(terrains, draws=drawn, compute=compute, progress=progress)
-    measure = robot.measures[0]
-    failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
+    score = score or Score.first_of(robot)
+    scores = [float(score.of(outcome)[0]) if str(outcome.status[0]) == OK else math.nan for outcome in outcomes]
+    failed = sum(not math.isfinite(one) for one in scores)
     about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}
     if failed:
         return Judgement(spoken(about), about, True)
-    found = summary([float(outcome.measures[measure.name][0]) for outcome in outcomes], share)
-    document = {**about, "measure": measure.name, "unit": measure.unit, "risk": risk.text, "share": share, **found}
+    document = {**about, "measure": score.name, "unit": score.unit, "risk": risk.text, "share": share}
+    document |= {**({"stands_in": True} if score.stands_in else {}), **summary(scores, share)}
     return Judgement(spoken(document), document)
 
 
@@ -267,7 +302,8 @@ def spoken(document: Mapping[str, Any]) -> str:
         f"{document[f'{name}_high']:.4f})"
         for name in sorted(names, key=lambda name: name != first)
     ]
-    measure, draws = document["measure"], document["draws"]
+    measure = document["measure"] + (", the first measure," if document.get("stands_in") else "")
+    draws = document["draws"]
     told = f"{', '.join(parts)}, standard deviation {document['sd']:.4f} {document['unit']}".rstrip()
     return f"{measure} over {draws} held-out draws: {told}"
 

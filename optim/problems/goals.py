@@ -17,6 +17,7 @@ import numpy as np
 from optim.problem import Objective
 from optim.problems.objectives import OBJECTIVES, RobotObjective
 from robots.robot import Measure, Outcome, World
+from robots.uncertainty import Score
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest
 
@@ -199,7 +200,7 @@ class Part:
         """What is maximised, shape (N, K)."""
         if self.combines:
             return self.goal.factor * self.scored.values(outcomes, self.about(usual))
-        return self.over.combined(self._scores(outcomes, usual))
+        return self.over.combined(self.scores(outcomes, usual))
 
     def gradients(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Derivatives of what is maximised by the parameters, shape (N, P)."""
@@ -207,9 +208,9 @@ class Part:
         if self.combines:
             return self.goal.factor * self.scored.gradients(outcomes, measure)
         slopes = self.goal.factor * np.array([self.scored.slopes(outcome, measure) for outcome in outcomes])
-        return self.over.combined_slopes(self._scores(outcomes, usual), slopes)
+        return self.over.combined_slopes(self.scores(outcomes, usual), slopes)
 
-    def _scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
+    def scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Scores with weight and sign, shape (W, N): the worst of what is minimised is the largest."""
         return self.goal.factor * np.array([self.scored.score(outcome, self.about(usual)) for outcome in outcomes])
 
@@ -273,9 +274,7 @@ class Goals(RobotObjective):
         if len(each) > len(self.parts):
             names = ", ".join(one.name for one in each)
             raise ValueError(f"objective: {names} have no sum; choose a method for several objectives")
-        units = {one.unit for one in each}
-        name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
-        return (Objective(name, units.pop() if len(units) == 1 else ""),)
+        return (_sum_of(each),)
 
     def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """A column for each objective, or the sum."""
@@ -285,3 +284,36 @@ class Goals(RobotObjective):
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of the sum."""
         return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.parts], axis=0))
+
+
+def _sum_of(each: Sequence[Objective]) -> Objective:
+    """What the sum of objectives is called, such as ``speed minus 0.1*energy``."""
+    units = {one.unit for one in each}
+    name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
+    return Objective(name, units.pop() if len(units) == 1 else "")
+
+
+def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
+    """What an objective judges in each world by itself, with weight and sign.
+
+    Args:
+        objective: of a search.
+        measure: that it is about where it names none.
+
+    Returns:
+        None for several goals that do not add up, and for a package's objective that combines worlds in its own way.
+    """
+    if not isinstance(objective, Goals):
+        if type(objective) not in map(OBJECTIVES.get, WORDS) and not objective.own.isdisjoint(WAYS):
+            return None
+        told = objective.objective(measure)
+        return Score(told.name, told.unit, lambda outcome: objective.score(outcome, measure))
+    parts = objective.parts
+    if any(part.combines for part in parts) or (len(parts) > 1 and not objective.summed):
+        return None
+    told = _sum_of([part.goal.told(part.scored.objective(part.about(measure))) for part in parts])
+
+    def summed(outcome: Outcome) -> Floats:
+        return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in parts], axis=0))
+
+    return Score(told.name, told.unit, summed)
