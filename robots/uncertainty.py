@@ -58,6 +58,8 @@ class Perturbation:
 
     def around(self, robot: Robot, terrain: Terrain) -> Terrain:
         """The terrain of this draw for a robot, whose own friction, if it has no feet, is not the terrain's."""
+        if terrain.is_fluid:
+            return terrain
         if robot.foot_friction is not None:
             return self.on(terrain, *robot.foot_friction)
         own = {name: getattr(terrain, name) for name in ("high_friction", *MATERIAL_FRICTION)}
@@ -65,7 +67,12 @@ class Perturbation:
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
-        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
+        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none.
+
+        In a fluid there is no ground that a draw could change.
+        """
+        if terrain.is_fluid:
+            return terrain
         high = (high if terrain.high_friction is None else terrain.high_friction) * self.gripping
         low = low if terrain.low_friction is None else terrain.low_friction
         return dataclasses.replace(
@@ -134,16 +141,28 @@ class Uncertainty:
         given = [name for name in QUANTITIES if getattr(self, name)]
         return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
 
+    def check_ground(self, world: World) -> None:
+        """Refuse to draw what a world does not have.
+
+        Raises:
+            ValueError: that names it.
+        """
+        of_ground = [name for name in GROUND if getattr(self, name)]
+        if not isinstance(world, Terrain):
+            raise ValueError(f"uncertain: {self.text} is not allowed in {world.name}, which has no ground")
+        if of_ground and world.is_fluid:
+            told = f"uncertain: {self.text} is not allowed {world.where}, which has no ground"
+            raise ValueError(f"{told}; leave out {', '.join(of_ground)}")
+        if self.slope and world.is_wet:
+            raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
+
     def check(self, robot: Robot, world: World) -> None:
         """Refuse to draw what a robot or its world does not have.
 
         Raises:
             ValueError: that names it.
         """
-        if not isinstance(world, Terrain) or world.is_fluid:
-            raise ValueError(f"uncertain: {self.text} is not allowed {world.where}, which has no ground")
-        if self.slope and world.is_wet:
-            raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
+        self.check_ground(world)
         for name in QUANTITIES:
             if getattr(self, name) and name not in robot.uncertain_in:
                 lacking = "friction" if name == "friction" else "actuators" if name in DRIVE else f"{name} feet"
@@ -272,7 +291,7 @@ def judge_uncertain(
         progress: called now and then with the fraction done.
 
     Raises:
-        ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
+        ValueError: if its world has no such ground, or it no friction, levels or timing that can be drawn.
     """
     uncertainty.check(robot, world)
     assert isinstance(world, Terrain)

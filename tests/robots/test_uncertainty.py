@@ -36,6 +36,16 @@ def test_a_slope_is_not_drawn_under_water_that_is_level():
     Uncertainty(friction=0.1).check(robot, shore)
 
 
+def test_only_what_needs_ground_is_refused_in_a_fluid():
+    water, robot = Terrain.water(), soft_quadruped(1)
+    with pytest.raises(ValueError, match=r"in water, which has no ground; leave out friction, slope$"):
+        Uncertainty(friction=0.1, slope=1.0, timing=0.05).check(robot, water)
+    drive = Uncertainty(levels=0.05, timing=0.05)
+    drive.check(robot, water)
+    (one,) = drive.draw(1, actuators=robot.actuators)
+    assert one.around(robot, water) == one.on(water, 0.7, 0.5) == water
+
+
 @pytest.mark.parametrize("text", ["cvar:0", "cvar:1.5", "cvar:x", "median", "cvar"])
 def test_bad_risk_is_refused(text):
     with pytest.raises(ValueError, match=r"risk: .* give mean, worst or cvar:SHARE with a share in \(0, 1\]"):
