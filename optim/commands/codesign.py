@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, named_kinds, plan
-from optim.commands.codesign_seeds import search_each
+from optim.commands.codesign_seeds import check_single, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.task_file import TASK, take_task
@@ -58,7 +58,10 @@ def run(args: argparse.Namespace) -> Report:
     """Search, with one seed or several."""
     take_task(args)
     settle_workers(args)
-    return search_each(args, _run_one) if args.seeds else _run_one(args)
+    if args.seeds:
+        return search_each(args, _run_one)
+    check_single(args)
+    return _run_one(args)
 
 
 def _run_one(args: argparse.Namespace) -> Report:
