@@ -77,6 +77,51 @@ def test_runs_of_a_robot_without_a_motion_are_reported_without_a_player(lab, mor
     assert code == 2 and "robot: one-legged hopper cannot be shown" in error
 
 
+FAULTY = """
+from optim.search.population import PopulationSearch
+
+
+class Faulty(PopulationSearch):
+    def ask(self):
+        return self._starts() / (1 - self.generation)
+
+    def _take(self, points, evaluation):
+        self.points, self.objectives = points, evaluation.objectives
+        if len(points) > 2:
+            raise ValueError("too many")
+
+    def state(self):
+        return super().state() if len(self.points) < 2 else {}["x"]
+"""
+HILL = "bounds = {'x': (0, 1)}\ndef evaluate(points):\n    return -points[:, 0] ** 2\n"
+
+
+@pytest.mark.parametrize(
+    ("population", "told"),
+    [
+        (1, "line 7: FloatingPointError: divide by zero encountered in divide"),
+        (2, "line 15: KeyError: 'x'"),
+        (3, "line 12: ValueError: too many"),
+    ],
+)
+def test_a_fault_of_a_method_is_told_as_that_of_its_package(morpholab, tmp_path, monkeypatch, population, told):
+    install(tmp_path / "site", "faulty-kit", "morpholab.methods", {"faulty": "faulty_kit:Faulty"}, FAULTY)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    (tmp_path / "hill.py").write_text(HILL)
+    with np.errstate(divide="raise", invalid="raise"):
+        line = f"codesign --problem hill.py --method faulty --population {population} --generations 2 --quiet --out a"
+        code, _, error = morpholab(line)
+    METHODS._loaded.pop("faulty")
+    sys.modules.pop("faulty_kit")
+    assert (code, error) == (1, f"morpholab codesign: failed: {tmp_path}/site/faulty_kit.py, {told}\n")
+
+
+def test_a_fault_of_a_robot_is_told_as_that_of_its_package(lab, morpholab, monkeypatch):
+    monkeypatch.setattr(lab.Hopper, "mass", None)
+    code, _, error = morpholab("codesign --robot hopper --climbers 2 --generations 1 --quiet --out a")
+    assert code == 1 and re.search(r"failed: /.*/my_lab\.py, line \d+: TypeError: unsupported operand", error)
+
+
 def test_the_objective_is_named_among_others_and_has_a_gradient(lab):
     robot, point = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]])
     problem = RobotProblem(robot, objective=("2*cautious", "minimise:0.5*height"), summed=True)
