@@ -303,10 +303,14 @@ class Robot(ShortText):
             points = np.atleast_2d(np.asarray(given, float))
         except (TypeError, ValueError):
             points = np.empty((0, 0))
-        if points.shape[1:] != (len(self.parameters),) or not len(points) or not np.isfinite(points).all():
+        if points.shape[1:] != (len(self.parameters),) or not len(points):
             raise ValueError(
                 f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.parameters)})"
             )
+        if wrong := np.argwhere(~np.isfinite(points)).tolist():
+            row, column = wrong[0]
+            name = self.parameters[column].name
+            raise ValueError(f"points: {points[row, column]} of {name} is not allowed; give finite numbers")
         return points
 
     def facts(self) -> Facts:
