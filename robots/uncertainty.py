@@ -317,13 +317,13 @@ def spoken(document: Mapping[str, Any]) -> str:
     names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
     first = document["risk"].partition(":")[0]
     parts = [
-        f"{names[name]} {document[name]:.4f} (95 % interval {document[f'{name}_low']:.4f} to "
-        f"{document[f'{name}_high']:.4f})"
+        f"{names[name]} {document[name]:z.4f} (95 % interval {document[f'{name}_low']:z.4f} to "
+        f"{document[f'{name}_high']:z.4f})"
         for name in sorted(names, key=lambda name: name != first)
     ]
     measure = document["measure"] + (", the first measure," if document.get("stands_in") else "")
     draws = document["draws"]
-    told = f"{', '.join(parts)}, standard deviation {document['sd']:.4f} {document['unit']}".rstrip()
+    told = f"{', '.join(parts)}, standard deviation {document['sd']:z.4f} {document['unit']}".rstrip()
     return f"{measure} over {draws} held-out draws: {told}"
 
 

@@ -187,7 +187,7 @@ def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: s
         fitting = [w for w in worlds if name.endswith(f"_{w}")] if len(worlds) > 1 else []
         world = max(fitting, key=len, default="")  # the name of a world may end as another one does
         parts[world].append(
-            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:.4f}"
+            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:z.4f}"
         )
     return [", ".join(parts.pop("")), *(f"  {world}: {', '.join(found)}" for world, found in parts.items() if found)]
 

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from robots.lattice_robot.offered import soft_quadruped
-from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, summary
+from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, spoken, summary
 from robots.world import Terrain
 
 
@@ -121,3 +121,15 @@ def test_bootstrap_intervals_of_the_mean_are_those_of_students_t_where_draws_are
 
 def test_texts_of_risk_come_back():
     assert [Risk.parse(text).text for text in ("mean", "cvar:0.25", "worst")] == ["mean", "cvar:0.25", "worst"]
+
+
+def test_nothing_is_told_with_a_minus():
+    judged = {
+        "measure": "speed",
+        "unit": "m/s",
+        "draws": 2,
+        "failed": 0,
+        "risk": "mean",
+        **summary([-1e-9, -2e-9], 0.2),
+    }
+    assert "-0.0000" not in spoken({**judged, "share": 0.2})
