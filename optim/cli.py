@@ -40,7 +40,7 @@ from optim.commands import (
 )
 from optim.commands.robots import RobotOptions
 from optim.notes import notes, say
-from taichi_sim.base.foreign import blame, lacks_memory
+from taichi_sim.base.foreign import blame, blame_package, lacks_memory
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
@@ -171,6 +171,8 @@ def _refuse(command: str, error: Exception) -> int:
         return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
     if isinstance(error, OSError | RuntimeError):
         return _fail(command, f"failed: {error}", FAILED)
+    if told := blame_package(error):
+        return _fail(command, f"failed: {told}", FAILED)
     story = "".join(traceback.format_exception(error))
     try:
         with tempfile.NamedTemporaryFile("w", prefix="morpholab-", suffix=".log", delete=False) as file:

@@ -182,8 +182,8 @@ def simulate(
 
     Args:
         source: the robot, or what :func:`robot` makes one of.
-        designs: points, shape (N, P) or (P,); or values of some parameters by name, shape (N,) each or numbers, while
-            the others are as at the start; None for the start.
+        designs: points, shape (N, P) or (P,); or values of some parameters by name, each a number or of shape (N,) and
+            within the bounds (an angle wraps round), while the others are as at the start; None for the start.
         where: the world or its name; by default the robot's usual one, or the first one of a run.
         how: ``precision``, ``threads`` and ``device``, as of ``Compute``.
 
@@ -274,7 +274,7 @@ def _recorded(tried: Robot, points: Floats, place: World, compute: Compute, upda
     """The trial of a single design with its motion; None if it is no robot, or cannot be shown."""
     try:
         return tried.replay(points[0], place, frames=POSES, compute=compute, progress=update)
-    except (ValueError, NotImplementedError):
+    except ValueError:
         return None
 
 

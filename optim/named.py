@@ -104,7 +104,10 @@ def of_run(folder: Path) -> tuple[Robot, World]:
 
 
 def points_of(tried: Robot, designs: Designs) -> ArrayLike:
-    """Points, shape (N, P), of what a caller may give."""
+    """Points, shape (N, P), of what a caller may give: values by name lie within the bounds, unless of an angle.
+
+    Points may lie beyond them: differences at a design on a bound need that.
+    """
     if designs is None:
         return tried.start[None]
     if not isinstance(designs, Mapping):
@@ -120,6 +123,13 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
         raise ValueError("designs: give numbers, or arrays of one length, for each parameter") from None
     points = np.tile(tried.start, (len(given[0]) if given else 1, 1))
     for name, values in zip(designs, given, strict=True):
+        parameter = tried.parameters[names.index(name)]
+        beyond = ~np.isfinite(values)
+        if parameter.kind != "angle":
+            beyond |= (values < parameter.low) | (values > parameter.high)
+        if beyond.any():
+            allowed = f"give a number from {parameter.low:g} to {parameter.high:g}"
+            raise ValueError(f"designs: {values[beyond][0]:g} of {name} is not allowed; {allowed}")
         points[:, names.index(name)] = values
     return points
 

@@ -91,7 +91,7 @@ class Objective:
 
     def value(self, number: float | None, digits: int = 4) -> str:
         """A value with its unit, such as ``0.1234 m/s``; ``none`` for None."""
-        return "none" if number is None else f"{number:.{digits}f} {self.unit}".rstrip()
+        return "none" if number is None else f"{number:z.{digits}f} {self.unit}".rstrip()
 
 
 class Problem(Protocol):

@@ -1,7 +1,7 @@
 """What a search may change: named variables with bounds, and vectors of their values."""
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,6 +14,7 @@ from taichi_sim.base.variables import Variable
 
 __all__ = ["Space", "Variable"]
 
+USUAL_STEP = 0.1  # of a range: standard deviation of a mutation of a variable that names none
 LISTED, SHOWN = 100, 8  # variables that a message names in full; of more the first few
 
 
@@ -37,6 +38,14 @@ class Space:
         repeated = {name for name, count in Counter(self.names).items() if count > 1}
         if repeated:
             raise ValueError(f"variables: {', '.join(sorted(repeated))} given more than once; names must differ")
+
+    @classmethod
+    def of_parameters(cls, parameters: Iterable[Variable]) -> "Space":
+        """The space of what is free of a robot, which mutates by a usual step what names none.
+
+        It is a tenth of the range, and of whole numbers at least 0.5: a smaller one would hardly ever change them.
+        """
+        return cls(tuple(each if each.step else replace(each, step=_usual_step(each)) for each in parameters))
 
     @property
     def size(self) -> int:
@@ -175,3 +184,8 @@ class Space:
         unknown = [name for name in values if name not in self.names]
         if unknown:
             raise ValueError(f"{field}: {', '.join(unknown)} not free to change; the variables are {self.listed}")
+
+
+def _usual_step(variable: Variable) -> float:
+    step = USUAL_STEP * (variable.high - variable.low)
+    return max(step, 0.5) if variable.is_integer else step

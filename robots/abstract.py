@@ -237,9 +237,19 @@ class Robot(ShortText):
         """
         raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
 
+    @property
+    def has_motion(self) -> bool:
+        """Whether it can be shown: its kind defines :attr:`steps` and :meth:`motion`."""
+        own = type(self)
+        return own.motion is not Robot.motion and getattr(own, "steps", None) is not Robot.steps
+
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of a robot of which nothing is free, for an outcome with frames."""
-        raise NotImplementedError
+        """The motion of a robot of which nothing is free, for an outcome with frames.
+
+        Raises:
+            ValueError: if robots of this kind cannot be shown.
+        """
+        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
 
     def title_of(self, outcome: Outcome, world: World) -> str:
         """Title of the picture of such a motion; empty for a plain one."""
@@ -298,10 +308,14 @@ class Robot(ShortText):
             points = np.atleast_2d(np.asarray(given, float))
         except (TypeError, ValueError):
             points = np.empty((0, 0))
-        if points.shape[1:] != (len(self.parameters),) or not len(points) or not np.isfinite(points).all():
+        if points.shape[1:] != (len(self.parameters),) or not len(points):
             raise ValueError(
                 f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.parameters)})"
             )
+        if wrong := np.argwhere(~np.isfinite(points)).tolist():
+            row, column = wrong[0]
+            name = self.parameters[column].name
+            raise ValueError(f"points: {points[row, column]} of {name} is not allowed; give finite numbers")
         return points
 
     def facts(self) -> Facts:
@@ -417,6 +431,7 @@ class FixedRobot(Robot):
         self.robot, self.point = robot, robot.points(point)[0]
         self.kind, self.measures, self.worlds = robot.kind, robot.measures, robot.worlds
         self.curves = robot.curves
+        self.uncertain_in, self.actuators, self.foot_friction = robot.uncertain_in, robot.actuators, robot.foot_friction
 
     @property
     def name(self) -> str:
@@ -433,12 +448,21 @@ class FixedRobot(Robot):
         """Time steps of a trial."""
         return self.robot.steps
 
+    @property
+    def has_motion(self) -> bool:
+        """Whether it can be shown."""
+        return self.robot.has_motion
+
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Try the design, as often as there are points, shape (N, 0)."""
         several, every = np.tile(self.point, (len(points), 1)), trial.record_every
         return self.robot.simulate(
             several, trial.world, compute=trial.compute, record_every=every, progress=trial.progress
         )
+
+    def perturbed(self, drawn: "Perturbation") -> Self:
+        """The design with what a draw says of it."""
+        return type(self)(self.robot.perturbed(drawn), self.point)
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the design."""

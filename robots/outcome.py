@@ -50,7 +50,7 @@ class Measure:
 
     def value(self, number: float) -> str:
         """A value with its unit, such as ``speed 0.1234 m/s``."""
-        return f"{self.name.replace('_', ' ')} {number:.4f} {self.unit}".rstrip()
+        return f"{self.name.replace('_', ' ')} {number:z.4f} {self.unit}".rstrip()
 
 
 class World(Protocol):

@@ -38,6 +38,8 @@ from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
 from taichi_sim.base.options import Option as Option
 
+BEST = "best.json"  # where runs keep their best design
+
 
 def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
     """The kind of robot that a text names, and the source from which ``RobotKind.build`` makes it.
@@ -71,9 +73,12 @@ def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotK
     """
     if robot is None:
         found = find_robot(gait) if gait is not None else None
+        if found is None and gait is not None:
+            _check_no_folder("gait", gait)
         return found or (KINDS[USUAL], gait)
     found = find_robot(robot)
     if found is None:
+        _check_no_folder("robot", robot)
         if Path(robot).suffix or "/" in robot:
             raise ValueError(f"robot: {robot} is no file")
         KINDS.check(robot)
@@ -84,6 +89,15 @@ def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotK
     if gait is not None and (other := find_robot(gait)) is not None and other[0].name != kind.name:
         raise ValueError(f"gait: {gait} is of another kind, {other[0].title}; leave it out")
     return kind, source if source is not None else gait
+
+
+def _check_no_folder(field: str, text: str) -> None:
+    """Refuse a folder, such as that of a run, with the design in it."""
+    if (path := Path(text)).is_dir():
+        best = path / BEST
+        raise ValueError(
+            f"{field}: {text} is a folder; give {best if best.is_file() else 'a file of a robot or a design'}"
+        )
 
 
 def kind_of_file(path: Path) -> RobotKind:

@@ -8,7 +8,7 @@ numbers.
 import operator
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -70,6 +70,18 @@ class Success:
         return found
 
 
+def check_success(bounds: Iterable[Success], robot: Robot, worlds: Sequence[World]) -> None:
+    """Refuse bounds on what a robot has no measure of in some worlds.
+
+    Raises:
+        ValueError: that names the measures there are.
+    """
+    names = [measure.name for measure in robot.measures_in(worlds)]
+    for one in bounds:
+        if one.measure not in names:
+            raise ValueError(f"success: {one.measure!r} is unknown; choose one of {', '.join(names)}")
+
+
 @dataclass(frozen=True)
 class Task:
     """Something that robots shall do.
@@ -100,10 +112,7 @@ class Task:
         own = {key: value for key, value in self.options.items() if key in given}
         typed = {key: _typed(given[key], value) for key, value in own.items()}
         found = make_robot(kind, source, typed)
-        names = [measure.name for measure in found.measures_in(self._worlds or found.worlds)]
-        for one in self.success:
-            if one.measure not in names:
-                raise ValueError(f"success: {one.measure!r} is unknown; choose one of {', '.join(names)}")
+        check_success(self.success, found, self._worlds or found.worlds)
         return found
 
     @property

@@ -2,14 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.robot import HERE, OK, Judgement, Progress, Robot, World
+from robots.robot import HERE, OK, Judgement, Outcome, Progress, Robot, World
 from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -58,6 +58,8 @@ class Perturbation:
 
     def around(self, robot: Robot, terrain: Terrain) -> Terrain:
         """The terrain of this draw for a robot, whose own friction, if it has no feet, is not the terrain's."""
+        if terrain.is_fluid:
+            return terrain
         if robot.foot_friction is not None:
             return self.on(terrain, *robot.foot_friction)
         own = {name: getattr(terrain, name) for name in ("high_friction", *MATERIAL_FRICTION)}
@@ -65,7 +67,12 @@ class Perturbation:
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
-        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none."""
+        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none.
+
+        In a fluid there is no ground that a draw could change.
+        """
+        if terrain.is_fluid:
+            return terrain
         high = (high if terrain.high_friction is None else terrain.high_friction) * self.gripping
         low = low if terrain.low_friction is None else terrain.low_friction
         return dataclasses.replace(
@@ -134,16 +141,28 @@ class Uncertainty:
         given = [name for name in QUANTITIES if getattr(self, name)]
         return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
 
+    def check_ground(self, world: World) -> None:
+        """Refuse to draw what a world does not have.
+
+        Raises:
+            ValueError: that names it.
+        """
+        of_ground = [name for name in GROUND if getattr(self, name)]
+        if not isinstance(world, Terrain):
+            raise ValueError(f"uncertain: {self.text} is not allowed in {world.name}, which has no ground")
+        if of_ground and world.is_fluid:
+            told = f"uncertain: {self.text} is not allowed {world.where}, which has no ground"
+            raise ValueError(f"{told}; leave out {', '.join(of_ground)}")
+        if self.slope and world.is_wet:
+            raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
+
     def check(self, robot: Robot, world: World) -> None:
         """Refuse to draw what a robot or its world does not have.
 
         Raises:
             ValueError: that names it.
         """
-        if not isinstance(world, Terrain) or world.is_fluid:
-            raise ValueError(f"uncertain: {self.text} is not allowed {world.where}, which has no ground")
-        if self.slope and world.is_wet:
-            raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
+        self.check_ground(world)
         for name in QUANTITIES:
             if getattr(self, name) and name not in robot.uncertain_in:
                 lacking = "friction" if name == "friction" else "actuators" if name in DRIVE else f"{name} feet"
@@ -223,6 +242,29 @@ class Risk:
         return np.where(failed, np.nan, (self.weights(scores) * np.where(failed[..., None], 0, scores)).sum(axis=-1))
 
 
+@dataclass(frozen=True)
+class Score:
+    """A number by which a robot is judged in one world, where more is better.
+
+    Attributes:
+        name: such as ``speed`` or ``minus energy``.
+        unit: such as ``BL/s``; empty for a plain number.
+        of: its values, shape (N,), in an outcome.
+        stands_in: whether it is the robot's first measure in place of what a search judges, which is no such number.
+    """
+
+    name: str
+    unit: str
+    of: Callable[[Outcome], Floats]
+    stands_in: bool = False
+
+    @classmethod
+    def first_of(cls, robot: Robot, stands_in: bool = False) -> Self:
+        """The first measure of a robot."""
+        measure = robot.measures[0]
+        return cls(measure.name, measure.unit, lambda outcome: outcome.measures[measure.name], stands_in)
+
+
 def judge_uncertain(
     robot: Robot,
     world: World,
@@ -230,15 +272,26 @@ def judge_uncertain(
     risk: Risk,
     draws: int,
     *,
+    score: Score | None = None,
     compute: Compute = HERE,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Tell how a robot of which nothing is free does over draws that no search has seen, by its first measure.
+    """Tell how a robot of which nothing is free does over draws that no search has seen.
 
     What the risk names is told first; CVaR is of its share, or of ``TAIL``.
 
+    Args:
+        robot: that is judged.
+        world: where.
+        uncertainty: what is drawn.
+        risk: that is told first.
+        draws: how many.
+        score: by which it is judged; its first measure by default. A draw in which it is no number has failed.
+        compute: device, precision and threads.
+        progress: called now and then with the fraction done.
+
     Raises:
-        ValueError: if its world has no ground, or it no friction, levels or timing that can be drawn.
+        ValueError: if its world has no such ground, or it no friction, levels or timing that can be drawn.
     """
     uncertainty.check(robot, world)
     assert isinstance(world, Terrain)
@@ -246,13 +299,14 @@ def judge_uncertain(
     drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
     terrains = [one.around(robot, world) for one in drawn]
     outcomes = robot.simulate_in(terrains, draws=drawn, compute=compute, progress=progress)
-    measure = robot.measures[0]
-    failed = sum(str(outcome.status[0]) != OK for outcome in outcomes)
+    score = score or Score.first_of(robot)
+    scores = [float(score.of(outcome)[0]) if str(outcome.status[0]) == OK else math.nan for outcome in outcomes]
+    failed = sum(not math.isfinite(one) for one in scores)
     about = {"uncertain": uncertainty.text, "draws": draws, "failed": failed}
     if failed:
         return Judgement(spoken(about), about, True)
-    found = summary([float(outcome.measures[measure.name][0]) for outcome in outcomes], share)
-    document = {**about, "measure": measure.name, "unit": measure.unit, "risk": risk.text, "share": share, **found}
+    document = {**about, "measure": score.name, "unit": score.unit, "risk": risk.text, "share": share}
+    document |= {**({"stands_in": True} if score.stands_in else {}), **summary(scores, share)}
     return Judgement(spoken(document), document)
 
 
@@ -263,12 +317,13 @@ def spoken(document: Mapping[str, Any]) -> str:
     names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
     first = document["risk"].partition(":")[0]
     parts = [
-        f"{names[name]} {document[name]:.4f} (95 % interval {document[f'{name}_low']:.4f} to "
-        f"{document[f'{name}_high']:.4f})"
+        f"{names[name]} {document[name]:z.4f} (95 % interval {document[f'{name}_low']:z.4f} to "
+        f"{document[f'{name}_high']:z.4f})"
         for name in sorted(names, key=lambda name: name != first)
     ]
-    measure, draws = document["measure"], document["draws"]
-    told = f"{', '.join(parts)}, standard deviation {document['sd']:.4f} {document['unit']}".rstrip()
+    measure = document["measure"] + (", the first measure," if document.get("stands_in") else "")
+    draws = document["draws"]
+    told = f"{', '.join(parts)}, standard deviation {document['sd']:z.4f} {document['unit']}".rstrip()
     return f"{measure} over {draws} held-out draws: {told}"
 
 

@@ -54,6 +54,74 @@ def test_the_hopper_is_designed_by_the_new_method_and_objective(lab):
     assert found.score == pytest.approx(np.sqrt(highest), rel=0.02)
 
 
+@pytest.mark.parametrize("method", ["hill-climb", "gradient-hill-climb"])
+def test_the_hopper_whose_parameters_name_no_step_is_designed_by_climbers(lab, method):
+    problem = RobotProblem(KINDS["hopper"].build(None, {}))
+    found = maximise(problem, method=method, generations=60, climbers=8, seed=3, progress=lambda _: None)
+    assert found.score == pytest.approx((40.0 / 9.80665 - 1.0) * 0.3, rel=0.05)
+
+
+@pytest.mark.long
+def test_runs_of_a_robot_without_a_motion_are_reported_without_a_player(lab, morpholab, tmp_path):
+    for seed, name in enumerate("ab"):
+        line = f"codesign --robot hopper --climbers 2 --generations 1 --seed {seed} --quiet --out runs/{name}"
+        assert morpholab(line)[0] == 0
+    for page, runs in (("one", "runs/a"), ("two", "runs/a runs/b")):
+        code, _, error = morpholab(f"report {runs} --out {page}.html")
+        assert code == 0 and "note: there is no player: one-legged hopper cannot be shown\n" in error
+        text = (tmp_path / f"{page}.html").read_text()
+        assert "The best design" in text and "morpholab view" not in text and "<iframe" not in text
+    code, _, error = morpholab("report runs/a --no-player --out plain.html")
+    assert code == 0 and "note" not in error
+    code, _, error = morpholab("view runs/a --out view.html")
+    assert code == 2 and "robot: one-legged hopper cannot be shown" in error
+
+
+FAULTY = """
+from optim.search.population import PopulationSearch
+
+
+class Faulty(PopulationSearch):
+    def ask(self):
+        return self._starts() / (1 - self.generation)
+
+    def _take(self, points, evaluation):
+        self.points, self.objectives = points, evaluation.objectives
+        if len(points) > 2:
+            raise ValueError("too many")
+
+    def state(self):
+        return super().state() if len(self.points) < 2 else {}["x"]
+"""
+HILL = "bounds = {'x': (0, 1)}\ndef evaluate(points):\n    return -points[:, 0] ** 2\n"
+
+
+@pytest.mark.parametrize(
+    ("population", "told"),
+    [
+        (1, "line 7: FloatingPointError: divide by zero encountered in divide"),
+        (2, "line 15: KeyError: 'x'"),
+        (3, "line 12: ValueError: too many"),
+    ],
+)
+def test_a_fault_of_a_method_is_told_as_that_of_its_package(morpholab, tmp_path, monkeypatch, population, told):
+    install(tmp_path / "site", "faulty-kit", "morpholab.methods", {"faulty": "faulty_kit:Faulty"}, FAULTY)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    (tmp_path / "hill.py").write_text(HILL)
+    with np.errstate(divide="raise", invalid="raise"):
+        line = f"codesign --problem hill.py --method faulty --population {population} --generations 2 --quiet --out a"
+        code, _, error = morpholab(line)
+    METHODS._loaded.pop("faulty")
+    sys.modules.pop("faulty_kit")
+    assert (code, error) == (1, f"morpholab codesign: failed: {tmp_path}/site/faulty_kit.py, {told}\n")
+
+
+def test_a_fault_of_a_robot_is_told_as_that_of_its_package(lab, morpholab, monkeypatch):
+    monkeypatch.setattr(lab.Hopper, "mass", None)
+    code, _, error = morpholab("codesign --robot hopper --climbers 2 --generations 1 --quiet --out a")
+    assert code == 1 and re.search(r"failed: /.*/my_lab\.py, line \d+: TypeError: unsupported operand", error)
+
+
 def test_the_objective_is_named_among_others_and_has_a_gradient(lab):
     robot, point = KINDS["hopper"].build(None, {}), np.array([[25.0, 0.2]])
     problem = RobotProblem(robot, objective=("2*cautious", "minimise:0.5*height"), summed=True)

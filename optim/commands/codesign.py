@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options, stopped_by
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, named_kinds, plan
-from optim.commands.codesign_seeds import search_each
+from optim.commands.codesign_seeds import check_single, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
 from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
@@ -59,7 +59,10 @@ def run(args: argparse.Namespace) -> Report:
     """Search, with one seed or several."""
     take_task(args)
     settle_workers(args)
-    return search_each(args, _run_one) if args.seeds else _run_one(args)
+    if args.seeds:
+        return search_each(args, _run_one)
+    check_single(args)
+    return _run_one(args)
 
 
 def _run_one(args: argparse.Namespace) -> Report:
@@ -72,6 +75,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     from optim.search.method import check_minibatches
 
     planned = plan(args)
+    _check_task(args.task, planned.problem)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
     if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
@@ -186,9 +190,18 @@ def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: s
         fitting = [w for w in worlds if name.endswith(f"_{w}")] if len(worlds) > 1 else []
         world = max(fitting, key=len, default="")  # the name of a world may end as another one does
         parts[world].append(
-            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:.4f}"
+            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:z.4f}"
         )
     return [", ".join(parts.pop("")), *(f"  {world}: {', '.join(found)}" for world, found in parts.items() if found)]
+
+
+def _check_task(given: str | None, problem: "Problem") -> None:
+    """Refuse a task whose success is told by what the robot, which may be another than the task's, is not judged by."""
+    from optim.problems.robot import RobotProblem
+    from robots.tasks import check_success, find_task
+
+    if given is not None and isinstance(problem, RobotProblem):
+        check_success(find_task(given).success, problem.offered, problem.tried_in)
 
 
 def _of_task(report: Report, given: str | None, problem: "Problem", last: "Generation") -> Report:

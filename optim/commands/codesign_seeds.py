@@ -46,6 +46,30 @@ def run_of_any_seed(out: Path) -> Path | None:
     return next(filter(has_run, folders_of_seeds(out)), None)
 
 
+def check_single(args: argparse.Namespace) -> None:
+    """Refuse to continue one run in a folder that holds those of several seeds.
+
+    Raises:
+        ValueError: that says how to continue them.
+    """
+    if not args.resume or has_run(args.out):
+        return
+    names = [path.name.removeprefix("seed-") for path in folders_of_seeds(args.out) if has_run(path)]
+    if seeds := _spelled(sorted(int(name) for name in names if name.isascii() and name.isdigit())):
+        raise ValueError(f"out: {args.out} holds runs of seeds; give --seeds {seeds} to go on with them")
+
+
+def _spelled(seeds: list[int]) -> str:
+    """The list of seeds, ascending, as it is given: such as ``0-3,7``."""
+    parts: list[list[int]] = []
+    for seed in seeds:
+        if parts and seed == parts[-1][-1] + 1:
+            parts[-1].append(seed)
+        else:
+            parts.append([seed])
+    return ",".join(f"{part[0]}-{part[-1]}" if part[1:] else f"{part[0]}" for part in parts)
+
+
 def search_each(args: argparse.Namespace, search: Callable[[argparse.Namespace], Report]) -> Report:
     """Search with each seed; the report on all.
 

@@ -124,26 +124,26 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         if group["mean"] is None:
             lines.append(f"  {group['label']} ({number}): nothing succeeded")
             continue
-        interval = "" if group["low"] is None else f" [{group['low']:.4f}, {group['high']:.4f}]"
-        lines.append(f"  {group['label']} ({number}): {group['mean']:.4f}{interval}, best {group['best']:.4f}")
+        interval = "" if group["low"] is None else f" [{group['low']:z.4f}, {group['high']:z.4f}]"
+        lines.append(f"  {group['label']} ({number}): {group['mean']:z.4f}{interval}, best {group['best']:z.4f}")
     for difference in differences:
         found = difference.effect
         d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
         lines.append(
-            f"  {difference.second} minus {difference.first}: {found.difference:+.4f} [{found.low:+.4f}, "
-            f"{found.high:+.4f}], A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
+            f"  {difference.second} minus {difference.first}: {found.difference:+z.4f} [{found.low:+z.4f}, "
+            f"{found.high:+z.4f}], A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
         )
     if not differences and len(document["groups"]) > 1:
         lines.append("  no effect sizes: that takes at least two runs a group, with other seeds")
     if document["maps"]:
         lines.append(f"maps of elites after {end}: mean over runs, 95 % interval")
     for one in document["maps"]:
-        interval = "" if one["low"] is None else f" [{one['low']:.4f}, {one['high']:.4f}]"
+        interval = "" if one["low"] is None else f" [{one['low']:z.4f}, {one['high']:z.4f}]"
         what = one["name"].replace("qd_score", "QD score")
-        lines.append(f"  {one['label']}, {what} ({counted(one['runs'], 'run')}): {one['mean']:.4f}{interval}")
+        lines.append(f"  {one['label']}, {what} ({counted(one['runs'], 'run')}): {one['mean']:z.4f}{interval}")
     if document["held_out"]:
         lines.append("best designs over held-out draws: each number of a run, or its mean over runs, 95 % interval")
     for one in document["held_out"]:
         what = f"{one['label']}, {one['world']}, {one['name']} ({counted(one['runs'], 'run')})"
-        lines.append(f"  {what}: {one['value']:.4f} [{one['low']:.4f}, {one['high']:.4f}]")
+        lines.append(f"  {what}: {one['value']:z.4f} [{one['low']:z.4f}, {one['high']:z.4f}]")
     return lines + ([document["picture"]] if document["picture"] else [])

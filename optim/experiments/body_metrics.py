@@ -8,7 +8,7 @@ environments look (homeostasis).
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from optim.measures.sampled import SampledMetrics, sampled_metrics
 from optim.measures.statistics import mean_interval
 from optim.space import Space
 from robots.robot import Robot, Trial, World
-from robots.tasks import Success
+from robots.tasks import Success, check_success
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
@@ -138,7 +138,7 @@ def measure_body(
     Raises:
         ValueError: if nothing of the robot is free, or it lacks a measure that a bound is about.
     """
-    space = Space(tuple(robot.parameters))
+    space = Space.of_parameters(robot.parameters)
     check_bounds(robot, environments)
     tries = Tries(robot, environments, compute)
     parts = controllers_of(space, settings)
@@ -168,10 +168,7 @@ def check_bounds(robot: Robot, environments: Environments) -> None:
             f"robot: nothing of {robot.name} is free, so it has no controllers to try; give one that has, such "
             "as pouch, feeling-quadruped, legged or vehicle"
         )
-    names = [measure.name for measure in robot.measures_in(environments.worlds)]
-    for one in {bound.measure for bounds in environments.success for bound in bounds}:
-        if one not in names:
-            raise ValueError(f"success: {one!r} is unknown; choose one of {', '.join(names)}")
+    check_success(chain.from_iterable(environments.success), robot, environments.worlds)
 
 
 @dataclass(frozen=True, eq=False)

@@ -180,7 +180,7 @@ def _picture(state: State, folder: Path) -> Html:
     """Poses of a state's gait."""
     png = (folder / "pictures" / f"{state.name}.png").read_bytes()
     shown = picture_of(png, f"poses of the gait {state.terrain.where}")
-    return picture(shown, f"{state.gait} {state.terrain.where}: {state.speed:.4f} BL/s")
+    return picture(shown, f"{state.gait} {state.terrain.where}: {state.speed:z.4f} BL/s")
 
 
 def _changes(package: Package) -> list[Html]:

@@ -132,7 +132,7 @@ def _choose(
         if not faults:
             return number, changes, rejected
         every.append(changes)
-        rejected.append(f"{', '.join(plan.gaits)} ({plan.speed:.4f} BL/s): {'; '.join(faults)}")
+        rejected.append(f"{', '.join(plan.gaits)} ({plan.speed:z.4f} BL/s): {'; '.join(faults)}")
     return 0, every[0], rejected
 
 

@@ -91,7 +91,7 @@ def check_working(speeds: Mapping[str, Floats], task: PipelineTask) -> None:
     for place, terrain in enumerate(task.terrains):
         means = {name: float(each[place].mean()) for name, each in speeds.items()}
         if not any(speed >= task.limits.least_speed for speed in means.values()):
-            tried = ", ".join(f"{name} {'diverged' if np.isnan(v) else f'{v:.4f}'}" for name, v in means.items())
+            tried = ", ".join(f"{name} {'diverged' if np.isnan(v) else f'{v:z.4f}'}" for name, v in means.items())
             raise NoWorkingGait(
                 f"{terrain.name}: no gait reaches {task.limits.least_speed:g} BL/s; tried: {tried or 'none'}"
             )

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation, Objective, Problem
-from optim.space import Space, Variable
+from optim.space import USUAL_STEP, Space, Variable
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.variables import Kind
 
 Function = Callable[[Floats], "ArrayLike | Evaluation"]
 Bounds = Mapping[str, "tuple[float, float] | tuple[float, float, Kind]"]
 FIELDS = ("name", "low", "high", "kind", "step")  # of a variable, as run folders keep them
-STEP = 0.1  # standard deviation of a mutation, as a share of a variable's range
 
 
 class PlainProblem(Problem):
@@ -146,4 +145,4 @@ def _variable(name: str, bounds: Sequence[Any]) -> Variable:
         raise ValueError(f"bounds: {bounds!r} of {name} is not allowed; give (low, high) or (low, high, kind)")
     low, high = float(bounds[0]), float(bounds[1])
     kind: Kind = bounds[2] if len(bounds) == 3 else "continuous"
-    return Variable(name, low, high, kind, STEP * (high - low))
+    return Variable(name, low, high, kind, USUAL_STEP * (high - low))

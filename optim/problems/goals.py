@@ -8,7 +8,7 @@ Searches maximise all that they are told, so a goal that is minimised is told ne
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +17,7 @@ import numpy as np
 from optim.problem import Objective
 from optim.problems.objectives import OBJECTIVES, RobotObjective
 from robots.robot import Measure, Outcome, World
+from robots.uncertainty import Score
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest
 
@@ -119,13 +120,15 @@ def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> Rob
         summed: whether goals add up to one objective; else each is one.
 
     Raises:
-        ValueError: for a name that is unknown, or goals that cannot be combined so.
+        ValueError: for a name that is unknown or of two things, or goals that cannot be combined so.
     """
-    if isinstance(names, str):
-        return OBJECTIVES.find(names)()
     known = {measure.name: measure for measure in measures}
+    if isinstance(names, str):
+        _check_apart(names, known)
+        return OBJECTIVES.find(names)()
     parts = []
     for goal in map(Goal.of, names[1:]):
+        _check_apart(goal.name, known)
         if goal.name not in OBJECTIVES and goal.name not in known:
             others = [name for name in OBJECTIVES if name not in WORDS]
             hint = nearest(goal.name, [*known, *OBJECTIVES]).removeprefix("; ")
@@ -136,6 +139,15 @@ def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> Rob
         scored = OBJECTIVES[goal.name]() if goal.name in OBJECTIVES else RobotObjective()
         parts.append(Part(goal, scored, None if goal.name in OBJECTIVES else known[goal.name], names[0]))
     return Goals(tuple(parts), names[0], summed)
+
+
+def _check_apart(name: str, known: Collection[str]) -> None:
+    """Refuse an objective of a package that is called as a measure of the robot, as it would be taken for that."""
+    if name in known and name in OBJECTIVES and name not in OBJECTIVES.builtin:
+        raise ValueError(
+            f"objective: {name!r} is both a measure of the robot and an objective of an installed package; give "
+            "another one, or have the package rename its own"
+        )
 
 
 @dataclass(frozen=True)
@@ -188,7 +200,7 @@ class Part:
         """What is maximised, shape (N, K)."""
         if self.combines:
             return self.goal.factor * self.scored.values(outcomes, self.about(usual))
-        return self.over.combined(self._scores(outcomes, usual))
+        return self.over.combined(self.scores(outcomes, usual))
 
     def gradients(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Derivatives of what is maximised by the parameters, shape (N, P)."""
@@ -196,9 +208,9 @@ class Part:
         if self.combines:
             return self.goal.factor * self.scored.gradients(outcomes, measure)
         slopes = self.goal.factor * np.array([self.scored.slopes(outcome, measure) for outcome in outcomes])
-        return self.over.combined_slopes(self._scores(outcomes, usual), slopes)
+        return self.over.combined_slopes(self.scores(outcomes, usual), slopes)
 
-    def _scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
+    def scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Scores with weight and sign, shape (W, N): the worst of what is minimised is the largest."""
         return self.goal.factor * np.array([self.scored.score(outcome, self.about(usual)) for outcome in outcomes])
 
@@ -262,9 +274,7 @@ class Goals(RobotObjective):
         if len(each) > len(self.parts):
             names = ", ".join(one.name for one in each)
             raise ValueError(f"objective: {names} have no sum; choose a method for several objectives")
-        units = {one.unit for one in each}
-        name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
-        return (Objective(name, units.pop() if len(units) == 1 else ""),)
+        return (_sum_of(each),)
 
     def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """A column for each objective, or the sum."""
@@ -274,3 +284,36 @@ class Goals(RobotObjective):
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of the sum."""
         return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.parts], axis=0))
+
+
+def _sum_of(each: Sequence[Objective]) -> Objective:
+    """What the sum of objectives is called, such as ``speed minus 0.1*energy``."""
+    units = {one.unit for one in each}
+    name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
+    return Objective(name, units.pop() if len(units) == 1 else "")
+
+
+def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
+    """What an objective judges in each world by itself, with weight and sign.
+
+    Args:
+        objective: of a search.
+        measure: that it is about where it names none.
+
+    Returns:
+        None for several goals that do not add up, and for a package's objective that combines worlds in its own way.
+    """
+    if not isinstance(objective, Goals):
+        if type(objective) not in map(OBJECTIVES.get, WORDS) and not objective.own.isdisjoint(WAYS):
+            return None
+        told = objective.objective(measure)
+        return Score(told.name, told.unit, lambda outcome: objective.score(outcome, measure))
+    parts = objective.parts
+    if any(part.combines for part in parts) or (len(parts) > 1 and not objective.summed):
+        return None
+    told = _sum_of([part.goal.told(part.scored.objective(part.about(measure))) for part in parts])
+
+    def summed(outcome: Outcome) -> Floats:
+        return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in parts], axis=0))
+
+    return Score(told.name, told.unit, summed)

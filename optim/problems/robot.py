@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.problem import OK, Evaluation, Minibatch, Objective
-from optim.problems.goals import Goals, Names, named, objective_of
+from optim.problems.goals import Goals, Names, named, objective_of, score_in_each
 from optim.problems.objectives import RobotObjective
 from optim.problems.robot_designing import RobotDesigning, subject_of
 from optim.problems.uncertain import (
@@ -29,7 +29,7 @@ from optim.problems.uncertain import (
 )
 from optim.space import Space
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World
-from robots.uncertainty import Risk
+from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
@@ -61,7 +61,7 @@ class JudgedRobot(RobotDesigning):
         """What is free."""
         if not self.offered.parameters:
             raise ValueError("robot: nothing of it is free to change; make some value Free")
-        return Space(tuple(self.offered.parameters))
+        return Space.of_parameters(self.offered.parameters)
 
     @property
     def judged_by(self) -> Measure:
@@ -188,7 +188,12 @@ class JudgedRobot(RobotDesigning):
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
         """How the best robot does over draws that the search has not seen, where something is uncertain."""
-        return held_out_products(partial(self.robot_of, point), self.tried_in, self.uncertain, self.risk, self.compute)
+
+        def score(best: Robot) -> Score:
+            return score_in_each(self._objective, self.judged_by) or Score.first_of(best, stands_in=True)
+
+        best = partial(self.robot_of, point)
+        return held_out_products(best, self.tried_in, self.uncertain, self.risk, self.compute, score)
 
     def _judged(self, outcomes: list[Outcome], values: Floats, gradients: Floats | None) -> Evaluation:
         status = np.full(len(values), OK, dtype=object)

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from robots.robot import OK, Outcome, Robot, Trial, World
-from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
+from robots.uncertainty import JUDGED_DRAWS, Risk, Score, Uncertainty, judge_uncertain
 from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats, Indices
 from taichi_sim.base.checks import whole_number
@@ -138,7 +138,12 @@ def under_risk(risk: Risk, values: Sequence[Floats], gradients: Sequence[Floats]
 
 
 def held_out_products(
-    robot: Callable[[], Robot], worlds: Sequence[World], uncertain: str, risk: str, compute: Compute
+    robot: Callable[[], Robot],
+    worlds: Sequence[World],
+    uncertain: str,
+    risk: str,
+    compute: Compute,
+    score: Callable[[Robot], Score],
 ) -> Mapping[str, Callable[[Path], None]]:
     """What writes that file; nothing, if nothing is uncertain.
 
@@ -147,12 +152,16 @@ def held_out_products(
         worlds: where it was designed for, an entry each.
         uncertain, risk: as texts, see ``robots.uncertainty``.
         compute: device, precision and threads.
+        score: by which the best one is judged.
     """
 
     def write(path: Path) -> None:
         unknown, measure, best = Uncertainty.parse(uncertain), Risk.parse(risk), robot()
+        judged = score(best)
         found = {
-            world.name: judge_uncertain(best, world, unknown, measure, JUDGED_DRAWS, compute=compute).document
+            world.name: judge_uncertain(
+                best, world, unknown, measure, JUDGED_DRAWS, score=judged, compute=compute
+            ).document
             for world in worlds
         }
         write_text(path, json.dumps({"risk": risk, "terrains": found}, indent=1) + "\n")

@@ -110,15 +110,17 @@ def _page(
 ) -> Built:
     """The page of a run, after sections that compare several, given as markup and for machines."""
     before, more = compared
-    replays, best, point, still = list[Replay](), None, run.best_point, ""
+    replays, best, point, notes = list[Replay](), None, run.best_point, list[str]()
     if point is not None:
-        still = run.subject.unplayable(run.history) if settings.player else ""
-        replays = run.subject.replays(point, settings.frames, progress) if settings.player and not still else []
+        refused = run.subject.unplayable(run.history) if settings.player else ""
+        if refused:
+            notes.append(f"{refused}; the player is left out")
+        elif settings.player:
+            replays = run.subject.replays(point, settings.frames, progress)
+            notes += filter(None, [run.subject.unshown(point)])
         best = run.subject.best(run.last, point, replays, settings.rig)
         best = replace(best, content=[PLAYER, *best.content])
-    shown, notes = [replay.motion for replay in replays[:MOST_MOTIONS]], list[str]()
-    if still:
-        notes.append(f"{still}; the player is left out")
+    shown = [replay.motion for replay in replays[:MOST_MOTIONS]]
     if len(shown) < len(replays):
         notes.append(f"the player shows {MOST_MOTIONS} of {len(replays)} motions")
     sections = run.sections(best, "The best run" if before else "The run")

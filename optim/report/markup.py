@@ -65,7 +65,7 @@ def number(value: float | None, digits: int = 4, unit: str = "") -> Html:
     """A number as read by people, and in full for machines; a dash for none."""
     if value is None or not math.isfinite(value):
         return text(None)
-    shown = f"{value:,.{digits}f}".replace("-", MINUS)
+    shown = f"{value:z,.{digits}f}".replace("-", MINUS)
     exact = value.item() if isinstance(value, np.generic) else value
     return Html(f'<data value="{exact!r}">{shown}</data>{" " + html.escape(unit) if unit else ""}')
 

@@ -85,8 +85,12 @@ class Subject:
         return ""
 
     def replays(self, point: Floats, frames: int, progress: Progress) -> list[Replay]:
-        """Try a point again in each world, with about so many frames of each motion."""
+        """Try a point again in each world, with about so many frames of each motion; none if it cannot be shown."""
         return []
+
+    def unshown(self, point: Floats) -> str:
+        """Why there is no player of a point, where one might be expected; empty otherwise."""
+        return ""
 
     def best(self, last: Generation, point: Floats, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best:
         """The best design, of the last generation."""
@@ -130,13 +134,20 @@ class RobotSubject(Subject):
         return ""
 
     def replays(self, point: Floats, frames: int, progress: Progress) -> list[Replay]:
-        """Try a point again in each world, with about so many frames of each motion."""
+        """Try a point again in each world, with about so many frames of each motion; none if it cannot be shown."""
         problem, robot = self.problem, self.problem.robot_of(point)
-        found = []
+        found: list[Replay] = []
+        if not robot.has_motion:
+            return found
         for n, world in enumerate(problem.tried_in):
             tick, name = part_of(progress, n, len(problem.tried_in)), world.spoken or robot.name
             found.append(robot.replay((), world, frames=frames, name=name, compute=problem.compute, progress=tick))
         return found
+
+    def unshown(self, point: Floats) -> str:
+        """Why there is no player of a point; empty if there is one."""
+        robot = self.problem.robot_of(point)
+        return "" if robot.has_motion else f"there is no player: {KINDS[robot.kind].title} cannot be shown"
 
     def best(self, last: Generation, point: Floats, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best:
         """The best design, of the last generation."""
@@ -202,8 +213,10 @@ class RobotSubject(Subject):
             places = " ".join(f"{flag_of(n)} {shlex.quote(spelled(v))}" for n, v in kind.world_values(world).items())
             line = f"morpholab simulate --gait {file} {places} {options}"
             found.append((f"Simulate the best design {world.spoken}".strip(), line))
-        found.append(("Watch it", f"morpholab view {where} --out best.html"))
-        if best is not None and problem.robot_of(best).exportable:
+        robot = None if best is None else problem.robot_of(best)
+        if robot is None or robot.has_motion:
+            found.append(("Watch it", f"morpholab view {where} --out best.html"))
+        if robot is not None and robot.exportable:
             found.append(("Write its pressures for the rig", f"morpholab export {where} --csv gait.csv --units psi"))
         return found
 

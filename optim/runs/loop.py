@@ -13,6 +13,7 @@ from optim.runs.config import GROUND_FILES, check_ground_files
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
 from optim.search.method import Method, SearchResult, next_request
+from taichi_sim.base.foreign import blamed_package
 
 
 class FolderSearch:
@@ -56,7 +57,8 @@ class FolderSearch:
     def ask(self) -> Request:
         """Points that the method wants evaluated next."""
         self._asked = time.perf_counter()
-        return next_request(self._method)
+        with blamed_package():
+            return next_request(self._method)
 
     def tell(self, request: Request, evaluation: Evaluation) -> None:
         """Complete a generation: tell the method, and write designs, log and checkpoint.
@@ -66,11 +68,12 @@ class FolderSearch:
         """
         if self._folder.config.get(GROUND_FILES):
             check_ground_files(self._folder.config, getattr(self.problem, GROUND_FILES, {}), self._folder.path)
-        self._method.tell(request.points, evaluation)
-        result = self._method.result()
+        with blamed_package():
+            self._method.tell(request.points, evaluation)
+            result, state = self._method.result(), self._method.state()
         self.last = record(self.last, self.problem, result, request.points, evaluation)
         _write_designs(self.problem, result, self._folder)
-        self._folder.commit(self.last.to_json(), self._method.state(), time.perf_counter() - self._asked)
+        self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)
 
 
 def run_search(

@@ -81,6 +81,7 @@ class _Judged(_Failed):
     worst: float
     worst_low: float
     worst_high: float
+    stands_in: bool = False  # whether the measure is the robot's first, as what the search judges is no single number
 
 
 def read_robust(folder: Path) -> Mapping[str, Mapping[str, Any]]:

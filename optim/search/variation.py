@@ -6,16 +6,15 @@ from typing import Literal
 import numpy as np
 
 from optim.search.method import below_all, with_values
-from optim.space import Space
+from optim.space import USUAL_STEP, Space
 from taichi_sim.base.arrays import Floats, Indices
 
 Bounds = Literal["reflect", "random"]  # what becomes of values beyond a bound: Space.reflect, or draw_inside
-DEFAULT_STEP = 0.1  # of a range, for a variable that names no step
 
 
 def mutation_steps(space: Space) -> Floats:
     """Standard deviations of a mutation, shape (D,): ``Variable.step``, or a tenth of the range where that is 0."""
-    return np.where(space.step > 0, space.step, DEFAULT_STEP * space.span)
+    return np.where(space.step > 0, space.step, USUAL_STEP * space.span)
 
 
 def around_start(space: Space, points: Floats, start: Mapping[str, float], rng: np.random.Generator) -> Floats:

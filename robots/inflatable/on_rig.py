@@ -82,9 +82,9 @@ def told(rig: PneumaticRig, numbers: Mapping[str, float]) -> str:
     designed, stretched = numbers["speed_designed"], numbers["speed_without_valves"]
     lost = {SOURCES[cause]: stretched - numbers[f"speed_with_{cause}"] for cause in causes_of(rig)}
     return (
-        f"on the rig {rig.name}, in its time: {numbers['speed_simulated']:.4f} BL/s; "
-        f"without lag {numbers['speed_without_lag']:.4f}, "
-        f"nor delays and limits of rate {stretched:.4f}\n"
-        f"designed {designed:.4f}; of it the rig's longer strokes take {designed - stretched:.4f}, then each alone: "
-        + ", ".join(f"{cause} {loss:.4f}" for cause, loss in lost.items())
+        f"on the rig {rig.name}, in its time: {numbers['speed_simulated']:z.4f} BL/s; "
+        f"without lag {numbers['speed_without_lag']:z.4f}, "
+        f"nor delays and limits of rate {stretched:z.4f}\n"
+        f"designed {designed:z.4f}; of it the rig's longer strokes take {designed - stretched:z.4f}, then each alone: "
+        + ", ".join(f"{cause} {loss:z.4f}" for cause, loss in lost.items())
     )

@@ -268,8 +268,8 @@ class InflatableRobot(Robot):
         numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
         side = "left" if numbers["sideways"] >= 0 else "right"
         text = (
-            f"distance {numbers['distance']:.4f} m, {abs(numbers['sideways']):.4f} m to the {side}, "
-            f"speed {numbers['speed']:.4f} BL/s (published convention; {numbers['speed_simulated']:.4f} in the time "
+            f"distance {numbers['distance']:z.4f} m, {abs(numbers['sideways']):z.4f} m to the {side}, "
+            f"speed {numbers['speed']:z.4f} BL/s (published convention; {numbers['speed_simulated']:z.4f} in the time "
             "simulated)"
         )
         if self.rig is not None:

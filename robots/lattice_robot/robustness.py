@@ -57,8 +57,8 @@ class Trust:
     def judgement(self) -> Judgement:
         """The trust in words, and as a document."""
         low, high = self.starts.min(), self.starts.max()
-        spread = f"{self.speed:.4f} BL/s, {low:.4f} to {high:.4f} from {len(self.starts)} noisy starts"
-        told = ", ".join(f"{name} {speed:.4f}" for name, speed in self.changed.items())
+        spread = f"{self.speed:z.4f} BL/s, {low:z.4f} to {high:z.4f} from {len(self.starts)} noisy starts"
+        told = ", ".join(f"{name} {speed:z.4f}" for name, speed in self.changed.items())
         text = f"{spread}\nchanged: {told}\n{self.kept:.2f} of the speed remains in the median"
         if self.broken_by:
             text += f"; less than half with {', '.join(self.broken_by)}"

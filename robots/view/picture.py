@@ -137,7 +137,7 @@ def inflatable_title(result: InflatableResult, design: InflatableDesign, terrain
     cores = "cores" if isinstance(design.pressure, tuple) else "core"
     body = f"{cores} at {kilopascals(design.pressure)}, heading {design.orientation:.3g}°"
     ok = result.status[robot] == "ok"
-    what = f"{result.speed[robot]:.4f} BL/s" if ok else f"{result.status[robot]}"
+    what = f"{result.speed[robot]:z.4f} BL/s" if ok else f"{result.status[robot]}"
     return f"{what} {terrain.spoken}; {body}".replace("-", "\N{MINUS SIGN}")
 
 

@@ -4,10 +4,12 @@ import contextlib
 import errno
 import traceback
 from collections.abc import Iterator
+from types import FrameType
 
 # What loaders, compilers and C++ say where memory ends.
 NO_MEMORY = ("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory")
 BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault they are
+_packages: set[str] = set()  # of users, which registries have imported
 
 
 @contextlib.contextmanager
@@ -57,9 +59,42 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
     except Exception as error:
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == run_as]
         if lines and not lacks_memory(error) and not blame(error):
-            said = " ".join(str(error).split())
-            error.add_note(f"{BLAMED}{file}, line {lines[-1]}: {type(error).__name__}{said and ': '}{said}")
+            error.add_note(f"{BLAMED}{_told(error, file, lines[-1])}")
         raise
+
+
+def know_package(module: str) -> None:
+    """Take exceptions from the package of a module, which a registry imports, for its own from now on."""
+    _packages.add(module.partition(".")[0])
+
+
+@contextlib.contextmanager
+def blamed_package() -> Iterator[None]:
+    """Run what an installed package may have added inside; an exception that comes from it passes, with such a note."""
+    try:
+        yield
+    except Exception as error:
+        if told := blame_package(error):
+            error.add_note(f"{BLAMED}{told}")
+        raise
+
+
+def blame_package(error: BaseException) -> str:
+    """In which file and line of a package that a registry has imported an exception was raised; empty if in none."""
+    if lacks_memory(error) or blame(error):
+        return ""
+    frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if _is_foreign(frame)]
+    return _told(error, frames[-1][0].f_code.co_filename, frames[-1][1]) if frames else ""
+
+
+def _is_foreign(frame: FrameType) -> bool:
+    return str(frame.f_globals.get("__name__")).partition(".")[0] in _packages
+
+
+def _told(error: BaseException, file: str, line: int | None) -> str:
+    """Where an exception was raised, and what it says."""
+    said = " ".join(str(error).split())
+    return f"{file}, line {line}: {type(error).__name__}{said and ': '}{said}"
 
 
 def blame(error: BaseException) -> str:

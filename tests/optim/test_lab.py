@@ -38,6 +38,18 @@ def test_robots_and_worlds_come_by_name():
             "designs: give numbers, or arrays of one length",
         ),
         (lambda: ml.simulate("vehicle", np.zeros((2, 3))), r"points: shape \(2, 3\) is not allowed"),
+        (
+            lambda: ml.simulate("vehicle", [[0.0, 0.0, 0.0, 0.0, 0.0, np.nan]]),
+            "^points: nan of w2 is not allowed; give",
+        ),
+        (
+            lambda: ml.simulate("vehicle", {"w1": np.nan}),
+            "^designs: nan of w1 is not allowed; give a number from -1 to 1",
+        ),
+        (
+            lambda: ml.simulate("vehicle", {"w1": [0, 3]}),
+            "^designs: 3 of w1 is not allowed; give a number from -1 to 1",
+        ),
         (lambda: ml.view("vehicle", np.zeros((2, 6))), "design: 2 are not allowed; give one"),
         (
             lambda: ml.simulate("rolling", geometry="small"),

@@ -152,3 +152,7 @@ def test_messages_name_the_first_of_very_many_variables():
     assert few.listed == ", ".join(few.names)
     with pytest.raises(ValueError, match=r"z not free to change; the variables are x0, x1, .*, x7 and 992 more$"):
         many.check_names("start", {"z": 1.0})
+
+
+def test_parameters_that_name_no_step_get_a_usual_one():
+    assert Space.of_parameters(SPACE.variables).step == pytest.approx([9.0, 0.9, 36.0, 0.5, 1e-10])

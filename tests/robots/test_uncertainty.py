@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from robots.lattice_robot.offered import soft_quadruped
-from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, summary
+from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, spoken, summary
 from robots.world import Terrain
 
 
@@ -34,6 +34,16 @@ def test_a_slope_is_not_drawn_under_water_that_is_level():
     with pytest.raises(ValueError, match=r"^uncertain: slope=2.0 is not allowed with water, which is level"):
         Uncertainty(slope=2.0).check(robot, shore)
     Uncertainty(friction=0.1).check(robot, shore)
+
+
+def test_only_what_needs_ground_is_refused_in_a_fluid():
+    water, robot = Terrain.water(), soft_quadruped(1)
+    with pytest.raises(ValueError, match=r"in water, which has no ground; leave out friction, slope$"):
+        Uncertainty(friction=0.1, slope=1.0, timing=0.05).check(robot, water)
+    drive = Uncertainty(levels=0.05, timing=0.05)
+    drive.check(robot, water)
+    (one,) = drive.draw(1, actuators=robot.actuators)
+    assert one.around(robot, water) == one.on(water, 0.7, 0.5) == water
 
 
 @pytest.mark.parametrize("text", ["cvar:0", "cvar:1.5", "cvar:x", "median", "cvar"])
@@ -111,3 +121,15 @@ def test_bootstrap_intervals_of_the_mean_are_those_of_students_t_where_draws_are
 
 def test_texts_of_risk_come_back():
     assert [Risk.parse(text).text for text in ("mean", "cvar:0.25", "worst")] == ["mean", "cvar:0.25", "worst"]
+
+
+def test_nothing_is_told_with_a_minus():
+    judged = {
+        "measure": "speed",
+        "unit": "m/s",
+        "draws": 2,
+        "failed": 0,
+        "risk": "mean",
+        **summary([-1e-9, -2e-9], 0.2),
+    }
+    assert "-0.0000" not in spoken({**judged, "share": 0.2})

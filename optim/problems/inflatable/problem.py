@@ -35,7 +35,7 @@ from robots.inflatable.schedule import FEET, GaitSchedule
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import Counting, counted_steps, gait_steps, nominal_steps
 from robots.robot import Robot, part_of
-from robots.uncertainty import Risk, Uncertainty
+from robots.uncertainty import Risk, Score, Uncertainty
 from taichi_sim.base.arrays import Floats, Indices, Ints
 
 HARD = "_hard"  # how details end that are of the harder conditions
@@ -382,7 +382,8 @@ class GaitProblem(GaitSettings):
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
         """How the best gait does over draws that the search has not seen, where something is uncertain."""
-        return held_out_products(partial(self.robot_of, point), self.terrains, self.uncertain, self.risk, self.compute)
+        best, score = partial(self.robot_of, point), partial(Score.first_of, stands_in=self.effort > 0)
+        return held_out_products(best, self.terrains, self.uncertain, self.risk, self.compute, score)
 
     @property
     def subject(self) -> str:

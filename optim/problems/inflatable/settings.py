@@ -22,6 +22,7 @@ from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
 from robots.robot import KINDS, Facts, World
+from robots.uncertainty import Uncertainty
 from robots.world import Terrain
 from taichi_sim.base.checks import NotNegative, check_fields, choice, number, whole_number
 
@@ -182,8 +183,8 @@ class GaitSettings(RobotDesigning):
         object.__setattr__(self, "uncertain", text)
         if not text:
             return
-        if fluid := [terrain.name for terrain in self.terrains if terrain.is_fluid]:
-            raise ValueError(f"uncertain: {self.uncertain} is not allowed in {fluid[0]}, which has no ground")
+        for terrain in self.terrains:
+            Uncertainty.parse(text).check_ground(terrain)
         for name, given in (("friction_spread", self.friction_spread), ("noise", self.noise), ("ladder", self.ladder)):
             if given:
                 raise ValueError(f"{name}: {given} is not allowed beside uncertain; leave out one of them")

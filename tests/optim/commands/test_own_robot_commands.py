@@ -196,3 +196,20 @@ def test_friction_of_the_ground_is_in_the_run_and_in_the_command_of_its_report(m
     assert speeds[0] == logged != speeds[1]
     code, _, error = morpholab(f"{best} --floor wood")
     assert code == 2 and "floor: it is an option of other kinds (inflatable robot); leave it out" in error
+
+
+@pytest.mark.parametrize("command", ["simulate", "measure --success 'speed >= 1' --out new", "codesign --out new"])
+def test_the_folder_of_a_run_is_told_its_design(morpholab, tmp_path, command):
+    (tmp_path / "runs/x").mkdir(parents=True)
+    code, _, error = morpholab(f"{command} --robot runs/x")
+    assert code == 2 and error.endswith("error: robot: runs/x is a folder; give a file of a robot or a design\n")
+    (tmp_path / "runs/x/best.json").write_text("{}")
+    code, _, error = morpholab(f"{command} --robot runs/x")
+    assert code == 2 and error.endswith("error: robot: runs/x is a folder; give runs/x/best.json\n")
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_folder_of_a_run_is_no_gait(morpholab, tmp_path):
+    (tmp_path / "x").mkdir()
+    (tmp_path / "x/best.json").write_text("{}")
+    assert "error: gait: x is a folder; give x/best.json\n" in morpholab("simulate --gait x")[2]

@@ -193,6 +193,14 @@ def test_each_seed_has_the_run_that_it_has_alone(rocket, morpholab):
     assert code == 2 and "out: alone holds a single run; name another folder for --seeds" in error
 
 
+def test_runs_of_seeds_are_not_continued_as_one(rocket, morpholab):
+    assert morpholab(f"codesign {SHORT} --seeds 0-1,4 --out a")[0] == 0
+    for options in ("", SHORT):
+        code, _, error = morpholab(f"codesign --resume --out a {options}")
+        assert code == 2 and error.endswith("out: a holds runs of seeds; give --seeds 0-1,4 to go on with them\n")
+    assert morpholab("codesign --problem rocket.py --resume --seeds 0-1,4 --quiet --out a")[0] == 0
+
+
 def test_seeds_that_have_not_begun_take_the_settings_of_the_others(rocket, morpholab):
     assert morpholab(f"codesign {SHORT} --method random --seeds 0,2 --out a")[0] == 0
     assert morpholab(f"codesign {SHORT} --method random --seeds 0-2 --out whole")[0] == 0

@@ -105,6 +105,22 @@ def test_a_task_that_is_not_there_is_one_line(morpholab):
     assert code == 2 and "task: task.toml cannot be read" in error and error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("line", "unknown"),
+    [
+        ("--task push --terrain flat --objective speed", "prop_distance"),
+        ("--task turn --robot walker --objective speed", "turning"),
+        ("--task own.toml", "speedy"),
+    ],
+)
+def test_success_on_what_is_not_measured_is_refused_before_any_search(morpholab, tmp_path, line, unknown):
+    own = "robot = 'soft-quadruped'\nterrain = ['flat']\nobjective = ['speed']\nsuccess = ['speedy >= 1']\n"
+    (tmp_path / "own.toml").write_text(own)
+    code, _, error = morpholab(f"codesign {line} --method random --climbers 2 --generations 0 --quiet --out a")
+    told = f"success: {unknown!r} is unknown; choose one of "
+    assert code == 2 and told in error and error.count("\n") == 1 and not (tmp_path / "a").exists()
+
+
 @pytest.mark.kernels
 def test_a_task_that_comes_with_the_lab(morpholab, tmp_path):
     """It is searched like any robot, goes on, and tells whether it has succeeded."""

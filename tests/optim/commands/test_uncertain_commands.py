@@ -106,6 +106,18 @@ def test_levels_and_timing_of_bladders_are_drawn(morpholab, simulator):
     assert code == 0 and len(levels) > 8 and all(0.95 <= level <= 1 for level in levels)
 
 
+def test_gaits_are_designed_in_water_where_drives_are_uncertain(morpholab, simulator, tmp_path):
+    line = (
+        "codesign --terrain water --encoding graded --columns 2 --climbers 2 --geometry small --generations 1 --quiet"
+    )
+    code, out, error = morpholab(f"{line} --uncertain levels=5%,timing=5% --draws 3 --out runs/a")
+    assert code == 0, error
+    assert "water: speed over 64 held-out draws: mean " in out
+    code, _, error = morpholab(f"{line} --uncertain levels=5%,friction=5% --draws 3 --out runs/b")
+    told = "uncertain: friction=0.05,levels=0.05 is not allowed in water, which has no ground; leave out friction\n"
+    assert code == 2 and told in error and not (tmp_path / "runs/b").exists()
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -171,6 +171,15 @@ def test_what_is_no_objective_is_refused_in_one_line(objective, settings, why):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("objective", [("cost",), ("worst", "speed", "minimise:0.1*cost")])
+def test_an_objective_of_a_package_takes_no_measure_of_the_robot(tmp_path, monkeypatch, objective):
+    install(tmp_path, "cost-kit", "morpholab.objectives", {"cost": "cost_kit:Spread"})
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ValueError, match=r"^objective: 'cost' is both a measure of the robot and an objective of an "):
+        judged(*objective)
+    assert judged("speed")[1] == [("speed", "m/s")]
+
+
 def test_a_measure_that_no_objective_is_about_is_refused():
     with pytest.raises(ValueError, match=r"^measure: 'cost' is not used"):
         judged("speed", measure="cost")

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from optim.problems.robot import RobotProblem
+from optim.runs.robust import checked_robust, told_of
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.robot import Measure, Outcome, Parameter, Robot
-from robots.uncertainty import Risk, Uncertainty
+from robots.uncertainty import HELD_OUT, Risk, Uncertainty
 from robots.world import Terrain, terrain_of
 from taichi_sim.lattice import LatticeBody, Material
 
@@ -76,6 +77,38 @@ def test_fronts_have_the_risk_of_each_objective():
     found = made.evaluate(points).objectives
     assert found[:, 0] == pytest.approx(speeds(made, points).min(axis=1))
     assert found[:, 1] == pytest.approx(-points[:, 0])
+
+
+SPEED = ("speed", "BL/s")
+
+
+@pytest.mark.parametrize(
+    ("settings", "told", "of"),
+    [
+        ({}, SPEED, lambda found: found["speed"]),
+        ({"objective": "each", "worlds": (HILL, Terrain(3.0))}, SPEED, lambda found: found["speed"]),
+        ({"measure": "work"}, ("work", "J"), lambda found: found["work"]),
+        ({"objective": "minimise:work"}, ("minus work", "J"), lambda found: -found["work"]),
+        (
+            {"objective": ("speed", "minimise:0.5*work"), "summed": True},
+            ("speed minus 0.5*work", ""),
+            lambda found: found["speed"] - 0.5 * found["work"],
+        ),
+        ({"objective": ("speed", "minimise:work")}, (*SPEED, True), lambda found: found["speed"]),
+    ],
+)
+def test_the_best_design_is_judged_by_what_the_search_judges(tmp_path, settings, told, of):
+    made, point = problem(risk="worst", **settings), np.array([0.7, 0.4])
+    made.products(point)["robust.json"](tmp_path / "robust.json")
+    judged = checked_robust(tmp_path)["hill:9"]
+    assert (judged["measure"], judged["unit"], *([True] if judged.get("stands_in") else [])) == told
+    drawn = Uncertainty.parse(UNKNOWN).draw(64, HELD_OUT, actuators=2)
+    robot = made.robot
+    found = [robot.perturbed(one).simulate(point, one.around(robot, HILL)).measures for one in drawn]
+    scores = [float(of(each)[0]) for each in found]
+    assert (judged["mean"], judged["worst"]) == pytest.approx((np.mean(scores), np.min(scores)))
+    first = f"{told[0]}, the first measure, over 64 held-out" if told[2:] else f"{told[0]} over 64 held-out"
+    assert told_of(tmp_path)[0].startswith(f"hill:9: {first} draws: worst ")
 
 
 def test_without_uncertainty_all_is_as_ever():

@@ -185,7 +185,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
             lambda: simulate(crawler(), np.zeros((2, 3))),
             "points: shape (2, 3) is not allowed; give finite",
         ),
-        (lambda: simulate(crawler(), [[math.nan] * 7]), "points: shape (1, 7) is not allowed; give finite numbers"),
+        (lambda: simulate(crawler(), [[math.nan] * 7]), "points: nan of frequency is not allowed; give finite"),
         (lambda: differentiate(crawler(friction=0.5), [[0.5] * 7]), "friction: 0.5 has no derivatives; give infinity"),
         (lambda: load_robot("none.xml"), "none.xml: "),
         (lambda: KINDS["articulated"].build(None, {}), "robot: an articulated robot is made of a file"),

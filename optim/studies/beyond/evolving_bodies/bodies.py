@@ -15,8 +15,8 @@ from taichi_sim.base.arrays import Floats
 
 COLUMNS = ALONG * ACROSS
 BODY = (
-    *(Parameter(f"leg_{n + 1}", 0, LONGEST, "integer") for n in range(COLUMNS)),
-    *(Parameter(f"back_{n + 1}", 1, THICKEST, "integer") for n in range(COLUMNS)),
+    *(Parameter(f"leg_{n + 1}", 0, LONGEST, "integer", 0.1 * LONGEST) for n in range(COLUMNS)),
+    *(Parameter(f"back_{n + 1}", 1, THICKEST, "integer", 0.1 * (THICKEST - 1)) for n in range(COLUMNS)),
 )
 GENES = len(BODY)
 
