@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from optim.runs import Generation, RunFolder
     from robots.robot import Robot
 
+TABLE_FILE = "gait.csv"  # of pressures, of robots that a rig can drive
 COMMAND = Command(
     "codesign",
     "design a robot",
@@ -143,8 +144,8 @@ def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> 
     robot = problem.robot_of(problem.space.from_dict(last.best_point))
     written = ["best.json"]
     if robot.exportable:
-        make_product(folder, "gait.csv", functools.partial(_write_table, robot, folder.config["method"]["seed"]))
-        written.append("gait.csv")
+        make_product(folder, TABLE_FILE, functools.partial(_write_table, robot, folder.config["method"]["seed"]))
+        written.append(TABLE_FILE)
     for name, write in problem.products(problem.space.from_dict(last.best_point)).items():
         make_product(folder, name, write)
         written.append(name)
@@ -164,6 +165,7 @@ def _write_table(robot: "Robot", seed: int, path: Path) -> None:
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
     from optim.problems.uncertain import ROBUST_FILE
     from optim.runs.robust import read_robust, told_of
+    from robots.hardware.rig_table import clipped_in
 
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
     if last.best is None:
@@ -174,6 +176,9 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     best = planned.score.value(last.best) + (f" ({details})" if details else "")
     spent = counted(last.evaluations, "evaluation")
     told = [f"best {planned.score.name}: {best} after {spent}", *lines, f"{folder}: {', '.join(written)}"]
+    if TABLE_FILE in written and (clipped := clipped_in(folder / TABLE_FILE)):
+        count = counted(len(clipped), "time")
+        told.append(f"{TABLE_FILE}: clipped to what the rig can do {count}, as its header tells; first {clipped[0]}")
     if ROBUST_FILE in written:
         document["robust"] = read_robust(folder)
         told[-1:-1] = told_of(folder)

@@ -203,6 +203,11 @@ def read_content(lines: Sequence[str], schema: str) -> Content:
     return Content(pairs, tuple(lines), units)
 
 
+def clipped_in(path: str | os.PathLike[str]) -> list[str]:
+    """What was clipped of the pressures in a table's file to stay within a rig's limits, a line each."""
+    return [line.partition("=")[2] for line in read_text(path).splitlines() if line.startswith("# clipped=")]
+
+
 def read_table(path: str | os.PathLike[str], build: Callable[[Sequence[str]], Table]) -> Table:
     """What a function makes of the lines of a table's file.
 

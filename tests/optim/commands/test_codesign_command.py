@@ -56,10 +56,11 @@ def test_codesign_ends_with_the_speed_on_screen(morpholab):
 
 
 def test_a_core_beyond_the_rig_is_clipped_in_the_table_and_told_in_its_header(morpholab, tmp_path):
-    code, _, error = morpholab(f"codesign --free control --pressure 13000 --terrain flat --out a --quiet {SHORT}")
+    code, out, error = morpholab(f"codesign --free control --pressure 13000 --terrain flat --out a --quiet {SHORT}")
     assert (code, error) == (0, "") and load_design(tmp_path / "a/best.json").pressure == 13_000
     (told,) = read_csv(tmp_path / "a/gait.csv").clipped
     assert told.startswith("core: 54.1667 kPa") and told.endswith("the rig's limit is 50 kPa")
+    assert f"gait.csv: clipped to what the rig can do 1 time, as its header tells; first {told}" in out
 
 
 @pytest.mark.parametrize("method", ["hill-climb", "random"])
