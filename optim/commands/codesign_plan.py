@@ -159,8 +159,11 @@ def _known(args: argparse.Namespace) -> dict[str, Any] | None:
     other = run_of_any_seed(args.out.parent) if args.seeds else None
     if other is None:
         return None
+    from optim.problems.robot import seeded
+
     known = read_config(other)
-    return {**known, "method": {**known["method"], "seed": args.seed}}
+    problem = seeded(known["problem"], args.seed)
+    return {**known, "problem": problem, "method": {**known["method"], "seed": args.seed}}
 
 
 def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:

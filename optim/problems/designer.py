@@ -167,7 +167,7 @@ class Designer:
         """The problem of the run, with what may be given again."""
         known: Any = asked.known
         own = self._own(asked.given)
-        told = asked.source is not None or own
+        told = asked.source is not None or own.keys() - {"seed"}  # which is that of the search, too
         if told and make_robot(self.kind, asked.source, own).describe() != known.offered.describe():
             what = asked.source or "what is given"
             raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; leave it out")

@@ -265,6 +265,14 @@ class JudgedRobot(RobotDesigning):
         ]
 
 
+def seeded(description: Mapping[str, Any], seed: int) -> dict[str, Any]:
+    """The description of a problem of the same search with another seed, which some robots have, too."""
+    robot = json.loads(description.get("robot", "{}"))
+    if "seed" not in robot:
+        return dict(description)
+    return {**description, "robot": json.dumps({**robot, "seed": seed}, separators=(",", ":"))}
+
+
 @dataclass(frozen=True, eq=False)
 class RobotProblem(JudgedRobot):
     """Designing a robot of any kind by its own measures.

@@ -1,6 +1,7 @@
 """``morpholab codesign --robot freeform`` by evolution: maps of elites, patches of cells, lives that learn."""
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -91,3 +92,16 @@ def test_a_search_is_judged_by_the_way_to_a_light(morpholab):
     line = f"{SMALL} --terrain flat+light:0.1,0.02 --objective minimise:remaining --method random --climbers 2 --out a"
     code, out, error = morpholab(f"{line} --generations 1")
     assert code == 0 and error == "" and "best minus remaining: " in out
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("again", ["codesign --quiet", SMALL])
+def test_seeds_that_had_not_begun_are_searched_when_the_others_go_on(morpholab, tmp_path, again):
+    """Each has the noise of its seed, so the robot of one run is not quite that of another."""
+    line = f"{SMALL} --method genetic --population 4 --generations 1 --seeds 0,1 --out a"
+    assert morpholab(line)[0] == 0
+    before = log(tmp_path / "a/seed-1"), (tmp_path / "a/seed-1/config.toml").read_bytes()
+    shutil.rmtree(tmp_path / "a/seed-1")
+    code, _, error = morpholab(f"{again} --resume --seeds 0,1 --generations 1 --out a")
+    assert code == 0, error
+    assert (log(tmp_path / "a/seed-1"), (tmp_path / "a/seed-1/config.toml").read_bytes()) == before
