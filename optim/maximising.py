@@ -13,7 +13,7 @@ from optim.problem import Objective, Problem, judge, objectives_of, score_of
 from optim.problems.function import Bounds, Function, problem_of
 from optim.runs.generation import Generation, record
 from optim.search import build_method, check_objectives
-from optim.search.method import SearchResult, check_minibatches, next_request
+from optim.search.method import SearchResult, check_fit, next_request
 from optim.space import Space
 from optim.wording import counted
 from taichi_sim.base.arrays import Floats
@@ -100,7 +100,7 @@ def maximise(
     generations = whole_number("generations", generations, 0)
     check_objectives(method, [objective.name for objective in objectives])
     search = build_method(method, designed.space, {"seed": seed, **settings})
-    check_minibatches(search, designed)
+    check_fit(search, designed)
     records: list[Generation] = []
     with _shown(progress, generations, score_of(objectives)) as show:
         while len(records) <= generations:
@@ -108,7 +108,7 @@ def maximise(
             evaluation = judge(designed, request)
             search.tell(request.points, evaluation)
             result = search.result()
-            last = record(records[-1] if records else None, designed, result, request.points, evaluation)
+            last = record(records[-1] if records else None, designed, result, request, evaluation)
             records.append(last)
             show(last)
     return Maximum(last.best_point, result.point, result.score, objectives, tuple(records), result)

@@ -22,6 +22,7 @@ GAIT, WALKER, VEHICLE, ROBOT, FILE = (
     "robot",
     "file",
 )  # kinds of problems, as descriptions name them
+ORDERS = 1_000_003  # stream of random numbers that no generation of a search has: of the orders of minibatches
 Wants = Literal["points", "relaxed", "gradients"]  # what a search method wants judged
 
 
@@ -163,7 +164,7 @@ class Minibatch:
         if count <= self.size:
             return np.arange(count)
         order, part = divmod(self.number, -(-count // self.size))
-        shuffled = np.random.default_rng((self.seed, order)).permutation(count)
+        shuffled = np.random.default_rng((self.seed, ORDERS, order)).permutation(count)
         first = min(part * self.size, count - self.size)  # the last of an order is full, too
         return np.sort(shuffled[first : first + self.size])
 
@@ -175,7 +176,7 @@ class MinibatchProblem(Problem, Protocol):
         """Raise a one-line ValueError if minibatches of this size are not allowed, before any work."""
 
     def in_minibatch(self, minibatch: Minibatch) -> "Judging":
-        """The problem in these worlds or draws only; the mean over all minibatches of an order is its objective."""
+        """The problem in these worlds or draws only; a mean over worlds or draws is, on average, the objective."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,13 +232,18 @@ def judge(problem: Judging, request: Request) -> Evaluation:
     return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
 
 
+def has_minibatches(problem: object) -> bool:
+    """Whether a problem can judge points in minibatches."""
+    return hasattr(problem, "in_minibatch") and hasattr(problem, "check_minibatch")
+
+
 def minibatches_of(problem: Judging) -> MinibatchProblem:
     """The problem, which has minibatches.
 
     Raises:
         ValueError: if it has none.
     """
-    if hasattr(problem, "in_minibatch"):
+    if has_minibatches(problem):
         return cast(MinibatchProblem, problem)
     raise ValueError(
         f"minibatch_size: {type(problem).__name__} judges in all worlds at once, and cannot in a few of them; leave it "

@@ -288,7 +288,7 @@ class Ground:
             ValueError: for files that are no heights.
         """
         self.check_file()
-        x, y = np.arange(begin, AHEAD, SAMPLED), (end - begin) * np.linspace(-1, 1, 9)
+        x, y = np.arange(begin, max(AHEAD, begin + SAMPLED), SAMPLED), (end - begin) * np.linspace(-1, 1, 9)
         found = _values(self.text, *np.meshgrid(x, y, indexing="ij"))
         changes = [abs(each - each[0, 0]).max(axis=1) > EVEN for each in found if each is not None]
         where = x[np.logical_or.reduce(changes)]

@@ -73,7 +73,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
-    from optim.search.method import check_minibatches
+    from optim.search.method import check_fit
 
     planned = plan(args)
     _check_task(args.task, planned.problem)
@@ -81,7 +81,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     problem, seed = planned.problem, planned.settings["seed"]
     if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
         problem.check_mixtures()
-    check_minibatches(method, problem)
+    check_fit(method, problem)
     if not (args.quiet or args.resume):
         note_far_ground(problem)
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}

@@ -162,7 +162,7 @@ def _known(args: argparse.Namespace) -> dict[str, Any] | None:
     from optim.problems.robot import seeded
 
     known = read_config(other)
-    problem = seeded(known["problem"], args.seed)
+    problem = seeded(known["problem"], known["method"]["seed"], args.seed)
     return {**known, "problem": problem, "method": {**known["method"], "seed": args.seed}}
 
 

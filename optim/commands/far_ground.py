@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterable
 
 from optim.problems.robot_designing import RobotDesigning
-from robots.ground import Ground
+from robots.ground import AHEAD, Ground
 from robots.robot import OK, Outcome, Robot, World
 from robots.world import Terrain
 
@@ -50,13 +50,16 @@ def _far(robot: Robot, worlds: Iterable[World], gone: float | None) -> Iterable[
         ground = Ground(text)
         start = ground.level_until(begin, front)
         near = front + (FAR * length if gone is None else max(gone, 0.0) + length / 2)
-        if start is None or start <= near or math.isinf(start):
+        closer = math.ceil((front + length / 10) / 0.01) * 0.01
+        way = ground.beginning_at(closer)
+        if start is None or start <= near or (math.isinf(start) and way is None):
+            continue
+        told = f"; give its START, such as {way}" if way else ""
+        if math.isinf(start):
+            yield f"terrain: {text} is level as far as ground is made, {AHEAD:g} m ahead{told}"
             continue
         lengths = f"{(start - front) / length:.2g} body lengths"
         went = "one that goes less far" if gone is None else f"this one went {gone:.3g} m, so it"
-        closer = math.ceil((front + length / 10) / 0.01) * 0.01
-        way = ground.beginning_at(closer)
-        told = f"; give its START, such as {way}" if way else ""
         yield (
             f"terrain: {text} is level up to {start:.2g} m ahead of the robot's origin, {lengths} beyond its front; "
             f"{went} meets nothing else{told}"

@@ -121,8 +121,8 @@ class JudgedRobot(RobotDesigning):
             compute = dataclasses.replace(compute, precision=self.relaxed_precision or self.precision)
         if not gradients and sharpness == math.inf:
             return self.evaluate(points)
-        if gradients and not robot.differentiable:
-            raise ValueError(f"robot: {KINDS[robot.kind].title} has no gradients; choose a method that needs none")
+        if gradients:
+            self.check_true_gradients()
         measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
         return self._scored(points, Trial(self.tried_in[0], compute, gradients=measures, sharpness=sharpness))
 
@@ -138,6 +138,12 @@ class JudgedRobot(RobotDesigning):
                     f"props: {props[0].name} is not allowed with a method that goes through mixtures of tissues, which "
                     "meet none; choose one of true robots, such as nes, genetic or lamarckian"
                 )
+
+    def check_true_gradients(self) -> None:
+        """Raise a one-line ValueError if the robot has no gradients."""
+        if not self.offered.differentiable:
+            title = KINDS[self.robot_kind].title
+            raise ValueError(f"robot: {title} has no gradients; choose a method that needs none")
 
     def check_minibatch(self, size: int) -> None:
         """Refuse minibatches in which the objective is another one, before any work.
@@ -265,10 +271,11 @@ class JudgedRobot(RobotDesigning):
         ]
 
 
-def seeded(description: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """The description of a problem of the same search with another seed, which some robots have, too."""
-    robot = json.loads(description.get("robot", "{}"))
-    if "seed" not in robot:
+def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, Any]:
+    """The description of a search's problem with another seed than ``before``, which some robots have, too."""
+    options = {option.name for option in KINDS.find(description["kind"]).options} if "robot" in description else set()
+    robot = json.loads(description["robot"]) if "seed" in options else {}
+    if robot.get("seed") != before:
         return dict(description)
     return {**description, "robot": json.dumps({**robot, "seed": seed}, separators=(",", ":"))}
 

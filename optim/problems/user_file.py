@@ -4,14 +4,13 @@ import runpy
 import sys
 import tempfile
 from collections.abc import Mapping
-from copy import copy
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from optim.problem import FILE, Evaluation, Minibatch, Objective, Problem, check_kind, objectives_of
+from optim.problem import FILE, Evaluation, Minibatch, Objective, Problem, check_kind, has_minibatches, objectives_of
 from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
 from optim.wording import counted
@@ -51,7 +50,7 @@ class FileProblem(PlainProblem):
         """Have the abilities that not every problem has, if the file's has them."""
         if hasattr(self._problem, "evaluate_relaxed"):
             self.evaluate_relaxed = self._evaluate_relaxed
-        if hasattr(self._problem, "in_minibatch"):
+        if has_minibatches(self._problem):
             self.in_minibatch, self.check_minibatch = self._in_minibatch, self._check_minibatch
 
     def __reduce__(self) -> tuple[type["FileProblem"], tuple[str, bytes, str]]:
@@ -67,7 +66,8 @@ class FileProblem(PlainProblem):
             return self._problem.evaluate_relaxed(points, sharpness, gradients)  # type: ignore[attr-defined]
 
     def _in_minibatch(self, minibatch: Minibatch) -> "FileProblem":
-        part = copy(self)
+        part = object.__new__(type(self))  # a copy would run the source again
+        part.__dict__.update(self.__dict__)
         with blamed(self.file, self._run_as):
             part._problem = self._problem.in_minibatch(minibatch)  # type: ignore[attr-defined]
         part._offer()

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from optim.problem import Evaluation, Problem
+from optim.problem import Evaluation, Problem, Request
 from optim.search.method import SearchResult
-from taichi_sim.base.arrays import Floats
 from taichi_sim.base.records import Count
 
 
@@ -49,19 +48,19 @@ def record(
     last: Generation | None,
     problem: Problem,
     result: SearchResult,
-    points: Floats,
+    request: Request,
     evaluation: Evaluation,
 ) -> Generation:
-    """Make the record of the generation that the method was just told."""
+    """Make the record of the generation that the method was just told; details of a minibatch are not those of all."""
     valid = result.scores[~np.isnan(result.scores)]
     best_details = last.best_details if last else None
     scores = evaluation.objectives.mean(axis=1)
-    here = np.flatnonzero((points == result.point).all(axis=1) & (scores == result.score))
-    if here.size:
+    here = np.flatnonzero((request.points == result.point).all(axis=1) & (scores == result.score))
+    if here.size and request.minibatch is None:
         best_details = {name: values[here[0]].tolist() for name, values in evaluation.details.items()}
     return Generation(
         generation=last.generation + 1 if last else 0,
-        evaluations=(last.evaluations if last else 0) + len(points),
+        evaluations=(last.evaluations if last else 0) + len(request.points),
         failed=int(evaluation.failed.sum()),
         best=None if np.isnan(result.score) else result.score,
         mean=float(valid.mean()) if valid.size else None,

@@ -71,7 +71,7 @@ class FolderSearch:
         with blamed_package():
             self._method.tell(request.points, evaluation)
             result, state = self._method.result(), self._method.state()
-        self.last = record(self.last, self.problem, result, request.points, evaluation)
+        self.last = record(self.last, self.problem, result, request, evaluation)
         _write_designs(self.problem, result, self._folder)
         self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)
 

@@ -80,6 +80,7 @@ class Method(Protocol):
     """
 
     through_mixtures: bool = False  # whether it asks for what lies between true points, as a relaxation has it
+    along_true_gradients: bool = False  # whether it asks for gradients of true points only
 
     @property
     def several_objectives(self) -> bool:
@@ -126,8 +127,10 @@ def next_request(method: Method) -> Request:
     return Request(method.ask(), method.wants, method.sharpness, method.minibatch)
 
 
-def check_minibatches(method: Method, problem: Judging) -> None:
-    """Raise a one-line ValueError unless a problem can be judged in the minibatches that a method asks for."""
+def check_fit(method: Method, problem: Judging) -> None:
+    """Raise a one-line ValueError unless a problem can be judged as a method asks, before any work."""
+    if getattr(method, "along_true_gradients", False) and hasattr(problem, "check_true_gradients"):
+        problem.check_true_gradients()
     if (size := getattr(method, "minibatch_size", None)) is not None:
         minibatches_of(problem).check_minibatch(size)
 

@@ -75,8 +75,10 @@ class SeparableNES(PopulationSearch):
     @property
     def minibatch(self) -> Minibatch | None:
         """Another one each generation."""
-        size = None if self._judges else self.minibatch_size
-        return None if size is None else Minibatch(size, self.generation, self.seed)
+        if self.minibatch_size is None or self._judges:
+            return None
+        judged = self.generation // (self.judging + 1) + 1  # generations before this one that judged the mean
+        return Minibatch(self.minibatch_size, self.generation - judged, self.seed)
 
     def ask(self) -> Floats:
         """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D).

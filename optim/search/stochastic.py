@@ -44,6 +44,8 @@ class StochasticAscent(IndependentSearches):
         memory: part of the average that each move leaves as it is; 0 judges where the climbers are.
     """
 
+    along_true_gradients = True
+
     arrays: ClassVar[tuple[str, ...]] = ("here", "average", "move", "batch", "phase")
 
     climbers: int = whole(1, 1, method.MOST_POINTS)

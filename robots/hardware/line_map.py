@@ -87,14 +87,18 @@ class LineMap:
         Returns:
             Core pressures [Pa], shape (S,), of several cores shape (C, S), and levels of the actuators, shape (10, S).
         """
+        core, levels = self.as_read(lines)
+        return np.round(core, PRESSURE_DECIMALS), np.round(levels, LEVEL_DECIMALS)
+
+    def as_read(self, lines: ArrayLike) -> tuple[Floats, Floats]:
+        """The same with all digits, of which the last may be those of the table."""
         given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
         told = given[:, :-ROWS].T if given.shape[1] > ROWS + 1 else given[:, 0]
-        core = np.round(np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa, PRESSURE_DECIMALS)
+        core = np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa
         if self.ramp_pa > 0:
-            low = np.interp(told, self._ramp, (0.0, self.ramp_pa))
-            core = np.where(told < self._ramp[1], np.round(low, PRESSURE_DECIMALS), core)
+            core = np.where(told < self._ramp[1], np.interp(told, self._ramp, (0.0, self.ramp_pa)), core)
         levels = (given[:, -ROWS:] - off) / (np.array(self.on_kpa) - off)
-        return core, np.round(np.clip(levels, 0.0, 1.0), LEVEL_DECIMALS).T
+        return core, np.clip(levels, 0.0, 1.0).T
 
     def told(self, pressures: ArrayLike) -> Self:
         """This map without its ramp if no pressure of the core [Pa] lies on it, as earlier versions read it, too."""

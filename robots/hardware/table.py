@@ -99,7 +99,7 @@ class GaitTable(RigTable):
 
         A table has nine digits: what its rows tell is taken for the design's number that is written so.
         """
-        core, levels = self.line_map.simulated(lines)
+        core, levels = self.line_map.as_read(lines)
         schedule = self.design.schedule
         pressures = [np.ravel(self.design.pressure)]
         if schedule.core_pressure is not None:
@@ -163,11 +163,12 @@ class GaitTable(RigTable):
 
 
 def _exact(found: Floats, known: Floats, decimals: int) -> Floats:
-    """Rounded numbers, with those that are a known number's replaced by it."""
+    """Rounded numbers; what is a known number but for the last decimal is replaced by the nearest that is."""
     known = np.unique(known)
-    rounded = np.round(known, decimals)
-    place = np.minimum(np.searchsorted(rounded, found), len(known) - 1)
-    return np.where(rounded[place] == found, known[place], found)
+    above = np.clip(np.searchsorted(known, found), 1, max(len(known) - 1, 1))
+    low, high = known[above - 1], known[np.minimum(above, len(known) - 1)]
+    nearest = np.where(found - low <= high - found, low, high)
+    return np.where(abs(found - nearest) <= 10.0**-decimals, nearest, np.round(found, decimals))
 
 
 def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:

@@ -18,7 +18,7 @@ class Variable:
         kind: ``"continuous"``; ``"integer"``, rounded; ``"angle"``, which wraps round from ``high`` to
             ``low``; ``"binary"``, an integer from 0 to 1.
         step: standard deviation of a mutation, in the unit of the variable; 0 names none, and of a robot's parameters a
-            tenth of the range is used.
+            tenth of the range is used, of whole numbers at least 0.5.
         unit: unit of the values, such as ``Pa``; empty for a plain number.
         start: the value before any search; None is the middle.
         place: coordinates of the cell that it belongs to, if any: variables of one place belong to one cell, and cells

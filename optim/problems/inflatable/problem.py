@@ -189,9 +189,7 @@ class GaitProblem(GaitSettings):
             ValueError: if the sharpness is infinite, as that judgement would be none of true points.
         """
         if sharpness == math.inf:
-            raise ValueError(
-                "method: it wants gradients of true designs, which gaits do not have; choose memetic or gradient"
-            )
+            self.check_true_gradients()
         points = self.space.relaxed().validate(np.atleast_2d(points))
         designs = [self.relaxed_design(point, sharpness) for point in points]
         return self._judged(designs, True, points if gradients else None, sharpness)
@@ -319,6 +317,12 @@ class GaitProblem(GaitSettings):
             slopes = self._slopes(run, np.repeat(points, drawn.count, axis=0), sharpness, copies)
         judged, by_points = drawn.judged(speeds, slopes)
         return judged, drawn.first_failure(result.status), by_points
+
+    def check_true_gradients(self) -> None:
+        """Raise a one-line ValueError: only relaxed gaits have gradients."""
+        raise ValueError(
+            "method: it wants gradients of true designs, which gaits do not have; choose memetic or gradient"
+        )
 
     def check_minibatch(self, size: int) -> None:
         """Refuse minibatches in which the objective is another one, before any work.

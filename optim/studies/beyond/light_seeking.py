@@ -234,5 +234,5 @@ STUDY = Study(
     run=study,
     tell=tell,
     writes=FILES,
-    cost="five hours of one core; medium takes one and a half",
+    cost="nine hours of one core; medium takes two",
 )

@@ -1,5 +1,6 @@
 """Notes on ground whose uneven part a robot hardly reaches."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from optim.commands.far_ground import note_far_ground
 from optim.problems.inflatable.problem import GaitProblem
 from robots.freeform import FreeformRobot
 from robots.freeform.grid import Grid
+from robots.ground import Ground
 from robots.lattice_robot.offered import soft_quadruped
 from robots.lattice_robot.walker_offered import WalkerRobot
 from robots.world import Terrain
@@ -59,3 +61,10 @@ def test_inflatable_robots_reach_what_begins_ahead(capsys, geometry):
     assert capsys.readouterr().err == ""
     note_far_ground(GaitProblem((Terrain.parse("ramp:5,1"),), geometry=geometry))
     assert "ramp:5,1 is level up to 1 m" in capsys.readouterr().err
+
+
+def test_ground_that_begins_where_none_is_made_is_told(capsys):
+    note_far_ground(GaitProblem((Terrain.parse("stairs:0.01,0.1,6"),), geometry="small"))
+    told = "terrain: stairs:0.01,0.1,6 is level as far as ground is made, 4 m ahead; give its START, such as stairs:0"
+    assert told in capsys.readouterr().err
+    assert Ground("stairs:0.01,0.1").level_until(4.5, 5.0) == math.inf

@@ -3,10 +3,14 @@
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from run_products import log
+
+from robots.lattice_robot import save_robot
+from robots.lattice_robot.offered import soft_quadruped
 
 SMALL = "codesign --robot freeform --shape 4,3,2 --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet"
 TISSUES = [{"name": "soft"}, {"name": "bone", "youngs_modulus": 2e5, "density": 2e3, "muscle": False}]
@@ -105,3 +109,15 @@ def test_seeds_that_had_not_begun_are_searched_when_the_others_go_on(morpholab, 
     code, _, error = morpholab(f"{again} --resume --seeds 0,1 --generations 1 --out a")
     assert code == 0, error
     assert (log(tmp_path / "a/seed-1"), (tmp_path / "a/seed-1/config.toml").read_bytes()) == before
+
+
+@pytest.mark.kernels
+def test_a_robot_with_a_seed_of_its_own_keeps_it(morpholab, tmp_path):
+    robot = replace(soft_quadruped(1), perturbation=1e-5, seed=7)
+    save_robot(robot, tmp_path / "walker.json")
+    line = "codesign --quiet --threads 1 --method random --climbers 2 --generations 0 --seeds 0,1 --out a"
+    assert morpholab(f"{line} --robot walker.json")[0] == 0
+    before = log(tmp_path / "a/seed-1")
+    shutil.rmtree(tmp_path / "a/seed-1")
+    assert morpholab(f"{line} --resume")[0] == 0
+    assert log(tmp_path / "a/seed-1") == before

@@ -10,9 +10,10 @@ from optim.problem import Evaluation, Minibatch, Problem, Request, judge
 from optim.problems.braitenberg import VehicleProblem
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.robot import RobotProblem
+from optim.problems.user_file import FileProblem
 from optim.runs.workers.folder_files import packed_request, unpacked_request
 from optim.search import StochasticAscent, build_method
-from optim.search.method import next_request
+from optim.search.method import generator, next_request
 from optim.space import Space, Variable
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.world import Terrain
@@ -156,6 +157,87 @@ def test_only_the_mean_that_all_worlds_judged_is_a_result_of_nes():
         kinds.append((len(request.points), request.minibatch is None))
         assert method.result().score < 50 and (request.minibatch is None or method.result().score == before)
     assert kinds == [(1, True), (4, False), (4, False), (4, False)] * 2 + [(1, True)]
+
+
+@pytest.mark.parametrize(("size", "count", "judging"), [(8, 16, 1), (2, 22, 10)])
+def test_nes_meets_all_minibatches_of_an_order(size, count, judging):
+    method = build_method("nes", SPACE, {"population": 4, "minibatch_size": size, "judging": judging})
+    met = set()
+    while method.generation < 3 * count:
+        if method.minibatch and method.minibatch.number < -(-count // size):
+            met |= set(method.minibatch.of(count).tolist())
+        points = method.ask()
+        method.tell(points, Evaluation(points.sum(axis=1)))
+    assert met == set(range(count))
+
+
+def test_orders_are_streams_that_no_search_has():
+    orders = [Minibatch(6, n, 2).of(12).tolist() for n in range(6)]
+    drawn = [generator(2, n).permutation(12)[:6] for n in range(6)]
+    assert orders != [sorted(each.tolist()) for each in drawn]
+
+
+@pytest.mark.kernels
+def test_details_of_the_best_are_those_in_all_worlds():
+    problem = RobotProblem(crawler(), (Terrain(), Terrain(5.0), Terrain(10.0)), objective="worst", threads=1)
+    found = maximise(problem, "stochastic", generations=6, minibatch_size=2, candidates=2, progress=False)
+    assert len(found.generations[1].best_details) == len(found.generations[-1].best_details) > 3
+
+
+FILE = """
+import numpy as np
+from optim import Evaluation, Problem, Space, Variable
+
+with open("runs.txt", "a") as log:
+    log.write("run\\n")
+
+
+class Worlds(Problem):
+    space = Space((Variable("x", -1.0, 1.0),))
+    worlds = (0.0, 0.5, 1.0)
+
+    def check_minibatch(self, size):
+        pass
+
+    def in_minibatch(self, minibatch):
+        part = Worlds()
+        part.worlds = [self.worlds[n] for n in minibatch.of(3)]
+        return part
+
+    def evaluate(self, points):
+        if len(self.worlds) < 3 and FAULT:
+            raise IndexError("mine")
+        return Evaluation(-((np.asarray(points) - np.array(self.worlds)) ** 2).mean(axis=1))
+
+    def evaluate_relaxed(self, points, sharpness, gradients):
+        found = self.evaluate(points)
+        slopes = -2 * (np.asarray(points) - np.mean(self.worlds))
+        return Evaluation(found.objectives, gradients=slopes if gradients else None)
+
+
+problem = Worlds()
+"""
+
+
+@pytest.mark.parametrize("fault", [False, True])
+def test_the_file_of_a_problem_is_run_once_and_blamed_for_its_faults(tmp_path, monkeypatch, fault):
+    monkeypatch.chdir(tmp_path)
+    source = FILE.replace("\\\\n", "\\n").replace("FAULT", str(fault))
+    problem = FileProblem("mine.py", source.encode(), str(tmp_path))
+    if fault:
+        with pytest.raises(IndexError) as error:
+            maximise(problem, "stochastic", generations=3, candidates=1, progress=False)
+        assert error.value.__notes__[0].startswith("a fault of mine.py, line ")
+        return
+    found = maximise(problem, "stochastic", generations=60, candidates=1, progress=False)
+    assert found.best["x"] == pytest.approx(0.5, abs=0.2)
+    assert (tmp_path / "runs.txt").read_text().count("run") == 1
+
+
+def test_what_has_no_gradients_of_true_designs_is_refused_before_any_work():
+    gaits = GaitProblem((Terrain(),), columns=1, encoding="graded", uncertain="friction=20%", draws=4)
+    with pytest.raises(ValueError, match="it wants gradients of true designs, which gaits do not have"):
+        maximise(gaits, "stochastic", progress=False)
 
 
 def test_a_request_keeps_its_minibatch_on_the_way_to_workers():

@@ -28,6 +28,21 @@ def lasting(table) -> list[float]:
     return [state.end_s - state.start_s for state in table.timing]
 
 
+def test_rows_play_the_very_numbers_of_the_design(tmp_path):
+    """Though they have nine digits: also of numbers that six decimals hardly tell apart."""
+    drawn = np.random.default_rng(3)
+    for number in range(20):
+        levels = drawn.uniform(0.0, 1.0, (10, 4))
+        levels[0, 1] = levels[0, 0] + 4e-7
+        design = graded(GaitSchedule(np.clip(levels, 0.0, 1.0)), float(drawn.uniform(2e3, 12e3)))
+        table = gait_table(design, PneumaticRig(), on_violation="clip")
+        export_csv(design, tmp_path / f"{number}.csv", on_violation="clip")
+        for each in (table, read_csv(tmp_path / f"{number}.csv")):
+            played = each.played()
+            assert np.array_equal(played.schedule.levels, design.schedule.levels)
+            assert played.pressure == design.pressure
+
+
 @pytest.mark.long
 @settings(max_examples=40)
 @given(graded_designs, st.sampled_from(["kpa", "psi"]), st.sampled_from([None, 50.0]))

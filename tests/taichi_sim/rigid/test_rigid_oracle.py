@@ -16,18 +16,19 @@ COMMANDS = dict(zip(REFERENCE["cases"], REFERENCE["commands"], strict=True))
 STEPS = 200
 
 
-def disagreement(robot, world, commands, steps=STEPS, start=None):
-    """Largest difference of position [m] or angles [rad] at any step."""
+def disagreement(robot, world, commands, steps=STEPS, start=None, beyond=None):
+    """Largest difference of position [m] or angles [rad] at any step; in a list, how far friction was off its law."""
     tree = robot.tree()
     engine = RigidEngine(tree, world, robot.senses(), precision="f64", threads=1)
     found = engine.run(steps, commands=commands[None], start=start, record_every=1)
-    oracle, worst, beyond = Oracle(tree, world, start or engine.rest()), 0.0, 0
+    oracle, worst = Oracle(tree, world, start or engine.rest()), 0.0
     for step in range(steps + 1):
         ours = np.append(found.frames.position[step, 0], found.frames.angles[step, 0])
         worst = max(worst, np.abs(ours - np.append(oracle.position, oracle.angles)).max())
         oracle.step(commands[min(step, len(commands) - 1)])
-        beyond += oracle.excess > 0.01
-    assert found.residual[0] == 0 and beyond <= 0.2 * steps
+        if beyond is not None:
+            beyond.append(oracle.excess)
+    assert found.residual[0] == 0
     return worst
 
 
@@ -51,9 +52,9 @@ def test_the_engine_is_its_dense_oracle_to_1e_9_over_200_steps(robot, case, inte
 def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_commands(friction, tolerance):
     """Stops, torque limits, flight and landings on any side.
 
-    Coulomb's cone is found in eight repetitions: in all but some steps, of impacts, to 1 % of what holds a point.
+    Coulomb's cone is found in eight repetitions: in all but one of twenty steps, of impacts, to 1 % of what holds.
     """
-    rng = np.random.default_rng(3)
+    rng, beyond = np.random.default_rng(3), []
     for _ in range(4):
         turn = rng.normal(size=(1, 4))
         start = State(
@@ -64,4 +65,5 @@ def test_the_engine_is_its_dense_oracle_for_robots_thrown_about_with_changing_co
             rng.normal(size=(1, 8)),
         )
         world = World(0.02, -9.81, SLIP, friction)
-        assert disagreement(LEGGED, world, rng.uniform(-1, 1, (40, 8)), 40, start) < tolerance
+        assert disagreement(LEGGED, world, rng.uniform(-1, 1, (40, 8)), 40, start, beyond) < tolerance
+    assert np.mean(np.array(beyond) > 0.01) < 0.06
