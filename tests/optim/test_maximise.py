@@ -33,7 +33,7 @@ def test_a_function_is_maximised_in_one_call():
     assert set(found.history) == {"evaluations", "failed", "best", "mean", "median"}
     assert found.history["evaluations"].tolist() == [20.0 * n for n in range(1, 62)]
     assert (np.diff(found.history["best"]) >= 0).all() and found.result.kind == "population"
-    assert repr(found).startswith("best score -0.0000 after 1220 evaluations: x 0.5")
+    assert repr(found).startswith("best score 0.0000 after 1220 evaluations: x 0.5")
 
 
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "stochastic"])  # a function has one world
