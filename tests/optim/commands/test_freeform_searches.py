@@ -9,6 +9,9 @@ from pathlib import Path
 import pytest
 from run_products import log
 
+from optim.problems.robot import RobotProblem, seeded
+from robots.freeform.grid import Grid
+from robots.freeform.robot import FreeformRobot
 from robots.lattice_robot import save_robot
 from robots.lattice_robot.offered import soft_quadruped
 
@@ -121,3 +124,9 @@ def test_a_robot_with_a_seed_of_its_own_keeps_it(morpholab, tmp_path):
     shutil.rmtree(tmp_path / "a/seed-1")
     assert morpholab(f"{line} --resume")[0] == 0
     assert log(tmp_path / "a/seed-1") == before
+
+
+@pytest.mark.parametrize(("own", "then"), [(0, 3), (7, 7)])
+def test_only_the_seed_of_the_search_becomes_that_of_the_robot(own, then):
+    problem = RobotProblem(FreeformRobot(Grid((2, 2, 2)), seed=own, perturbation=1e-5)).describe()
+    assert json.loads(seeded(problem, 0, 3)["robot"])["seed"] == then
