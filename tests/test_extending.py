@@ -151,3 +151,12 @@ def test_the_study_writes_what_it_says(lab, tmp_path):
 def test_the_law_computes_and_the_problem_is_maximised(lab):
     assert lab.spring_force(0.1, 2.0, 5.0) == pytest.approx(0.2 + 5e-3)
     assert list(lab.best.best.values()) == pytest.approx([0.3, -0.2], abs=1e-3)
+
+
+def test_the_hopper_which_has_no_motion_is_simulated_without_a_picture(lab, morpholab, tmp_path):
+    assert (
+        morpholab("codesign --robot hopper --method random --climbers 4 --generations 0 --quiet --out runs/a")[0] == 0
+    )
+    code, _, error = morpholab("simulate --robot runs/a/best.json --out out")
+    assert code == 0, error
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["design.json", "result.json"]

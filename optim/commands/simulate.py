@@ -150,7 +150,7 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
         **({"frames.npz": lambda path: np.savez_compressed(path, **frames)} if frames else {}),
         # The header tells what was clipped.
         **({"gait.csv": partial(write_csv, robot.table(on_violation="clip"))} if robot.exportable else {}),
-        "robot.png": partial(save_robot_picture, robot, world),
+        **({"robot.png": partial(save_robot_picture, robot, world)} if robot.has_motion else {}),
     }
     with undone_if_it_fails() as made:
         for name, write in writers.items():
