@@ -75,6 +75,7 @@ def test_points_are_designs_and_designs_are_starts(geometry, tmp_path):
         problem(more=()).start_values(dataclasses.replace(INCHING, materials=RegionMaterials(((1.0, 1.0), (0.1, 0.1)))))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("settings", [{}, {"geometry": "two-core"}, {"more": ("pace",)}, {"more": ("core", "size")}])
 @pytest.mark.parametrize("draws", [{}, {"draws": 3, "friction_spread": 0.5, "noise": 1e-6}])
 def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):

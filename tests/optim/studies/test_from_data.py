@@ -40,6 +40,7 @@ LEFT_OUT = {
 NOTHING_COMMITTED = ("sensor-placement", "training")  # but the tables themselves; tests of their own compare
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("study", TOLD)
 def test_the_committed_tables_come_out_of_the_committed_data(study, tmp_path, capsys):
     out = tmp_path / "out"
