@@ -4,12 +4,13 @@ import contextlib
 import errno
 import traceback
 from collections.abc import Iterator
+from importlib import metadata
 from types import FrameType
 
 # What loaders, compilers and C++ say where memory ends.
 NO_MEMORY = ("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory")
 BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault they are
-_packages: set[str] = set()  # of users, which registries have imported
+GROUPS = "morpholab."  # how the names of all groups of entry points begin
 
 
 @contextlib.contextmanager
@@ -63,11 +64,6 @@ def blamed(file: str, run_as: str) -> Iterator[None]:
         raise
 
 
-def know_package(module: str) -> None:
-    """Take exceptions from the package of a module, which a registry imports, for its own from now on."""
-    _packages.add(module.partition(".")[0])
-
-
 @contextlib.contextmanager
 def blamed_package() -> Iterator[None]:
     """Run what an installed package may have added inside; an exception that comes from it passes, with such a note."""
@@ -80,15 +76,18 @@ def blamed_package() -> Iterator[None]:
 
 
 def blame_package(error: BaseException) -> str:
-    """In which file and line of a package that a registry has imported an exception was raised; empty if in none."""
+    """In which file and line of a package that adds to morpholab an exception was raised; empty if in none."""
     if lacks_memory(error) or blame(error):
         return ""
-    frames = [(frame, line) for frame, line in traceback.walk_tb(error.__traceback__) if _is_foreign(frame)]
+    entries = (entry for package in metadata.distributions() for entry in package.entry_points)
+    packages = {entry.module.partition(".")[0] for entry in entries if entry.group.startswith(GROUPS)}
+    walked = traceback.walk_tb(error.__traceback__)
+    frames = [(frame, line) for frame, line in walked if _package_of(frame) in packages]
     return _told(error, frames[-1][0].f_code.co_filename, frames[-1][1]) if frames else ""
 
 
-def _is_foreign(frame: FrameType) -> bool:
-    return str(frame.f_globals.get("__name__")).partition(".")[0] in _packages
+def _package_of(frame: FrameType) -> str:
+    return str(frame.f_globals.get("__name__")).partition(".")[0]
 
 
 def _told(error: BaseException, file: str, line: int | None) -> str:

@@ -5,8 +5,6 @@ from collections.abc import Iterator, Mapping
 from importlib import import_module, metadata
 from typing import Generic, TypeVar
 
-from taichi_sim.base.foreign import know_package
-
 Thing = TypeVar("Thing")
 
 
@@ -85,7 +83,6 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
             raise ValueError(
                 f"{self.noun}: {name!r} is defined by several packages ({packages}); uninstall all but one"
             )
-        know_package(entries[0].module)
         try:
             loaded: Thing = entries[0].load()
         except Exception as error:
