@@ -68,7 +68,6 @@ def run(args: argparse.Namespace) -> Report:
 
 def _run_one(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
-    from optim.problems.robot import JudgedRobot
     from optim.problems.robot_designing import RobotDesigning
     from optim.runs import open_run
     from optim.runs.environment import environment
@@ -79,8 +78,6 @@ def _run_one(args: argparse.Namespace) -> Report:
     _check_task(args.task, planned.problem)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
-    if getattr(method, "through_mixtures", False) and isinstance(problem, JudgedRobot):
-        problem.check_mixtures()
     check_fit(method, problem)
     if not (args.quiet or args.resume):
         note_far_ground(problem)

@@ -9,7 +9,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search import method
 from optim.search.base import number, positive, whole
-from optim.search.independent import IndependentSearches
+from optim.search.independent import IndependentSearches, best_of_each
 from optim.search.step_rules import LBFGS, Adam, StepRule, free_variables
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats
@@ -129,7 +129,7 @@ class GradientAscent(IndependentSearches):
             self._advance()
             return
         if not self.alternates:
-            self._keep(*_best_of_each(points, scores, self.climbers))
+            self._keep(*best_of_each(points, scores, self.climbers))
         if self.exact:
             values, slopes = scores, method.slopes_per_range(evaluation, self.space, self.climbers)
         else:
@@ -139,15 +139,12 @@ class GradientAscent(IndependentSearches):
 
     def _starts(self) -> Floats:
         """Random points, ``candidates`` for each climber that seeks a start."""
-        seeking = np.flatnonzero(self.seeking).tolist()
-        rngs = [method.generator(self.seed, self.generation, climber, 2) for climber in seeking]
-        points = np.concatenate([self.relaxed.sample(rng, self.candidates) for rng in rngs])
-        return method.with_values(self.relaxed, points, self.start)
+        return self._random_starts(self.relaxed, np.flatnonzero(self.seeking).tolist(), self.candidates, 2)
 
     def _choose(self, points: Floats, scores: Floats) -> None:
         """Let each climber that seeks a start have its best; the generation goes on with these."""
         best = np.full(self.climbers, np.nan)
-        self.here[self.seeking], best[self.seeking] = _best_of_each(points, scores, int(self.seeking.sum()))
+        self.here[self.seeking], best[self.seeking] = best_of_each(points, scores, int(self.seeking.sum()))
         if not self.alternates:
             self._keep(self.here, best)
         self.seeking = np.zeros(self.climbers, bool)
@@ -178,7 +175,7 @@ class GradientAscent(IndependentSearches):
 
     def _move(self, values: Floats, slopes: Floats) -> None:
         """Go on from the points just judged, or half way back; restart what is lost or stalled."""
-        valid = (abs(values) < method.LARGEST) & (abs(slopes) < method.LARGEST).all(axis=1)
+        valid = method.sound(values, slopes)
         values, slopes = np.where(valid, values, -np.inf), np.where(valid[:, None], slopes, 0.0)
         moved = self.relaxed.offset(self.here, self.anchor)
         accepted = valid
@@ -214,10 +211,3 @@ class GradientAscent(IndependentSearches):
 
     def _groups(self) -> Mapping[str, Arrays]:
         return {"rule": self.steps.arrays}
-
-
-def _best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:
-    """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
-    grouped = method.below_all(scores).reshape(climbers, -1)
-    best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)
-    return points[best], scores[best]

@@ -56,7 +56,15 @@ class IndependentSearches(Search):
         objectives = self.scores[:, None].copy()
         return SearchResult(self.points[best].copy(), float(self.scores[best]), self.points.copy(), objectives)
 
-    def _random_starts(self, space: Space, climbers: Iterable[int]) -> Floats:
-        """Points of the space for some climbers in this generation: random but for the values that are given."""
-        points = [space.sample(generator(self.seed, self.generation, climber), 1) for climber in climbers]
+    def _random_starts(self, space: Space, climbers: Iterable[int], count: int = 1, *stream: int) -> Floats:
+        """``count`` points of the space for each of some climbers: random but for the values that are given."""
+        rngs = [generator(self.seed, self.generation, climber, *stream) for climber in climbers]
+        points = [space.sample(rng, count) for rng in rngs]
         return with_values(space, np.reshape(points, (-1, space.size)), self.start)
+
+
+def best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:
+    """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
+    grouped = below_all(scores).reshape(climbers, -1)
+    best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)
+    return points[best], scores[best]

@@ -110,7 +110,7 @@ class LamarckianSearch(GeneticSearch):
     def _learn(self, scores: Floats, slopes: Floats) -> None:
         """A step of Adam of what is not whole, or half way back from a failure."""
         here = self.learners
-        valid = (abs(scores) < method.LARGEST) & (abs(slopes) < method.LARGEST).all(axis=1)
+        valid = method.sound(scores, slopes)
         slopes = np.where(valid[:, None] & ~self.whole, slopes, 0.0)
         steps = self._boldness() * self.rule.steps(valid, slopes, free_variables(self.space, here, slopes))
         steps = np.where(self.whole, 0.0, steps)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from optim.problem import Evaluation, Judging, Minibatch, Request, minibatches_of
 from optim.problem import Wants as Wants
 from optim.space import Space
-from taichi_sim.base.arrays import Arrays, Floats, Ints
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
 LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
@@ -129,6 +129,8 @@ def next_request(method: Method) -> Request:
 
 def check_fit(method: Method, problem: Judging) -> None:
     """Raise a one-line ValueError unless a problem can be judged as a method asks, before any work."""
+    if getattr(method, "through_mixtures", False) and hasattr(problem, "check_mixtures"):
+        problem.check_mixtures()
     if getattr(method, "along_true_gradients", False) and hasattr(problem, "check_true_gradients"):
         problem.check_true_gradients()
     if (size := getattr(method, "minibatch_size", None)) is not None:
@@ -172,6 +174,11 @@ def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Floats
         raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {(count, space.size)}")
     with np.errstate(over="ignore"):
         return evaluation.gradients * space.span
+
+
+def sound(values: Floats, slopes: Floats) -> Bools:
+    """Which points, of values (N,) and slopes (N, D), failed in neither, shape (N,)."""
+    return np.asarray((abs(values) < LARGEST) & (abs(slopes) < LARGEST).all(axis=1))
 
 
 def below_all(scores: ArrayLike) -> Floats:

@@ -133,7 +133,7 @@ class GradientRace(IndependentSearches):
     def _climb(self, scores: Floats, slopes: Floats) -> None:
         """A step of Adam for each climber that races, or half way back where one failed."""
         rows = self._rows
-        valid = (abs(scores) < method.LARGEST) & (abs(slopes) < method.LARGEST).all(axis=1)
+        valid = method.sound(scores, slopes)
         self.record[rows] = np.maximum(self.record[rows], np.where(valid, scores, -np.inf))
         moved = np.zeros(self.climbers, bool)
         moved[rows[valid]] = True

@@ -9,10 +9,10 @@ import numpy as np
 from optim.problem import Evaluation, Minibatch
 from optim.search import method
 from optim.search.base import number, positive, whole
-from optim.search.independent import IndependentSearches
+from optim.search.independent import IndependentSearches, best_of_each
 from optim.search.step_rules import Adam, free_variables
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
 
 STARTING, CLIMBING, JUDGING = range(3)  # phases of a round
 FORGETS = 0.99  # beta_2 of Adam: in a few hundred moves slopes change
@@ -86,10 +86,7 @@ class StochasticAscent(IndependentSearches):
     def ask(self) -> Floats:
         """Candidates for the starts, shape (C * candidates, D); or where the climbers are, or were on average."""
         if self.phase == STARTING:
-            seeking = np.flatnonzero(np.isnan(self.here).any(axis=1)).tolist()
-            streams = [method.generator(self.seed, self.generation, climber) for climber in seeking]
-            points = np.concatenate([self.space.sample(stream, self.candidates) for stream in streams])
-            return method.with_values(self.space, points, self.start)
+            return self._random_starts(self.space, self._seeking.tolist(), self.candidates)
         return self.space.round(self.average if self.phase == JUDGING else self.here)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
@@ -106,24 +103,27 @@ class StochasticAscent(IndependentSearches):
             self._climb(scores, method.slopes_per_range(evaluation, self.space, len(points)))
         self.generation += 1
 
+    @property
+    def _seeking(self) -> Indices:
+        """Climbers without a place."""
+        return np.flatnonzero(np.isnan(self.here).any(axis=1))
+
     def result(self) -> method.SearchResult:
         """The best average of all climbers, and of each, in all rounds."""
         return replace(super().result(), numbers={"move": self.move})
 
     def _begin(self, points: Floats, scores: Floats) -> None:
         """Put each climber without a place at the best of its candidates; where all failed, others are tried."""
-        seeking = np.flatnonzero(np.isnan(self.here).any(axis=1))
-        grouped = method.below_all(scores).reshape(len(seeking), -1)
-        best = grouped.argmax(axis=1)
-        found = np.isfinite(grouped.max(axis=1))
-        places = points.reshape(len(seeking), -1, self.space.size)[np.arange(len(seeking)), best]
+        seeking = self._seeking
+        places, best = best_of_each(points, scores, len(seeking))
+        found = np.isfinite(best)
         self.here[seeking[found]] = self.average[seeking[found]] = places[found]
         if found.all():
             self.batch, self.phase = self.batch + 1, JUDGING
 
     def _climb(self, scores: Floats, slopes: Floats) -> None:
         """A step of Adam for each climber, or back to its average where one failed."""
-        valid = (abs(scores) < method.LARGEST) & (abs(slopes) < method.LARGEST).all(axis=1)
+        valid = method.sound(scores, slopes)
         slopes = np.where(valid[:, None], slopes, 0.0)
         free = free_variables(self.space, self.here, slopes) & ~self.space.integers
         rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.moves)
