@@ -6,11 +6,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from optim.experiments.equal_cost import Contest
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, part_of
 from optim.experiments.tables import Record, read_records, where, write_records
+from optim.problem import Problem, Request, judge
+from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
+from taichi_sim.base.arrays import Floats
+
+WARM_UP = 3  # seed of the point that has the kernels compiled
 
 Run = tuple[str, str, int]  # problem, search, seed
 
@@ -68,10 +75,29 @@ class JudgedRuns:
         return bool(where(rows, **about, seconds=self.seconds))
 
 
-def best_within(contest: Contest, name: str, seed: int, seconds: float) -> tuple[dict[str, Any] | None, int]:
-    """The best point of a run when its CPU time was used up, None if nothing had succeeded, and its evaluations."""
+def warm_up(problem: Problem, gradients: bool) -> None:
+    """Have the kernels of this process ready before the clock of a search starts: one random point is judged."""
+    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
+    for sharpness in (1.0, np.inf) if gradients else (np.inf,):
+        judge(problem, Request(point, "gradients" if gradients else "points", sharpness))
+
+
+def search_within(
+    contest: Contest, name: str, seed: int, seconds: float, gradients: bool
+) -> tuple[dict[str, Any] | None, int]:
+    """Search; the best point when the CPU time was used up, None if nothing had succeeded, and its evaluations."""
+    warm_up(contest.entries[name].problem(), gradients)
+    contest.run_one(name, seed)
     last = contest.last_within(name, seed, seconds)
     if last is None:
         return None, 0
     generation = read_history(contest.folder(name, seed)).generations[last]
     return generation.best_point, int(contest.curve(name, seed)[last]["evaluations"])
+
+
+def save_design(problem: RobotProblem, values: Mapping[str, Any], path: Path) -> Floats:
+    """Save the design with these values as a file; its point."""
+    point = problem.space.from_dict(values)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    problem.save(point, path)
+    return point

@@ -9,7 +9,7 @@ lengths of the grid per second. Settings of all methods were chosen on another b
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,11 +18,11 @@ import numpy as np
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
+from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, read_records, where, write_records
 from optim.measures.statistics import mean_interval, ratio_of_means
-from optim.problem import Request, judge
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
 from robots.freeform.grid import Grid
@@ -40,7 +40,6 @@ NAME = "freeform"
 TABLES = ("runs.csv", "curves.csv", "trials.csv")
 FILES = ("table.md", *TABLES, "summary.json", "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
-WARM_UP = 3  # seed of the point that has the kernels compiled
 CURVE = 40  # points of a curve in the table, at most
 BONE = Tissue(
     Material(2e5, 1e3, static_friction=0.3, kinetic_friction=0.2, internal_damping=1.0, name="slippery rubber"),
@@ -183,15 +182,6 @@ def tell(data: Data, folder: Path) -> None:
     _report(folder, share, data.records(TABLES[0], columns))
 
 
-@cache
-def warm_up(name: str, gradients: bool) -> None:
-    """Have the kernels of this process ready before the clock of a search starts, so that no run pays for them."""
-    problem = designed(name)
-    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
-    for sharpness in (1.0, np.inf) if gradients else (np.inf,):
-        judge(problem, Request(point, "gradients" if gradients else "points", sharpness))
-
-
 def _kept(folder: Path, problem: str, arm: str, seed: int, what: str = "run") -> Path:
     """Where what follows from a run is kept."""
     return folder / "designs" / f"{problem}-{arm}-{seed}-{what}.csv"
@@ -205,7 +195,7 @@ def _task(
     kept, contest = _kept(folder, *run), settings.contest(problem, folder)
     if kept.exists() and settings.told(run, read_records(kept)):
         return
-    warm_up(problem, ARMS[name].gradients)
+    warm_up(contest.entries[name].problem(), ARMS[name].gradients)
     contest.run_one(name, seed)
     kept.parent.mkdir(parents=True, exist_ok=True)
     rows, trials = list[Record](), list[Record]()

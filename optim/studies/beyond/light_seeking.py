@@ -7,7 +7,7 @@ precision, by how many of 64 lights that it has never met it comes near.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,12 +15,11 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.judged_runs import JudgedRuns, Run, best_within
+from optim.experiments.judged_runs import JudgedRuns, Run, save_design, search_within
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import difference_of_means, mean_interval
-from optim.problem import Request, judge
 from optim.problems.robot import RobotProblem
 from robots.lattice_robot.offered import light_seeker
 from robots.robot import Robot
@@ -35,7 +34,6 @@ NAME, ROBOT = "light-seeking", "light-seeker"
 TABLE = "runs.csv"
 FILES = ("table.md", TABLE, "summary.json", "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
-WARM_UP = 3  # seed of the point that has the kernels compiled
 WIDEST = 60.0  # degrees to either side of the way ahead
 NEAR, FAR = 0.06, 0.1  # distance of held-out lights [m]; those of training are half way
 OBJECTIVE = ("mean", "minimise:remaining")
@@ -124,14 +122,6 @@ def tell(data: Data, folder: Path) -> None:
     _report(folder, data.settings(LightSeeking), data.records(TABLE, COLUMNS))
 
 
-@cache
-def warm_up(settings: LightSeeking, gradients: bool) -> None:
-    """Have the kernels of this process ready before the clock of a search starts."""
-    problem = settings.problem(settings.training)
-    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
-    judge(problem, Request(point, "gradients" if gradients else "points", np.inf))
-
-
 def remaining(robot: Robot, worlds: Sequence[Terrain], compute: Compute = EXACT) -> Floats:
     """How far from each light a robot ends, of which nothing is free [m]; infinite where it diverges."""
     found = [robot.simulate((), world, compute=compute).measures["remaining"][0] for world in worlds]
@@ -142,16 +132,11 @@ def _judged(folder: Path, settings: LightSeeking, run: Run) -> Record:
     """What a search finds, by lights that it has not met; its design is saved."""
     _, arm, seed = run
     contest = settings.contest(folder)
-    warm_up(settings, ARMS[arm].gradients)
-    contest.run_one(arm, seed)
-    best, evaluations = best_within(contest, arm, seed, settings.seconds)
+    best, evaluations = search_within(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "trained": None, "remaining": None, "reached": 0}
     problem = settings.problem(settings.training, EXACT.precision)
-    point = problem.space.from_dict(best)
-    (folder / "designs").mkdir(parents=True, exist_ok=True)
-    problem.save(point, folder / "designs" / f"{arm}-{seed}.json")
-    robot = problem.robot_of(point)
+    robot = problem.robot_of(save_design(problem, best, folder / "designs" / f"{arm}-{seed}.json"))
     trained, found = (remaining(robot, lights) for lights in (settings.training, settings.judging))
     reached = int((found <= settings.reach).sum())
     return {

@@ -6,7 +6,7 @@ double precision: whether it succeeds, and its objective, are those of that tria
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,12 +14,11 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.judged_runs import JudgedRuns, Run, best_within
+from optim.experiments.judged_runs import JudgedRuns, Run, save_design, search_within
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval
-from optim.problem import Request, judge
 from optim.problems.robot import RobotProblem
 from optim.problems.task import problem_of_task
 from robots.tasks import builtin_tasks, find_task
@@ -31,7 +30,6 @@ NAME = "tasks"
 TABLE = "runs.csv"
 FILES = ("table.md", TABLE, "summary.json", "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
-WARM_UP = 3  # seed of the point that has the kernels compiled
 ARMS = {
     "race": Arm("gradient race", "race", {"climbers": 8, "halving": 4, "moves": 60}, True),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
@@ -89,28 +87,16 @@ def tell(data: Data, folder: Path) -> None:
     _report(folder, seconds, data.records(TABLE, COLUMNS))
 
 
-@cache
-def warm_up(name: str, gradients: bool) -> None:
-    """Have the kernels of this process ready before the clock of a search starts."""
-    problem = designed(name)
-    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
-    judge(problem, Request(point, "gradients" if gradients else "points", np.inf))
-
-
 def _judged(folder: Path, settings: Solving, run: Run) -> Record:
     """What a search finds, in double precision; its design is saved."""
     name, arm, seed = run
     contest = settings.contest(name, folder)
-    warm_up(name, ARMS[arm].gradients)
-    contest.run_one(arm, seed)
-    best, evaluations = best_within(contest, arm, seed, settings.seconds)
+    best, evaluations = search_within(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "objective": None, "succeeded": 0}
     task = find_task(name)
     made = problem_of_task(task, precision=EXACT.precision, threads=1)
-    point = made.space.from_dict(best)
-    (folder / "designs").mkdir(parents=True, exist_ok=True)
-    made.save(point, folder / "designs" / f"{name}-{arm}-{seed}.json")
+    point = save_design(made, best, folder / "designs" / f"{name}-{arm}-{seed}.json")
     objective = float(made.evaluate(point[None]).objectives[0, 0])
     succeeded = bool(task.succeeded(made.robot_of(point), made.tried_in, EXACT))
     return {"evaluations": evaluations, "objective": objective, "succeeded": int(succeeded)}

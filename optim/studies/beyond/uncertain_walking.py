@@ -7,7 +7,7 @@ has found is then simulated in double precision over 64 draws that no search has
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,12 +15,11 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.judged_runs import JudgedRuns, Run, best_within
+from optim.experiments.judged_runs import JudgedRuns, Run, save_design, search_within
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval, ratio_of_means
-from optim.problem import Minibatch, Request, judge
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
@@ -38,7 +37,6 @@ NAME = "uncertain-walking"
 TABLE = "runs.csv"
 FILES = ("table.md", TABLE, "summary.json", "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
-WARM_UP = 3  # seed of the point that has the kernels compiled
 ROBOTS: Mapping[str, Callable[[], Robot]] = {
     "quadruped": partial(soft_quadruped, 4),
     "block": partial(FreeformRobot, Grid((12, 4, 3)), full=True),
@@ -109,14 +107,6 @@ def tell(data: Data, folder: Path) -> None:
     _report(folder, data.settings(UncertainWalking), data.records(TABLE, COLUMNS))
 
 
-@cache
-def warm_up(settings: UncertainWalking, robot: str, gradients: bool) -> None:
-    """Have the kernels of this process ready before the clock of a search starts."""
-    problem = settings.problem(robot)
-    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
-    judge(problem, Request(point, "gradients" if gradients else "points", np.inf, Minibatch(1)))
-
-
 def speeds(robot: Robot, settings: UncertainWalking, compute: Compute = EXACT) -> Floats:
     """Speeds of a robot, of which nothing is free, over draws that no search has met; 0 where it diverges."""
     drawn = Uncertainty.parse(settings.uncertain).draw(settings.held_out, HELD_OUT, actuators=robot.actuators)
@@ -128,15 +118,11 @@ def _judged(folder: Path, settings: UncertainWalking, run: Run) -> Record:
     """What a search finds, over draws that it has not met; its design is saved."""
     robot, arm, seed = run
     contest = settings.contest(robot, folder)
-    warm_up(settings, robot, ARMS[arm].gradients)
-    contest.run_one(arm, seed)
-    best, evaluations = best_within(contest, arm, seed, settings.seconds)
+    best, evaluations = search_within(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "trained": None, "speed": 0.0, "worst": None}
     problem = settings.problem(robot, EXACT.precision)
-    point = problem.space.from_dict(best)
-    (folder / "designs").mkdir(parents=True, exist_ok=True)
-    problem.save(point, folder / "designs" / f"{robot}-{arm}-{seed}.json")
+    point = save_design(problem, best, folder / "designs" / f"{robot}-{arm}-{seed}.json")
     found = speeds(problem.robot_of(point), settings)
     trained = float(problem.evaluate(point[None]).objectives[0, 0])
     return {

@@ -2,22 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from optim.experiments.equal_cost import Arm, Contest, Entry
-from optim.experiments.judged_runs import JudgedRuns, Run, best_within
+from optim.experiments.judged_runs import JudgedRuns, Run, search_within
 from optim.experiments.results import Progress
 from optim.experiments.tables import Record
-from optim.problem import Request, judge
 from optim.problems.robot import RobotProblem
-from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS, walker
+from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS
 from optim.studies.beyond.evolving_bodies.bodies import EvolvableWalker, body_of, drawn_body
 
 NAME, TABLE, SUBJECT = "loops", "loops.csv", "walker"
-WORLD, WARM_UP = WORLDS[0], 3
+WORLD = WORLDS[0]
 MEMBERS = {"population": 6, "learning": 5}
 ARMS = {
     "lamarckian": Arm("two loops, what is learnt is inherited", "lamarckian", MEMBERS, True),
@@ -56,14 +55,6 @@ def problem(arm: str, seed: int, cycles: int) -> RobotProblem:
     return RobotProblem(robot, (WORLD,), objective="minimise:remaining", precision="f32", threads=1)
 
 
-@cache
-def warm_up(arm: str, cycles: int) -> None:
-    """Have the kernels of this process ready before the clock of a search starts."""
-    designed = RobotProblem(walker(0, cycles), (WORLD,), objective="minimise:remaining", precision="f32", threads=1)
-    point = designed.space.sample(np.random.default_rng(WARM_UP), 1)
-    judge(designed, Request(point, "gradients" if ARMS[arm].gradients else "points", np.inf))
-
-
 def run_loops(folder: Path, loops: Loops, progress: Progress = None, jobs: int = 1) -> Sequence[Record]:
     """A row for each run; those that are whole are not run again."""
     runs: list[Run] = [(SUBJECT, arm, seed) for seed in range(loops.seeds) for arm in ARMS]
@@ -76,9 +67,7 @@ def _judged(folder: Path, loops: Loops, run: Run) -> Record:
     """How much nearer the best of a run comes [m], and what it took."""
     _, arm, seed = run
     contest = loops.contest(folder, seed)
-    warm_up(arm, loops.cycles)
-    contest.run_one(arm, seed)
-    best, evaluations = best_within(contest, arm, seed, loops.seconds)
+    best, evaluations = search_within(contest, arm, seed, loops.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "nearer": None}
     designed = problem(arm, seed, loops.cycles)
