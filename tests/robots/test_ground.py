@@ -43,6 +43,7 @@ def test_hills_are_smooth_bounded_and_always_the_same():
     assert Ground("rough:0.02,0.1").relief(0, EDGE).steepness < 1 / np.cos(np.radians(40))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("text", ["rough:0.01", "stairs:0.01,0.1", "wave:0.01,0.3"])
 def test_ground_turns_with_the_heading(text):
     """What lies ahead of a robot that heads to the left lies along y."""

@@ -87,6 +87,7 @@ def ok(line):
     return f"ok {document['n']}" if "n" in document else None
 
 
+@pytest.mark.long
 def test_lines_arrive_in_order_and_in_time(morpholab, folder):
     controller = Controller(ok)
     options = f"--port {controller.path} --ready 0 --rig quick.toml --ack 10 --late 60"
@@ -122,6 +123,7 @@ def test_samples_lie_on_the_rows(folder):
     assert len(list(stream_of(table, loops=0))) < len(samples)
 
 
+@pytest.mark.long
 def test_an_interruption_vents(folder):
     controller = Controller()
     command = [sys.executable, "-m", "optim.cli", "play", "quick.csv", "--port", controller.path, "--ready", "0"]

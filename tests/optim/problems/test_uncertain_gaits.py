@@ -39,6 +39,7 @@ def test_all_gaits_share_the_draws_in_one_batch(linear):
     assert np.array_equal(made.evaluate(points[1:]).objectives, together.objectives[1:])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("unknown", [UNKNOWN, "levels=30%,timing=10%,slope=1"])
 @pytest.mark.parametrize("risk", ["mean", "cvar:0.5", "worst"])
 def test_risk_has_exact_gradients(linear, risk, unknown):

@@ -211,12 +211,14 @@ def test_separable_it_does_what_the_library_does():
     assert np.array_equal(method.strategy["C"], direct._C) and method.strategy["C"].shape == (5,)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", SEEDS)
 def test_separable_it_converges_with_whole_numbers(seed):
     method = CMAESWithMargin(mixed_space(10), population=20, separable=True, seed=seed)
     assert run_up_to(method, sphere, 200, target=-1e-6).result().score > -1e-6
 
 
+@pytest.mark.long
 def test_separable_every_bit_still_flips_when_all_is_found():
     space = Space(tuple(Variable(f"b{n}", 0, 1, "binary") for n in range(20)))
     method = CMAESWithMargin(space, population=20, separable=True, patience=1000)
@@ -226,6 +228,7 @@ def test_separable_every_bit_still_flips_when_all_is_found():
     assert (drawn == 0).any(axis=0).all()  # of 1600 draws one in 400 should be off
 
 
+@pytest.mark.long
 def test_separable_it_learns_many_scales_sooner():
     """Of 20 variables whose curvatures differ by a million, at equal numbers of points (Ros & Hansen 2008)."""
     scales = 10 ** np.linspace(0, 6, 20)

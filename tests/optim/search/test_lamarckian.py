@@ -146,6 +146,7 @@ def test_failures_go_back_half_way_to_where_there_were_none():
     assert found.point[2] <= 0.9 and np.isfinite(found.score)
 
 
+@pytest.mark.long
 def test_bodies_that_must_learn_before_they_are_worth_anything():
     """At the same cost, a gradient counted as five evaluations, evolution alone leaves many parts out."""
     lamarckian, genetic = [], []

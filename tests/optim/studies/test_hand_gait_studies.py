@@ -301,6 +301,7 @@ def told_again(study, data, folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("study", SMALL_STUDIES, ids=lambda study: study.NAME)
 def test_a_study_is_told_again_from_what_its_folder_keeps(simulator, tmp_path, study):
     study.study(tmp_path / "a", SMALL_STUDIES[study])
@@ -311,6 +312,7 @@ def test_a_study_is_told_again_from_what_its_folder_keeps(simulator, tmp_path, s
         assert content == (tmp_path / "a" / name).read_bytes(), name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("study", "part", "message"),
     [

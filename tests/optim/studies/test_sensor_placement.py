@@ -118,6 +118,7 @@ def test_the_picture_of_training_has_the_mean_of_every_body(tmp_path):
     assert [float(row["M_CI"]) for row in rows] == [0.75, 0.75, 0, 0.25]
 
 
+@pytest.mark.long
 def test_complete_sweeps_are_told_from_their_tables(tmp_path):
     data = Path(__file__).parents[3] / "docs/data"
     STUDY.tell(Data(data), tmp_path)

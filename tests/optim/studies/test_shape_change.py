@@ -66,6 +66,7 @@ def test_a_study_writes_its_table_curves_and_runs(studied):
     assert summary["seconds"]["all"]["cpu"] >= summary["seconds"]["control-flat"]["cpu"] > 0
 
 
+@pytest.mark.long
 def test_the_best_designs_are_simulated_again_and_on_the_other_terrain(studied, simulator):
     _, summary = studied
     rows = {row["row"]: row for row in summary["rows"]}
@@ -102,6 +103,7 @@ def test_a_study_goes_on_after_any_interruption_to_the_same_bytes(studied, simul
     assert not simulator.calls
 
 
+@pytest.mark.long
 def test_experiments_take_turns(simulator, tmp_path):
     simulator.interrupt_at = 1 + 8 + 3  # gaits by hand, all starts, then two of the first generation
     with pytest.raises(KeyboardInterrupt):
@@ -136,6 +138,7 @@ def test_while_searches_go_on_the_table_keeps_what_was_played_of_their_designs(s
     assert "are those after generation 1; the searches have gone on." in (folder / "table.md").read_text()
 
 
+@pytest.mark.long
 def test_all_that_is_played_is_the_robot_and_the_gait_of_the_settings(simulator, tmp_path):
     settings = ShapeChange(climbers=3, generations=1, copies=2, others=2, geometry="small", repeats=1)
     shape_change.study(tmp_path / "a", settings)
@@ -153,6 +156,7 @@ def test_studies_write_what_the_catalogue_says(simulator, tmp_path, morpholab, n
         assert (tmp_path / "a" / written).exists(), written
 
 
+@pytest.mark.long
 def test_a_study_in_which_every_simulation_fails_has_a_table_all_the_same(simulator, tmp_path):
     simulator.diverges = lambda design, terrain: True
     summary = shape_change.study(tmp_path / "a", QUICK)
