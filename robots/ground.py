@@ -8,7 +8,6 @@ import io
 import math
 import re
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -27,9 +26,6 @@ BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot
 MOST_NODES_ALONG = 1500
 SAMPLED, EVEN = 1e-3, 1e-9  # m along the way, and how much what is level differs, where that is asked
 MOST_PIXELS = 25_000_000  # of an image, however small it was packed
-
-Heights = Callable[[Floats, Floats], Floats]
-
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 FILES = (".npy", *IMAGES)
 _OF_FILE = re.compile(rf"(.*(?:{'|'.join(map(re.escape, FILES))}))(?::(.*))?", re.IGNORECASE | re.DOTALL)

@@ -365,11 +365,6 @@ class LatticeRobot(OutOfTheLab):
             "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
         }
 
-    def _later(self) -> dict[str, Any]:
-        """Settings that are not as usual."""
-        later = {each.name: each.default for each in fields(self) if each.name in LATER}
-        return {name: getattr(self, name) for name, usual in later.items() if getattr(self, name) != usual}
-
     def facts(self) -> Facts:
         """Body, drives and cycle."""
         voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"
