@@ -5,7 +5,7 @@ The rest of the lab imports it from ``robots.robot``.
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -23,6 +23,7 @@ from robots.outcome import (
     Replay,
     World,
 )
+from robots.trial import HERE, Progress, Trial
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
@@ -35,47 +36,13 @@ if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 DESIGN_FORMAT = "morpholab-robot-design-1"  # of files by :meth:`Robot.save`
-HERE = Compute()
 Parameter = Variable  # what is free of a robot
 FRAMES = 1000  # of a motion, at most
-Progress = Callable[[float], None]
 
 
 def counted(count: int, one: str) -> str:
     """A count and its noun, such as ``1 cycle`` or ``4 cycles``."""
     return f"{count} {one}" if count == 1 else f"{count} {one}s"
-
-
-def part_of(progress: Progress | None, done: int, count: int, size: int = 1) -> Progress | None:
-    """Progress of the next ``size`` parts after ``done`` of ``count`` equal ones, told as that of all, or None."""
-    return (lambda fraction: progress((done + size * fraction) / count)) if progress else None
-
-
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """How designs are tried.
-
-    Attributes:
-        world: where.
-        compute: device, precision and threads.
-        record_every: time steps between recorded poses; None for none.
-        progress: called now and then with the fraction done.
-        gradients: names of the measures whose gradients are asked for.
-        sharpness: how strongly designs between true ones are pushed towards these; infinite: only true ones count.
-    """
-
-    world: World
-    compute: Compute = HERE
-    record_every: int | None = None
-    progress: Progress | None = None
-    gradients: tuple[str, ...] = ()
-    sharpness: float = math.inf
-
-    def parts(self, worlds: Sequence[World]) -> "list[Trial]":
-        """How they are tried in each of several worlds, one after the other."""
-        told = (part_of(self.progress, number, len(worlds)) for number in range(len(worlds)))
-        pairs = zip(worlds, told, strict=True)
-        return [dataclasses.replace(self, world=world, progress=part) for world, part in pairs]
 
 
 class Robot(ShortText):

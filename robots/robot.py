@@ -11,14 +11,10 @@ from typing import Any
 
 from robots.abstract import DESIGN_FORMAT as DESIGN_FORMAT
 from robots.abstract import FRAMES as FRAMES
-from robots.abstract import HERE as HERE
 from robots.abstract import FixedRobot as FixedRobot
 from robots.abstract import Parameter as Parameter
-from robots.abstract import Progress as Progress
 from robots.abstract import Robot as Robot
-from robots.abstract import Trial as Trial
 from robots.abstract import counted as counted
-from robots.abstract import part_of as part_of
 from robots.kind import KINDS as KINDS
 from robots.kind import USUAL as USUAL
 from robots.kind import RobotKind as RobotKind
@@ -34,6 +30,10 @@ from robots.outcome import Place as Place
 from robots.outcome import Quantity as Quantity
 from robots.outcome import Replay as Replay
 from robots.outcome import World as World
+from robots.trial import HERE as HERE
+from robots.trial import Progress as Progress
+from robots.trial import Trial as Trial
+from robots.trial import part_of as part_of
 from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
 from taichi_sim.base.options import Option as Option

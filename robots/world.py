@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
 
 import numpy as np
 
-from robots.ground import WATER_DENSITY as WATER_DENSITY
-from robots.ground import Ground, is_ground, ways
+from robots.ground import Ground, is_ground
 from robots.ground import level as level_ground
+from robots.ground_kinds import WATER_DENSITY as WATER_DENSITY
+from robots.ground_kinds import ways
 from robots.props import LIGHT, Prop, split_name
 from robots.robot import Option, RobotKind, World
 from taichi_sim.base.checks import NotNegative, check_fields, number

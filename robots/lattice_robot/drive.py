@@ -1,16 +1,17 @@
 """What drives groups of a robot's regions: waves of size, temperature, pressure or friction, some of them free."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.cyclic import SEGMENTS
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
-from taichi_sim.lattice import Quantity
+from taichi_sim.lattice import LatticeBody, Quantity
 
 
 @dataclass(frozen=True)
@@ -210,3 +211,37 @@ def _curve(knots: Any, places: Any) -> Any:
     rows = np.arange(len(knots))[:, None, None]
     left, right = knots[rows, first % count], knots[rows, (first + 1) % count]
     return left + part * (right - left)
+
+
+def check_drives(drives: Sequence[Drive], body: LatticeBody) -> None:
+    """Refuse drives of a body that is to have some, each with its name; a region has one at most in a quantity.
+
+    Raises:
+        ValueError: one line that names the field, the value and what is allowed.
+    """
+    if not drives:
+        raise ValueError("drives: there are none; give at least one Drive")
+    names = [drive.name for drive in drives]
+    if len(set(names)) < len(names):
+        raise ValueError(f"drives: {', '.join(names)} do not all differ; give each its name")
+    known = set(np.unique(body.regions).tolist())  # type: ignore[arg-type]
+    seen: dict[tuple[int, int], str] = {}
+    for drive in drives:
+        for region, quantity in product(drive.regions, drive.quantities):
+            if region not in known:
+                raise ValueError(
+                    f"regions: {region} of {drive.name} is unknown; the body has {min(known)} to {max(known)}"
+                )
+            other = seen.setdefault((region, quantity), drive.name)
+            if other != drive.name:
+                raise ValueError(
+                    f"drives: {other} and {drive.name} both set the {drive.quantity} of region {region}; give one"
+                )
+        feels = body.pressure_normals[driven_voxels(drive, body)]  # type: ignore[index]
+        if drive.quantity == "pressure" and not feels.any():
+            raise ValueError(f"drives: no voxel of {drive.name} has a face under pressure; give pressure_normals")
+
+
+def driven_voxels(drive: Drive, body: LatticeBody) -> Bools:
+    """Which voxels of a body a drive moves, shape (V,)."""
+    return np.isin(np.asarray(body.regions), drive.regions)

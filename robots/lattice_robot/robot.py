@@ -5,7 +5,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
-from robots.lattice_robot.drive import Drive, Free
+from robots.lattice_robot.design_space import DesignSpace
+from robots.lattice_robot.drive import Drive, Free, check_drives
+from robots.lattice_robot.faults import caution_of, fault_of, settles_at_rest
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
@@ -37,11 +38,8 @@ if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 MOST_CYCLES = 10_000
-STEP = 0.1  # of a mutation, part of a parameter's range
 SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
 LATER = ("target", "reference_length", "perturbation", "seed")  # settings that files have where they are not as usual
-AT_REST = 1e-9  # of its largest swing: how far from rest a wave may begin
-SMALLEST = 0.1  # edge of a driven voxel, parts of the lattice's
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -104,12 +102,7 @@ class LatticeRobot(OutOfTheLab):
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
         object.__setattr__(self, "drives", tuple(self.drives))
-        if not self.drives:
-            raise ValueError("drives: there are none; give at least one Drive")
-        names = [drive.name for drive in self.drives]
-        if len(set(names)) < len(names):
-            raise ValueError(f"drives: {', '.join(names)} do not all differ; give each its name")
-        self._check_channels()
+        check_drives(self.drives, self.body)
         lowest = int(self.body.voxels[:, 2].min())
         if lowest:
             grounded = dataclasses.replace(self.body, voxels=self.body.voxels - [0, 0, lowest])
@@ -118,99 +111,45 @@ class LatticeRobot(OutOfTheLab):
         if self.reflexes is not None:
             self.reflexes.check(len(self.felt_regions))
 
-    def _check_channels(self) -> None:
-        """Every region is there, and driven at most once in a quantity."""
-        known = set(np.unique(self.body.regions).tolist())  # type: ignore[arg-type]
-        seen: dict[tuple[int, int], str] = {}
-        for drive in self.drives:
-            for region, quantity in product(drive.regions, drive.quantities):
-                if region not in known:
-                    raise ValueError(
-                        f"regions: {region} of {drive.name} is unknown; the body has {min(known)} to {max(known)}"
-                    )
-                other = seen.setdefault((region, quantity), drive.name)
-                if other != drive.name:
-                    raise ValueError(
-                        f"drives: {other} and {drive.name} both set the {drive.quantity} of region {region}; give one"
-                    )
-            feels = self.body.pressure_normals[self._driven_by(drive)]  # type: ignore[index]
-            if drive.quantity == "pressure" and not feels.any():
-                raise ValueError(f"drives: no voxel of {drive.name} has a face under pressure; give pressure_normals")
-
-    def _driven_by(self, drive: Drive) -> Bools:
-        """Which voxels are, shape (V,)."""
-        return np.isin(np.asarray(self.body.regions), drive.regions)
-
     @cached_property
+    def _space(self) -> DesignSpace:
+        """What is free, and what points say of it."""
+        return DesignSpace(self.body, self.drives, self.moduli, self.reflexes)
+
+    @property
     def free_moduli(self) -> dict[int, Free]:
         """Free Young's moduli [Pa] by the numbers of their materials."""
-        names = [m.name for m in self.body.materials]
-        found = {}
-        for key, free in self.moduli.items():
-            index = names.index(key) if key in names else key
-            if not isinstance(index, int) or not 0 <= index < len(names):
-                raise ValueError(f"moduli: {key!r} is unknown; give a material's name, or 0 to {len(names) - 1}")
-            if not free.low > 0:
-                raise ValueError(f"moduli: {free.low:g} of {key!r} is not allowed; it must be positive")
-            found[index] = free
-        return found
+        return self._space.free_moduli
 
-    @cached_property
+    @property
     def free(self) -> dict[str, Free]:
         """All that a search may change, by name, in the order of points."""
-        found: dict[str, Free] = {}
-        for drive in self.drives:
-            found |= drive.free
-        found |= {f"reflex_{n + 1}": self._weight for n in range(self._free_weights)}
-        names = [m.name for m in self.body.materials]
-        return found | {f"{names[n] or f'material_{n}'}_modulus": free for n, free in self.free_moduli.items()}
+        return self._space.free
 
-    @cached_property
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+        """What is free; a phase that may be all of a cycle is an angle."""
+        return self._space.parameters
+
+    @property
     def felt_regions(self) -> tuple[int, ...]:
         """Regions whose scale is driven, which reflexes feel and answer."""
-        return tuple(dict.fromkeys(r for drive in self.drives if drive.quantity == "scale" for r in drive.regions))
-
-    @property
-    def _weight(self) -> Free:
-        assert self.reflexes is not None
-        return Free(-self.reflexes.limit, self.reflexes.limit, 0.0)
-
-    @property
-    def _free_weights(self) -> int:
-        """How many weights of reflexes are free."""
-        if self.reflexes is None or self.reflexes.weights is not None:
-            return 0
-        return self.reflexes.weight_count(len(self.felt_regions))
+        return self._space.felt_regions
 
     def weights_of(self, points: Floats) -> Floats:
         """Weights of the reflexes at points, shape (N, K)."""
-        if self.reflexes is not None and self.reflexes.weights is not None:
-            return np.tile(self.reflexes.weights, (len(points), 1))
-        end = points.shape[1] - len(self.free_moduli)
-        return points[:, end - self._free_weights : end]
+        return self._space.weights_of(points)
 
-    @cached_property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """What is free; a phase that may be all of a cycle is an angle."""
-        phases = {name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")}
-        return tuple(
-            Parameter(
-                name,
-                free.low,
-                free.high,
-                "angle" if name in phases and free.high - free.low == 1 else "continuous",
-                STEP * (free.high - free.low),
-                start=free.middle,
-            )
-            for name, free in self.free.items()
-        )
+    def bodies(self, points: Floats) -> list[LatticeBody]:
+        """The body of each point; one object if no modulus is free."""
+        return self._space.bodies(points)
 
     def filled(self, point: ArrayLike) -> "LatticeRobot":
         """The robot of a point, without anything free; it moves in the same time steps."""
         points = self.points(point)
-        each = zip(self.drives, self._shares(points[:1]), strict=True)
+        each = zip(self.drives, self._space.shares(points[:1]), strict=True)
         drives, body = tuple(drive.filled(share[0].tolist()) for drive, share in each), self.bodies(points)[0]
-        safety = self.time_step_safety * body.recommended_time_step / self._stiffest.recommended_time_step
+        safety = self.time_step_safety * body.recommended_time_step / self._space.stiffest.recommended_time_step
         own: dict[str, Any] = {"body": body, "drives": drives, "moduli": {}, "time_step_safety": safety}
         if self.reflexes is not None:
             weights = tuple(self.weights_of(points)[0].tolist())
@@ -221,28 +160,10 @@ class LatticeRobot(OutOfTheLab):
         """The robot of a point, without anything free."""
         return self.filled(point)
 
-    def bodies(self, points: Floats) -> list[LatticeBody]:
-        """The body of each point; one object if no modulus is free."""
-        moduli = points[:, points.shape[1] - len(self.free_moduli) :]
-        if not self.free_moduli:
-            return [self.body] * len(points)
-        return [self._of_moduli(row) for row in moduli]
-
-    def _of_moduli(self, moduli: ArrayLike) -> LatticeBody:
-        materials = list(self.body.materials)
-        for index, modulus in zip(self.free_moduli, np.asarray(moduli, float).tolist(), strict=True):
-            materials[index] = dataclasses.replace(materials[index], youngs_modulus=modulus)
-        return self.body.with_materials(materials)
-
-    @property
-    def _stiffest(self) -> LatticeBody:
-        """The body with its free moduli at their highest."""
-        return self._of_moduli([free.high for free in self.free_moduli.values()]) if self.moduli else self.body
-
     @cached_property
     def cycle(self) -> Cycle:
         """When what happens; the time step is one for all points."""
-        largest = self._stiffest.recommended_time_step / self.time_step_safety
+        largest = self._space.stiffest.recommended_time_step / self.time_step_safety
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
 
     @property
@@ -339,14 +260,9 @@ class LatticeRobot(OutOfTheLab):
             changed |= {"body": among.body, "placed": among, "reference_length": self.length}
         return dataclasses.replace(self, **changed) if changed else self
 
-    def _shares(self, points: Any) -> list[Any]:
-        """What of points, shape (N, P), is free of each drive."""
-        ends = np.cumsum([len(drive.free) for drive in self.drives]).tolist()
-        return [points[:, first:end] for first, end in zip([0, *ends], ends, strict=False)]
-
     def nodes(self, points: Any, later: ArrayLike = 0.0) -> list[Any]:
         """What each drive makes of its channels at points, shape (N, P), see ``Drive.nodes``."""
-        each = zip(self.drives, self._shares(points), strict=True)
+        each = zip(self.drives, self._space.shares(points), strict=True)
         return [drive.nodes(share, self.rest_of(drive), later) for drive, share in each]
 
     def settles_at_rest(self, points: Floats) -> Bools:
@@ -355,24 +271,15 @@ class LatticeRobot(OutOfTheLab):
         Waves of phase 0 or 0.5 do. Such a robot settles to a tie: which voxel slips first is decided by rounding, and
         the derivatives of its settling grow without bound.
         """
-        tied, moved = np.full(len(points), self.settling > 0), np.zeros(len(points), bool)
-        for drive, nodes in zip(self.drives, self.nodes(points), strict=True):
-            if drive.quantity != "friction":
-                swing = np.abs(nodes - self.rest_of(drive)[..., None]).max(axis=(1, 2))
-                tied &= swing[:, 0] <= AT_REST * swing.max(axis=1)
-                moved |= swing.max(axis=1) > 0
-        return tied & moved
+        return settles_at_rest(self, points)
 
     def caution(self, point: ArrayLike) -> str:
         """What misleads differences at a point, shape (P,): that nothing moves while it settles."""
-        if not self.settles_at_rest(self.points(point))[0]:
-            return ""
-        phases = [name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")]
-        which = ", ".join(phases or [f"that of {drive.name}" for drive in self.drives])
-        return (
-            f"phases: all are 0 or 0.5 ({which}), so nothing moves while the robot settles, to a tie: differences see "
-            "jumps there, and gradients are taken just beside it; start at other phases"
-        )
+        return caution_of(self, point)
+
+    def fault(self, point: ArrayLike) -> str:
+        """Why a point, shape (P,), is no robot; empty if it is one."""
+        return fault_of(self, point)
 
     def rest_of(self, drive: Drive) -> Floats:
         """What the channels of a drive hold before anything drives them, shape (Q, G)."""
@@ -396,22 +303,6 @@ class LatticeRobot(OutOfTheLab):
             Quantity.KINETIC_FRICTION: material.kinetic_friction,
         }
         return named.get(Quantity(quantity), 0.0)
-
-    def fault(self, point: ArrayLike) -> str:
-        """Why a point, shape (P,), is no robot; empty if it is one."""
-        for drive, every in zip(self.drives, self.nodes(self.points(point)), strict=True):
-            nodes = every[0].reshape(-1, every.shape[-1])
-            least = float(nodes.min())
-            if drive.quantity == "temperature":
-                alphas = np.array([m.thermal_expansion for m in self.body.materials])[self.body.material_index]
-                least = float((1 + np.outer(alphas[self._driven_by(drive)], nodes.reshape(-1))).min())
-            if drive.quantity == "scale" and self.reflexes is not None:
-                least = self.reflexes.least(nodes, np.repeat(drive.shares, len(drive.regions)))
-            if drive.quantity in ("scale", "temperature") and least < SMALLEST:
-                return f"{drive.name} shrinks to {least:.3g} of a voxel; {SMALLEST} is the least"
-            if drive.quantity == "friction" and least < 0:
-                return f"{drive.name} has a friction of {least:.3g}; 0 is the least"
-        return ""
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
@@ -473,11 +364,6 @@ class LatticeRobot(OutOfTheLab):
             "moduli": [[number, dataclasses.asdict(free)] for number, free in self.free_moduli.items()],
             "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
         }
-
-    def _later(self) -> dict[str, Any]:
-        """Settings that are not as usual."""
-        later = {each.name: each.default for each in fields(self) if each.name in LATER}
-        return {name: getattr(self, name) for name, usual in later.items() if getattr(self, name) != usual}
 
     def facts(self) -> Facts:
         """Body, drives and cycle."""

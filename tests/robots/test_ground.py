@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from robots.course import Course
-from robots.ground import GROUNDS, Ground
+from robots.ground import Ground
+from robots.ground_kinds import GROUNDS
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.journeys import Leg, simulate_journey

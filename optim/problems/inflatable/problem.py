@@ -18,20 +18,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation, Minibatch
 from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
-from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
 from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
-from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE, GaitSettings
+from optim.problems.inflatable.points import GaitPoints
+from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE
 from optim.problems.robot_designing import subject_of
 from optim.problems.uncertain import check_part, held_out_products
-from optim.space import Space
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation, each_actuation
-from robots.inflatable.design import InflatableDesign, Pressure, each_pressure, save_design
-from robots.inflatable.materials import RegionMaterials
+from robots.inflatable.design import InflatableDesign, save_design
 from robots.inflatable.robot import InflatableRobot, kilopascals
 from robots.inflatable.robustness import harder
-from robots.inflatable.schedule import FEET, GaitSchedule
+from robots.inflatable.schedule import FEET
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import Counting, counted_steps, gait_steps, nominal_steps
 from robots.robot import Robot, part_of
@@ -43,7 +41,7 @@ RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
 @dataclass(frozen=True, eq=False)
-class GaitProblem(GaitSettings):
+class GaitProblem(GaitPoints):
     """Objective: the speed [body lengths/s], by the published convention; mean over the terrains, or one each.
 
     What is given is fixed, what is None is free to change. The variables: ``orientation`` 0 to 90 degrees,
@@ -87,66 +85,6 @@ class GaitProblem(GaitSettings):
             below = usual.name if self.ladder else None
         return tuple(found)
 
-    @cached_property
-    def space(self) -> Space:
-        """The free variables; the steps of their mutation are the published ones."""
-        return Space((*self.shape.variables(), *self.made_of.variables(), *self._control.variables()))
-
-    def design(self, point: ArrayLike) -> InflatableDesign:
-        """The design of a point, shape (D,)."""
-        schedule = self._control.schedule(self._genes(self.space.validate(point)))
-        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
-
-    def _shape_of(self, point: ArrayLike) -> tuple[Pressure, float]:
-        """Pressure and orientation of a point; where columns have core pressures, one for each of several cores."""
-        pressure, orientation = self.shape.values(point)
-        several = "core" in self.more and self.body.cores > 1
-        return (each_pressure(pressure, self.body) if several else pressure), orientation
-
-    def _materials_of(self, point: ArrayLike) -> RegionMaterials | None:
-        """What the robot of a point is made of; None is as built."""
-        first = self.shape.size
-        return self.made_of.materials(np.asarray(point, float)[first : first + self.made_of.size])
-
-    def start_values(self, design: InflatableDesign) -> dict[str, float]:
-        """The variables, by name, at which a search starts with a design; what is fixed is not among them.
-
-        A core that is empty begins in the middle of the pressures that say so, see ``shape``.
-
-        Raises:
-            ValueError: for gaits that the encoding cannot say.
-        """
-        values = [design.orientation] if self.orientation is None else []
-        if self.pressure is None:
-            values += [p if p > 0 else self.shape.least / 2 for p in each_pressure(design.pressure, self.body)]
-        values += self.made_of.genome(design.materials)
-        if design.materials is not None and (fixed := sorted(set(design.materials.given) - set(self.more))):
-            raise ValueError(f"start: {fixed[0]} of the regions is not free; free it, or start with another gait")
-        if self.schedule is None:
-            if self.encoding not in SPEAKING:
-                able = "choose bits, graded or graded-wave"
-                raise ValueError(f"start: encoding {self.encoding!r} cannot say a gait; {able}")
-            columns = design.schedule.columns
-            if columns != self.columns:
-                raise ValueError(f"start: a gait of {columns} columns is not allowed; the search has {self.columns}")
-            once = dataclasses.replace(design.schedule, repeats=1)
-            values += self._genome(once, design.pressure).tolist()
-        return dict(zip(self.space.names, values, strict=True))
-
-    def _genome(self, schedule: GaitSchedule, pressure: Pressure) -> Floats:
-        """Genes of a schedule, played once; where core pressures of columns are free, they are the given ones."""
-        if self.encoding != "graded":
-            return SPEAKING[self.encoding].genome(schedule, self.actuation)
-        if "core" in self.more and schedule.core_pressure is None:
-            rows = np.tile(np.reshape(each_pressure(pressure, self.body), (-1, 1)), schedule.columns)
-            schedule = dataclasses.replace(schedule, core_pressure=rows)
-        return GradedGait.genome_with(schedule, self.actuation, self._core_rows, "pace" in self.more)
-
-    @property
-    def _core_rows(self) -> int:
-        """Rows of core pressures of columns that are free, one a core."""
-        return self.body.cores if "core" in self.more else 0
-
     def in_full(self) -> "GaitProblem":
         """This problem with gaits of the full length."""
         return dataclasses.replace(self, steps=None, warm_up=0, stages=1)
@@ -156,21 +94,6 @@ class GaitProblem(GaitSettings):
         if self.steps is None:
             return counted_steps(design.schedule, self.actuation)
         return max(self.steps, gait_steps(design.schedule, self.actuation))
-
-    def _genes(self, point: ArrayLike) -> Floats:
-        """What a point, shape (D,), says of the schedule; it comes last."""
-        return np.asarray(point, float)[self.shape.size + self.made_of.size :]
-
-    @cached_property
-    def _control(self) -> GaitEncoding:
-        """How genes say the schedule."""
-        if self.schedule is not None:
-            return FixedGait(self.columns, self.repeats, self.schedule)
-        encoding = ENCODINGS[self.encoding]
-        if issubclass(encoding, GradedGait):
-            given = self.columns, self.repeats, self.most_steps, self.warm_up, self.actuation
-            return encoding(*given, self._core_rows, "pace" in self.more)
-        return encoding(self.columns, self.repeats)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate all points, shape (N, D), as one batch per terrain.
@@ -199,11 +122,6 @@ class GaitProblem(GaitSettings):
         """How the robot is driven in relaxed evaluations."""
         ramp_steps = RAMP_STEPS if self.ramp_steps is None and self.pressure is None else self.ramp_steps
         return dataclasses.replace(self.actuation, ramp_steps=ramp_steps)
-
-    def relaxed_design(self, point: ArrayLike, sharpness: float) -> InflatableDesign:
-        """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        schedule = self._control.relaxed(self._genes(point), sharpness)
-        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
 
     def _slopes(self, run: gradient.InflatableGradient, points: Floats, sharpness: float, copies: Copies) -> Floats:
         """d speed / d variable on one terrain, shape (N, D), by the convention of ``InflatableResult.speed``.

@@ -1,0 +1,46 @@
+"""How designs are tried: in which world, with which computation, and what is asked for beside the measures.
+
+What comes of it is an ``Outcome``, see ``robots.outcome``.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+
+from robots.outcome import World
+from taichi_sim.base.compute import Compute
+
+HERE = Compute()
+Progress = Callable[[float], None]
+
+
+def part_of(progress: Progress | None, done: int, count: int, size: int = 1) -> Progress | None:
+    """Progress of the next ``size`` parts after ``done`` of ``count`` equal ones, told as that of all, or None."""
+    return (lambda fraction: progress((done + size * fraction) / count)) if progress else None
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """How designs are tried.
+
+    Attributes:
+        world: where.
+        compute: device, precision and threads.
+        record_every: time steps between recorded poses; None for none.
+        progress: called now and then with the fraction done.
+        gradients: names of the measures whose gradients are asked for.
+        sharpness: how strongly designs between true ones are pushed towards these; infinite: only true ones count.
+    """
+
+    world: World
+    compute: Compute = HERE
+    record_every: int | None = None
+    progress: Progress | None = None
+    gradients: tuple[str, ...] = ()
+    sharpness: float = math.inf
+
+    def parts(self, worlds: Sequence[World]) -> "list[Trial]":
+        """How they are tried in each of several worlds, one after the other."""
+        told = (part_of(self.progress, number, len(worlds)) for number in range(len(worlds)))
+        pairs = zip(worlds, told, strict=True)
+        return [dataclasses.replace(self, world=world, progress=part) for world, part in pairs]
