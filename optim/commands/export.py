@@ -196,7 +196,7 @@ def _robot(source: Path, member: int | None) -> tuple[Robot, int | None]:
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
     if has_run(source):
         history = read_history(source)
-        return robot_of_run(history, member)[0], history.config["method"].get("seed")
+        return robot_of_run(history, member, elsewhere=True)[0], history.config["method"].get("seed")
     named = named_source(str(source))
     if member is not None:
         raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")

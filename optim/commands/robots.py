@@ -180,9 +180,10 @@ def loaded(named: Named, values: Mapping[str, Any], member: int | None = None) -
     if named.run is None:
         return robot_to_try(named.kind, named.source, values)
     world, options = world_and_others(named.kind, values)
-    robot, worlds = robot_of_run(read_history(named.run), member)
     kind, ground = named.kind, {name: values[name] for name in named.kind.ground_options if name in values}
-    if ground and ground.keys() == values.keys() & {option.name for option in kind.world_options}:
+    same = bool(ground) and ground.keys() == values.keys() & {option.name for option in kind.world_options}
+    robot, worlds = robot_of_run(read_history(named.run), member, elsewhere=world is not None and not same)
+    if same:
         each = (kind.chosen_world({kind.world_option: one, **ground}) for one in worlds)  # those of the run
         worlds = tuple(one for one in each if one is not None)
     elif world is not None:

@@ -77,18 +77,25 @@ def kind_of_run(folder: "Path", config: Mapping[str, Any]) -> "RobotKind":
     return kind
 
 
-def robot_of_run(history: "History", member: int | None = None) -> "tuple[Robot, tuple[World, ...]]":
+def robot_of_run(
+    history: "History", member: int | None = None, elsewhere: bool = False
+) -> "tuple[Robot, tuple[World, ...]]":
     """A robot that a run has designed, and the worlds in which it was tried.
 
     Args:
         history: of the run.
         member: which of the designs that the search keeps, counted from 1; None for the best, as the checked log tells.
+        elsewhere: whether it will be tried in other worlds, so that files of the run's ground may have changed.
 
     Raises:
-        ValueError: if there is none, or the run designs no robots.
+        ValueError: if there is none, the run designs no robots, or a file of its ground is not as it was.
     """
+    from optim.runs.config import check_ground_files
+
     kind_of_run(history.path, history.config)
     problem: Any = problem_of_run(history.path, history.config)
+    if not elsewhere:
+        check_ground_files(history.config, problem.ground_files, history.path)
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in
 
 

@@ -62,6 +62,16 @@ def test_a_run_goes_on_with_the_very_file_alone(morpholab, tmp_path):
 
 
 @pytest.mark.kernels
+def test_a_run_is_seen_on_its_own_ground_or_on_another_that_is_named(morpholab, tmp_path):
+    assert morpholab(f"{SEARCH} --out a")[::2] == (0, "")
+    written(tmp_path, 0.001)
+    code, _, error = morpholab("view a --frames 3 --strip a.png")
+    assert code == 2 and error.startswith("morpholab view: error: terrain: hills.npy is not the file of the run in a (")
+    assert morpholab("view a --terrain flat --frames 3 --strip flat.png --quiet")[::2] == (0, "")
+    assert (tmp_path / "flat.png").exists() and not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.kernels
 def test_a_generation_on_another_ground_is_not_kept(tmp_path):
     """The file changes while the search goes on."""
     problem = RobotProblem(FreeformRobot(Grid((3, 2, 2)), full=True, actuation=QUICK), (Terrain(ground=HILLS),))
@@ -117,7 +127,7 @@ def test_runs_are_told_of_without_their_ground(morpholab, tmp_path):
     assert (code, error) == (0, "")
     assert json.loads(out)["notes"] == ["terrain: 'hills.npy' is no file; the player is left out"]
     code, _, error = morpholab("view runs/1 --out v.html")
-    assert code == 2 and error.endswith("\nmorpholab view: error: terrain: 'hills.npy' is no file\n")
+    assert (code, error) == (2, "morpholab view: error: terrain: 'hills.npy' is no file\n")
 
 
 def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
