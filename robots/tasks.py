@@ -21,6 +21,7 @@ from taichi_sim.base.arrays import Bools
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import content_of, why_unread
+from taichi_sim.base.short_text import shortest
 
 BUILTIN = Path(__file__).with_name("tasks.toml")
 OWN = ("title", "success")  # keys that are no options of commands
@@ -61,13 +62,21 @@ class Success:
     @property
     def text(self) -> str:
         """As it is written."""
-        return f"{self.measure} {self.sign} {self.bound:g}"
+        return f"{self.measure} {self.sign} {shortest(self.bound)}"
 
     def kept(self, outcome: Outcome) -> Bools:
         """Which designs of an outcome keep it; none that failed."""
-        values = np.asarray(outcome.measures[self.measure], float)
-        found: Bools = SIGNS[self.sign](values, self.bound) & (np.asarray(outcome.status) == "ok")
-        return found
+        found: Bools = self.allows(np.asarray(outcome.measures[self.measure], float))
+        return found & (np.asarray(outcome.status) == "ok")
+
+    def allows(self, values: Any) -> Any:
+        """Whether numbers are within the bound; one, or an array of them."""
+        return SIGNS[self.sign](values, self.bound)
+
+
+def is_bound(text: str) -> bool:
+    """Whether a text is meant as a bound on a measure."""
+    return any(sign in text for sign in SIGNS)
 
 
 def check_success(bounds: Iterable[Success], robot: Robot, worlds: Sequence[World]) -> None:
@@ -114,6 +123,14 @@ class Task:
         found = make_robot(kind, source, typed)
         check_success(self.success, found, self._worlds or found.worlds)
         return found
+
+    @property
+    def raised(self) -> str:
+        """What is raised or minimised, and within which limits, for people."""
+        given = self.options.get("objective", [])
+        texts = [given] if isinstance(given, str) else list(given)
+        goals, limits = ([text for text in texts if is_bound(text) == bound] for bound in (False, True))
+        return " ".join(goals) + (f" where {' and '.join(limits)}" if limits else "")
 
     @property
     def source(self) -> str | None:

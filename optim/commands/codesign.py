@@ -160,6 +160,7 @@ def _write_table(robot: "Robot", seed: int, path: Path) -> None:
 
 
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
+    from optim.problems.robot import JudgedRobot
     from optim.problems.uncertain import ROBUST_FILE
     from optim.runs.robust import read_robust, told_of
     from robots.hardware.rig_table import clipped_in
@@ -173,6 +174,10 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     best = planned.score.value(last.best) + (f" ({details})" if details else "")
     spent = counted(last.evaluations, "evaluation")
     told = [f"best {planned.score.name}: {best} after {spent}", *lines, f"{folder}: {', '.join(written)}"]
+    problem = planned.problem
+    if broken := problem.limits_broken(numbers) if isinstance(problem, JudgedRobot) else []:
+        document["limits_broken"] = broken
+        told[1:1] = [f"breaks {each}" for each in broken]
     if TABLE_FILE in written and (clipped := clipped_in(folder / TABLE_FILE)):
         count = counted(len(clipped), "time")
         told.append(f"{TABLE_FILE}: clipped to what the rig can do {count}, as its header tells; first {clipped[0]}")

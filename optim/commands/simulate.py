@@ -47,6 +47,7 @@ COMMAND = Command(
             metavar="RISK",
         ),
         path_to("out", "DIR", "new folder for design.json, result.json and robot.png, of gaits also gait.csv"),
+        flag("quiet", "no progress and no notes"),
     ),
     options.simulation("f64"),
     kinds_of_robot,
@@ -90,12 +91,12 @@ def run(args: argparse.Namespace) -> Report:
     if args.judge:
         if args.out:
             raise ValueError(f"out: {args.out} is not allowed with --judge, which plays many runs with noise")
-        with shown_progress(f"{title}, judged", 1.0) as update:
+        with shown_progress(f"{title}, judged", 1.0, args.quiet) as update:
             found = robot.judge(world, compute=compute, progress=update)
         code = FAILED if found.failed else 0
         calibration = {name: value for name, value in robot.document().items() if name == "calibration"}
         return Report({**about, **calibration, **found.document}, f"{title}: {found.text}", code)
-    with shown_progress(title, 1.0) as update:
+    with shown_progress(title, 1.0, args.quiet) as update:
         outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
     return _report(args, robot, world, outcome, title, about)
 
@@ -109,7 +110,7 @@ def _uncertain(args: argparse.Namespace, robot: Robot, world: World, title: str,
             raise ValueError(f"{name}: it is not allowed with --uncertain; leave it out")
     unknown, risk = Uncertainty.parse(",".join(args.uncertain)), Risk.parse(args.risk or "mean")
     draws, compute = args.draws or JUDGED_DRAWS, options.compute(args, "f64")
-    with shown_progress(f"{title}, {draws} draws", 1.0) as update:
+    with shown_progress(f"{title}, {draws} draws", 1.0, args.quiet) as update:
         found = judge_uncertain(robot, world, unknown, risk, draws, compute=compute, progress=update)
     return Report({**about, **found.document}, f"{title}: {found.text}", FAILED if found.failed else 0)
 
@@ -119,7 +120,8 @@ def _report(
 ) -> Report:
     """What the command says, and the files that it writes."""
     ok = outcome.status[0] == OK
-    note_unmet_ground(robot, world, outcome)
+    if not args.quiet:
+        note_unmet_ground(robot, world, outcome)
     numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
     document = {
         **about,

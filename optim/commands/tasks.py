@@ -36,6 +36,6 @@ def run(args: argparse.Namespace) -> Report:
         lines += [
             f"{name}: {task.title}",
             f"  {robot}, {len(task.robot.parameters)} variables, {', '.join(worlds)}",
-            f"  objective {' '.join(objective)}; succeeds with {' and '.join(asked)}",
+            f"  objective {task.raised}; succeeds with {' and '.join(asked)}",
         ]
     return Report(documents, "\n".join(lines))

@@ -22,6 +22,7 @@ from optim.runs.folder import RunFolder
 from optim.runs.history import read_history
 from optim.runs.loop import FolderSearch
 from optim.search import Method, build_method
+from optim.search.method import check_fit
 from taichi_sim.base import files
 
 SEEDS = range(5)
@@ -103,6 +104,7 @@ class Contest:
             begun = {**config, "generations": max(len(known) - 1, 0)}
             with open_run(folder, begun, resume=True, environment=about) as opened:
                 method = build_method(entry.method, designed.space, settings)
+                check_fit(method, designed)
                 search = TimedSearch(designed, method, opened, known, self)
                 run_side_by_side([search], lambda _, requests: [judge(designed, request) for request in requests])
             ended = {**config, "generations": len(known) - 1}

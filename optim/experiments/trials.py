@@ -13,6 +13,7 @@ from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.problem import Evaluation, Judging, Request, judge
 from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
+from optim.search.method import check_fit
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -109,6 +110,7 @@ def record_trials(
         return until_solved and bool((solved[trial, part] == environments).any())
 
     methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
+    check_fit(methods[0], problem)
     run_with_budget(methods, budget, evaluate, observe, progress)
     return Trials(points, objectives[0], solved, with_gradient)
 

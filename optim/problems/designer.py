@@ -143,10 +143,10 @@ class Designer:
         Raises:
             ValueError: for what is no objective.
         """
-        from optim.problems.goals import WORDS, named
+        from optim.problems.goals import goals_in, named
 
         texts = asked.given["objective"]
-        alone = sum(text not in WORDS for text in texts) == 1
+        alone = len(goals_in(texts)) == 1
         objective = named(texts, "each" if asked.several and alone else "mean")
         return {"objective": objective, **({} if isinstance(objective, str) else {"summed": not asked.several})}
 
@@ -249,7 +249,7 @@ def objective_option(words: str, default: str) -> Option:
     goals = (
         "NAME of a measure of the robot or an objective of an installed package, WEIGHT*NAME, minimise:NAME or "
         "minimise:WEIGHT*NAME; repeat it for several, which add up, or make a front with methods for several "
-        "objectives"
+        "objectives; or a limit, 'NAME >= NUMBER' or 'NAME <= NUMBER', which costs score where it is not kept"
     )
     return Option("objective", f"{goals}; or {words} (default: {default})", metavar="OBJECTIVE", several=True)
 

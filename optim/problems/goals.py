@@ -2,7 +2,8 @@
 
 A goal is written ``NAME``, ``WEIGHT*NAME``, ``minimise:NAME`` or ``minimise:WEIGHT*NAME``. Its name is a measure of the
 robot, or an objective that an installed package adds. The words ``mean``, ``each`` and ``worst`` among goals say how
-worlds are combined, each goal by itself.
+worlds are combined, each goal by itself. Limits among them, such as ``mass <= 0.1``, cost score where they are broken,
+see ``optim.problems.limits``.
 
 Searches maximise all that they are told, so a goal that is minimised is told negated: as ``minus energy``.
 """
@@ -15,11 +16,14 @@ from functools import cached_property
 import numpy as np
 
 from optim.problem import Objective
+from optim.problems.limits import Limit, Missing
 from optim.problems.objectives import OBJECTIVES, RobotObjective
 from robots.robot import Measure, Outcome, World
+from robots.tasks import Success, is_bound
 from robots.uncertainty import Score
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest
+from taichi_sim.base.short_text import shortest
 
 MINIMISE = "minimise:"
 WORDS = tuple(OBJECTIVES.builtin)  # how worlds are combined
@@ -74,9 +78,7 @@ class Goal:
 
     def weighted(self, name: str) -> str:
         """A name with the weight, unless that is 1."""
-        short = f"{self.weight:g}"
-        weight = short if float(short) == self.weight else repr(self.weight)
-        return name if self.weight == 1 else f"{weight}*{name}"
+        return name if self.weight == 1 else f"{shortest(self.weight)}*{name}"
 
     def told(self, one: Objective) -> Objective:
         """What searches call an objective with the weight and the sign of this goal."""
@@ -91,7 +93,7 @@ def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
         usual: how worlds are combined unless a word says so.
 
     Raises:
-        ValueError: for two words, a goal given twice, and a text that is no goal.
+        ValueError: for two words, a goal given twice, a text that is no goal, and limits of nothing.
     """
     texts = [given] if isinstance(given, str) else list(given)
     if not all(isinstance(text, str) for text in texts):
@@ -101,14 +103,22 @@ def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
     words = [text for text in texts if text in WORDS]
     if len(words) > 1:
         raise ValueError(f"objective: {words[0]} and {words[1]} both say how worlds are combined; give one of them")
-    goals = [Goal.of(text) for text in texts if text not in WORDS]
+    limits = list(dict.fromkeys(Limit.of(text).text for text in texts if is_bound(text)))
+    goals = [Goal.of(text) for text in goals_in(texts)]
+    if limits and not goals:
+        raise ValueError(f"objective: {limits[0]} is a limit; name what is raised or minimised within it, too")
     for number, goal in enumerate(goals):
         if goal.name in WORDS:
             raise ValueError(f"objective: {goal.text!r} is not allowed; {goal.name} says how worlds are combined")
         if goal.name in (other.name for other in goals[:number]):
             raise ValueError(f"objective: {goal.name} is given twice; name each once")
     word = words[0] if words else usual
-    return (word, *(goal.text for goal in goals)) if goals else word
+    return (word, *(goal.text for goal in goals), *limits) if goals else word
+
+
+def goals_in(texts: Sequence[str]) -> list[str]:
+    """Those that are neither words nor limits."""
+    return [text for text in texts if text not in WORDS and not is_bound(text)]
 
 
 def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> RobotObjective:
@@ -127,18 +137,28 @@ def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> Rob
         _check_apart(names, known)
         return OBJECTIVES.find(names)()
     parts = []
-    for goal in map(Goal.of, names[1:]):
+    for goal in map(Goal.of, goals_in(names)):
         _check_apart(goal.name, known)
         if goal.name not in OBJECTIVES and goal.name not in known:
-            others = [name for name in OBJECTIVES if name not in WORDS]
-            hint = nearest(goal.name, [*known, *OBJECTIVES]).removeprefix("; ")
-            raise ValueError(
-                f"objective: {goal.name!r} is unknown; {hint + ' all' if hint else 'choose one of the'} measures: "
-                f"{', '.join(known)}{'; objectives: ' if others else ''}{', '.join(others)}"
-            )
+            raise _unknown(goal.name, known, [name for name in OBJECTIVES if name not in WORDS])
         scored = OBJECTIVES[goal.name]() if goal.name in OBJECTIVES else RobotObjective()
         parts.append(Part(goal, scored, None if goal.name in OBJECTIVES else known[goal.name], names[0]))
-    return Goals(tuple(parts), names[0], summed)
+    limits, over = [], "worst" if names[0] == "worst" else "mean"
+    for limit in map(Limit.of, filter(is_bound, names)):
+        if limit.bound.measure not in known:
+            raise _unknown(limit.bound.measure, known, [])
+        lost = Goal(limit.bound.measure, limit.loss, minimised=True)
+        limits.append(Part(lost, Missing(limit.bound), known[limit.bound.measure], over))
+    return Goals(tuple(parts), names[0], summed, tuple(limits))
+
+
+def _unknown(name: str, known: Collection[str], others: Sequence[str]) -> ValueError:
+    """What is said of a name that is neither one of the measures nor one of the other objectives."""
+    hint = nearest(name, [*known, *others, *(WORDS if others else ())]).removeprefix("; ")
+    return ValueError(
+        f"objective: {name!r} is unknown; {hint + ' all' if hint else 'choose one of the'} measures: "
+        f"{', '.join(known)}{'; objectives: ' if others else ''}{', '.join(others)}"
+    )
 
 
 def _check_apart(name: str, known: Collection[str]) -> None:
@@ -223,6 +243,7 @@ class Goals(RobotObjective):
         parts: the goals.
         word: how worlds are combined.
         summed: whether they add up.
+        limits: what each objective loses where limits are not kept.
 
     Raises:
         ValueError: if a sum is asked for each world by itself.
@@ -231,6 +252,7 @@ class Goals(RobotObjective):
     parts: tuple[Part, ...]
     word: str
     summed: bool
+    limits: tuple[Part, ...] = ()
 
     def __post_init__(self) -> None:
         if self.summed and self.word == "each":
@@ -257,40 +279,54 @@ class Goals(RobotObjective):
                 text += (" minus " if minimised else " plus ") + told
             else:
                 text += ("; " if text else "") + ("minimised: " if minimised else "") + told
-        return text
+        return text + self._where
 
     def differentiated(self, measure: Measure) -> tuple[str, ...]:
         """Names of the measures of all goals."""
         if self.word == "each" or (len(self.parts) > 1 and not self.summed):
             raise ValueError("objective: several have no single gradient; choose a method for one objective")
-        needed = [name for part in self.parts for name in part.scored.differentiated(part.about(measure))]
+        every = (*self.parts, *self.limits)
+        needed = [name for part in every for name in part.scored.differentiated(part.about(measure))]
         return tuple(dict.fromkeys(needed))
 
     def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """Those of all goals in their order; or their sum, such as ``speed minus 0.1*energy``."""
+        """Those of all goals in their order; or their sum, such as ``speed minus 0.1*energy where mass <= 0.1``."""
         each = tuple(one for part in self.parts for one in part.objectives(measure, worlds))
         if not self.summed:
             return each
         if len(each) > len(self.parts):
             names = ", ".join(one.name for one in each)
             raise ValueError(f"objective: {names} have no sum; choose a method for several objectives")
-        return (_sum_of(each),)
+        return (self.sum_of(each),)
 
     def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
-        """A column for each objective, or the sum."""
+        """A column for each objective, or the sum; each less what limits cost."""
         each = np.concatenate([part.values(outcomes, measure) for part in self.parts], axis=1)
-        return np.asarray(each.sum(axis=1, keepdims=True)) if self.summed else each
+        found = each.sum(axis=1, keepdims=True) if self.summed else each
+        for part in self.limits:
+            found = found + part.values(outcomes, measure)
+        return np.asarray(found)
 
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of the sum."""
-        return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.parts], axis=0))
+        every = (*self.parts, *self.limits)
+        return np.asarray(np.sum([part.gradients(outcomes, measure) for part in every], axis=0))
 
+    def sum_of(self, each: Sequence[Objective]) -> Objective:
+        """What the sum of objectives is called, such as ``speed minus 0.1*energy where mass <= 0.1``."""
+        units = {one.unit for one in each}
+        name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
+        return Objective(name + self._where, units.pop() if len(units) == 1 else "")
 
-def _sum_of(each: Sequence[Objective]) -> Objective:
-    """What the sum of objectives is called, such as ``speed minus 0.1*energy``."""
-    units = {one.unit for one in each}
-    name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
-    return Objective(name, units.pop() if len(units) == 1 else "")
+    @property
+    def bounds(self) -> tuple[Success, ...]:
+        """Those of the limits."""
+        return tuple(part.scored.bound for part in self.limits if isinstance(part.scored, Missing))
+
+    @property
+    def _where(self) -> str:
+        """What names of the limits say, after those of the goals."""
+        return f" where {' and '.join(bound.text for bound in self.bounds)}" if self.limits else ""
 
 
 def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
@@ -311,9 +347,10 @@ def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
     parts = objective.parts
     if any(part.combines for part in parts) or (len(parts) > 1 and not objective.summed):
         return None
-    told = _sum_of([part.goal.told(part.scored.objective(part.about(measure))) for part in parts])
+    told = objective.sum_of([part.goal.told(part.scored.objective(part.about(measure))) for part in parts])
 
     def summed(outcome: Outcome) -> Floats:
-        return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in parts], axis=0))
+        every = (*parts, *objective.limits)
+        return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in every], axis=0))
 
     return Score(told.name, told.unit, summed)

@@ -233,6 +233,18 @@ class JudgedRobot(RobotDesigning):
         places = [(f"_{world.name}", f" {world.spoken or world.name}") for world in several] or [("", "")]
         return {name + end: label + place for name, label in labels.items() for end, place in places}
 
+    def limits_broken(self, details: Mapping[str, float]) -> list[str]:
+        """What details of a point break of the objective's limits, such as ``mass <= 0.1: 0.12``, world by world."""
+        bounds = self._objective.bounds if isinstance(self._objective, Goals) else ()
+        single = len(self.tried_in) == 1
+        ends = [("", "") if single else (f"_{world.name}", f" on {world.name}") for world in self.tried_in]
+        return [
+            f"{bound.text}: {details[bound.measure + end]:.6g}{place}"
+            for bound in bounds
+            for end, place in ends
+            if not bound.allows(details.get(bound.measure + end, bound.bound))
+        ]
+
     @property
     def descriptors(self) -> Mapping[str, tuple[float, float]]:
         """Those of the robot, in the first world."""

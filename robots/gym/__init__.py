@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from robots.tasks import Task, builtin_tasks
+from robots.tasks import Task, builtin_tasks, is_bound
 from taichi_sim.base.foreign import install_extra
 
 try:
@@ -41,7 +41,8 @@ GAINS = MappingProxyType(
 
 def task_settings(task: Task) -> dict[str, Any]:
     """What the environment of a task is made with: its robot, its first world, and what its rewards count."""
-    (goal,) = (text for text in task.options["objective"] if text not in ("mean", "worst", "each"))
+    words = ("mean", "worst", "each")
+    (goal,) = (text for text in task.options["objective"] if text not in words and not is_bound(text))
     world = task.options["terrain"][0]
     return {"robot": task.source, "world": world, "gain": GAINS[goal.removeprefix("minimise:")]}
 

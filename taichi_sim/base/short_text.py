@@ -1,4 +1,4 @@
-"""Short texts of descriptions and results that hold arrays, for notebooks and the Python prompt."""
+"""Short texts: of numbers, and of descriptions and results that hold arrays, for notebooks and the Python prompt."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -8,6 +8,12 @@ import numpy as np
 
 LONGEST = 80  # characters of a field
 FEW = 4  # entries of an array or a sequence that are written out
+
+
+def shortest(number: float) -> str:
+    """A number in as few digits as say it exactly: six, if they do, or all."""
+    short = f"{number:g}"
+    return short if float(short) == number else repr(float(number))
 
 
 class ShortText:

@@ -41,6 +41,7 @@ def test_a_simulation_tells_of_ground_that_its_robot_has_not_met(morpholab):
     assert code == 0 and "is level up to 0.3 m" in error and "this one went 0.0476 m, so it meets nothing" in error
     assert "give its START, such as stairs:0.01,0.1,0.13" in error
     assert "note: " not in morpholab(f"{WALKER} stairs:0.01,0.1,0.13")[2]
+    assert morpholab(f"{WALKER} stairs:0.01,0.1 --quiet")[2] == ""
 
 
 def test_robots_know_where_they_begin_and_end():

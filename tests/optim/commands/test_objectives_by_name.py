@@ -55,6 +55,29 @@ def test_a_front_has_a_column_for_each_objective(morpholab, tmp_path):
 
 
 @pytest.mark.kernels
+def test_limits_cost_score_and_what_the_best_breaks_is_told(morpholab, tmp_path):
+    search = f"{FREEFORM} --method genetic --population 4 --generations 1 --objective speed"
+    code, out, error = morpholab(f'{search} --objective "energy <= 1e-4" --objective "mass>=0" --out a')
+    assert (code, error) == (0, "") and out.startswith("best speed where energy <= 0.0001 and mass >= 0: -")
+    last = log(tmp_path / "a")[-1]
+    speed, energy = (last["best_details"][name] for name in ("speed", "energy"))
+    assert last["best"] == pytest.approx(speed - 10 * (energy / 1e-4 - 1), rel=1e-12)
+    assert f"\nbreaks energy <= 0.0001: {energy:.6g}\n" in out and "breaks mass" not in out
+    assert (
+        morpholab(
+            "codesign --resume --generations 2 --out a --quiet --objective speed --objective 'energy<=1e-4' "
+            "--objective 'mass >= 0'"
+        )[0]
+        == 0
+    )
+    code, _, error = morpholab("codesign --resume --generations 2 --out a --quiet --objective speed")
+    assert code == 2 and "is not what the run in a has, ['mean', 'speed', 'energy <= 0.0001', 'mass >= 0']" in error
+    assert "speed where energy <= 0.0001 and mass >= 0" in morpholab("status a")[1]
+    assert morpholab("report a --no-player --quiet --out a.html")[0] == 0
+    assert "where energy &lt;= 0.0001 and mass &gt;= 0" in (tmp_path / "a.html").read_text()
+
+
+@pytest.mark.kernels
 def test_vehicles_are_judged_by_named_measures(morpholab, tmp_path):
     search = "codesign --robot vehicle --climbers 2 --generations 0 --quiet"
     code, out, _ = morpholab(f"{search} --objective worst --objective minimise:closest --out a")

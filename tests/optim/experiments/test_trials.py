@@ -46,6 +46,13 @@ def test_points_are_recorded_in_the_order_asked_for_and_same_seeds_have_the_same
     )
 
 
+def test_what_does_not_fit_a_method_is_refused_before_any_work():
+    hill = Hill()
+    with pytest.raises(ValueError, match="^minibatch_size: Hill judges in all worlds at once"):
+        record_trials(hill, "nes", {"minibatch_size": 2}, [0], 10)
+    assert hill.calls == 0
+
+
 def test_a_trial_ends_with_the_step_that_solves_everything_and_its_first_success_is_counted():
     trials = record_trials(Hill(), "random", {"climbers": 3}, range(5), 60, until_solved=True)
     x = trials.points[..., 0]

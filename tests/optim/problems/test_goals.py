@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from plug_in import install
 
+from optim.maximising import maximise
 from optim.problem import Objective, objectives_of
 from optim.problems import problem_of_description
 from optim.problems.goals import Goal, named
+from optim.problems.limits import Limit
 from optim.problems.objectives import OBJECTIVES, RobotObjective
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
@@ -212,3 +214,79 @@ def test_a_problem_that_is_read_again_judges_to_the_same_bits():
     points = made.space.sample(np.random.default_rng(1), 8)
     assert np.array_equal(made.evaluate(points).objectives, again.evaluate(points).objectives)
     assert all(body.voxels.flags.c_contiguous for body in (made.robot.body, again.robot.body))
+
+
+class TestLimits:
+    def test_are_written_in_one_way(self):
+        assert Limit.of("2.0*cost<=3").text == "2*cost <= 3" and Limit.of(" cost >= 0.10 ").text == "cost >= 0.1"
+        exact = 0.1 + 0.2
+        assert Limit.of(Limit.of(f"{exact!r}*cost >= {exact!r}").text) == Limit.of(f"{exact!r}*cost >= {exact!r}")
+        assert named(["cost<=3", "speed", "worst", "cost <= 3"]) == ("worst", "speed", "cost <= 3")
+
+    def test_cost_ten_for_all_that_is_missing_and_nothing_where_they_are_kept(self):
+        problem, told = judged("speed", "cost <= 2", worlds=(Place("flat"),), summed=True)
+        found = problem.evaluate(POINTS)
+        push, gear = POINTS.T
+        cost, speed = push**2 + gear, push * gear - push**2
+        expected = speed - 10 * np.maximum(cost / 2 - 1, 0)
+        np.testing.assert_allclose(found.objectives[:, 0], expected, rtol=1e-15)
+        assert told == [("speed where cost <= 2", "m/s")] and (cost <= 2).tolist() == [False, False, True]
+        floor, _ = judged("speed", "3*cost >= 2", worlds=(Place("flat"),), summed=True)
+        expected = speed - 30 * np.maximum(1 - cost / 2, 0)
+        np.testing.assert_allclose(floor.evaluate(POINTS).objectives[:, 0], expected, rtol=1e-15)
+
+    def test_are_kept_in_every_world_by_the_mean_or_in_the_worst(self):
+        costs = np.array([push**2 * np.array([1.0, 3.0]) + gear for push, gear in POINTS]).T  # (W, N)
+        lost = 10 * np.maximum(costs / 2 - 1, 0)
+        for word, over in (("mean", np.mean), ("worst", np.max)):
+            plain, bound = (judged(word, "speed", *more, summed=True)[0] for more in ((), ("cost <= 2",)))
+            gap = plain.evaluate(POINTS).objectives[:, 0] - bound.evaluate(POINTS).objectives[:, 0]
+            np.testing.assert_allclose(gap, over(lost, axis=0), rtol=1e-12, atol=1e-12)
+
+    def test_lower_every_column_of_a_front_alike(self):
+        problem, told = judged("speed", "minimise:heat", "cost <= 2", worlds=(Place("flat"),))
+        plain, _ = judged("speed", "minimise:heat", worlds=(Place("flat"),))
+        gap = plain.evaluate(POINTS).objectives - problem.evaluate(POINTS).objectives
+        push, gear = POINTS.T
+        lost = 10 * np.maximum((push**2 + gear) / 2 - 1, 0)
+        np.testing.assert_allclose(gap, np.stack([lost, lost], axis=1), rtol=1e-12, atol=1e-12)
+        assert told == [("speed", "m/s"), ("minus heat", "J")]
+
+    @pytest.mark.parametrize("limit", ["cost <= 2", "cost >= 2", "2*speed >= 0", "speed <= 0"])
+    def test_have_exact_gradients(self, limit):
+        problem, _ = judged("speed", limit, worlds=(Place("flat"),), summed=True)
+        found, step = problem.evaluate_relaxed(POINTS, np.inf, gradients=True), 1e-6
+        for axis in range(2):
+            aside = np.zeros(2)
+            aside[axis] = step
+            ends = [problem.evaluate(POINTS + way * aside).objectives[:, 0] for way in (1, -1)]
+            np.testing.assert_allclose(found.gradients[:, axis], (ends[0] - ends[1]) / (2 * step), rtol=1e-7, atol=1e-7)
+
+    def test_a_search_ends_where_the_limit_is_just_kept(self):
+        problem, _ = judged("speed", "cost <= 1", worlds=(Place("flat"),), summed=True)
+        best = maximise(problem, "cma", seed=0, generations=60, progress=False)
+        push, gear = best.point
+        # The most of push * gear - push^2 on push^2 + gear = 1: 1 - 3 push^2 - 2 push = 0, so push = 1 / 3.
+        np.testing.assert_allclose([push, gear], [1 / 3, 8 / 9], atol=2e-3)
+
+    def test_are_kept_by_descriptions(self):
+        problem = RobotProblem(FreeformRobot(Grid((3, 2, 2))), objective=("speed", "0.3*mass <= 2"), summed=True)
+        again = problem_of_description(json.loads(json.dumps(problem.describe())))
+        assert again.objective == ("mean", "speed", "0.3*mass <= 2")
+        assert again.objective_names == ("speed where mass <= 2",)
+
+    @pytest.mark.parametrize(
+        ("given", "reason"),
+        [
+            (("cost <= 2",), "'?cost <= 2'? is a limit; name what is raised or minimised within it, too"),
+            (("speed", "cost <= x"), "'cost <= x' is not allowed; a limit is MEASURE >= NUMBER"),
+            (("speed", "cost <= nan"), "'cost <= nan' is not allowed; a limit is"),
+            (("speed", "-1*cost <= 1"), "'-1\\*cost <= 1' is not allowed; a limit is"),
+            (("speed", "minimise:cost <= 1"), "'minimise:cost <= 1' is not allowed; a limit is"),
+            (("speed", "costs <= 1"), "'costs' is unknown; did you mean cost"),
+            (("speed", "nothing <= 1"), "'nothing' is unknown; choose one of the measures: speed, cost, heat$"),
+        ],
+    )
+    def test_refuses(self, given, reason):
+        with pytest.raises(ValueError, match=rf"^objective: {reason}"):
+            RobotProblem(Cart(), objective=given)

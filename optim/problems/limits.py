@@ -1,0 +1,94 @@
+"""Limits that designs shall keep: bounds on measures, whose breach costs score.
+
+A limit is written ``NAME >= NUMBER`` or ``NAME <= NUMBER``, or with a weight, ``WEIGHT*NAME >= NUMBER``. Every
+objective loses ``LOSS`` times the weight for all of the bound that is missing, a tenth of it for a tenth, and nothing
+where the limit is kept. So the best of designs that keep it is the best of all, if only the weight is large enough, and
+searches, which rank designs or follow gradients, are led to it from outside (an exact penalty: Nocedal & Wright,
+Numerical Optimization, 2006, section 17.2).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from optim.problem import Objective
+from optim.problems.objectives import RobotObjective
+from robots.robot import Measure, Outcome
+from robots.tasks import Success
+from taichi_sim.base.arrays import Floats
+from taichi_sim.base.short_text import shortest
+
+LOSS = 10.0  # of score, for all of a bound that is missing
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A bound that a measure shall keep in every world.
+
+    Attributes:
+        bound: measure, sign and number.
+        weight: of what is missing, above 0.
+    """
+
+    bound: Success
+    weight: float = 1.0
+
+    @classmethod
+    def of(cls, text: str) -> "Limit":
+        """The limit that a text says.
+
+        Raises:
+            ValueError: for what is no limit, and a weight that is not allowed.
+        """
+        weight, star, rest = text.rpartition("*")
+        try:
+            found = cls(Success.parse(rest), float(weight) if star else 1.0)
+        except ValueError:
+            found = None
+        if found is None or not 0 < found.weight < math.inf:
+            raise ValueError(
+                f"objective: {text!r} is not allowed; a limit is MEASURE >= NUMBER or MEASURE <= NUMBER, or such with "
+                "a finite weight above 0 before it, as in 2*MEASURE >= NUMBER"
+            )
+        return found
+
+    @property
+    def text(self) -> str:
+        """The text that says it, always the same for the same limit."""
+        return ("" if self.weight == 1 else f"{shortest(self.weight)}*") + self.bound.text
+
+    @property
+    def loss(self) -> float:
+        """What a score loses for all of the bound that is missing."""
+        return LOSS * self.weight
+
+
+@dataclass(frozen=True)
+class Missing(RobotObjective):
+    """How much of a bound a design is short of, in parts of it: 0 where it is kept.
+
+    Attributes:
+        bound: whose measure this is about; parts of a bound of 0 are units of the measure.
+    """
+
+    bound: Success
+
+    def objective(self, measure: Measure) -> Objective:
+        """Named after the bound, without a unit."""
+        return Objective(self.bound.text)
+
+    def score(self, outcome: Outcome, measure: Measure) -> Floats:
+        """The parts that are missing, shape (N,)."""
+        return np.maximum(self._per_unit * (outcome.measures[measure.name] - self.bound.bound), 0.0)
+
+    def slopes(self, outcome: Outcome, measure: Measure) -> Floats:
+        """Derivatives of these parts, shape (N, P): 0 where nothing is missing."""
+        slopes = self._per_unit * super().slopes(outcome, measure)
+        return np.where(self.score(outcome, measure)[:, None] > 0, slopes, 0.0)
+
+    @property
+    def _per_unit(self) -> float:
+        """Parts that are missing for each unit of the measure."""
+        size = abs(self.bound.bound) or 1.0
+        return (-1.0 if self.bound.sign == ">=" else 1.0) / size
