@@ -229,14 +229,16 @@ class LatticeEngine:
             raise ValueError("orientations: give unit quaternions (w, x, y, z)")
         voxel[:, :, memory.MOTION["velocities"]] /= self.inverse_masses[..., :1]
         voxel[:, :, memory.MOTION["angular_velocities"]] /= self.inverse_masses[..., 1:]
-        voxel[:, :, memory.STICKS] = 1.0  # every voxel starts in the static state
+        # Voxels at rest, or that move up or down only, start in the static state; others slide if they touch a floor.
+        level = voxel[:, :, memory.MOTION["velocities"]][:, :, :2]
+        voxel[:, :, memory.STICKS] = (level == 0).all(axis=2)
         self._driver.write(memory.VOXEL, voxel)
         link = np.zeros((self.batch, len(self.tables.link_ends), memory.LINK_WIDTH))
         link[:, :, memory.REGIME] = beams.NEW
         self._driver.write(memory.LINK, link)
         self._driver.write(memory.STRAIN, np.zeros((self.batch, self.tables.gauges, memory.STRAIN_WIDTH)))
         self._driver.write(memory.PRINT, np.zeros((self.batch, self.tables.prints, memory.PRINT_WIDTH)))
-        self._driver.forget_neighbours()
+        self._driver.forget_neighbours(self._driver.memory)
         self._diverged[:] = False
 
     def save(self) -> SavedLattice:

@@ -132,9 +132,9 @@ class Course:
         rows, source = self._rows[number]
         told = np.stack([np.asarray(values), np.asarray(rates)], axis=1)
         told[np.isnan(told)] = 0  # of robots that diverged nothing is known, and nothing depends on it
-        decided = driver.host(run.marks.value)
-        decided[rows] = told[source]
-        run.marks = run.marks._replace(value=driver.put(decided))
+        following = self._feedback.decisions[number + 1 :]
+        until = following[0].step + 1 if following else run.total
+        run.decide(rows, told[source], until - self._feedback.decisions[number].step)
 
     def take_back(self, reverse: "Reverse") -> None:
         """Have the way back stop after each decision's events."""

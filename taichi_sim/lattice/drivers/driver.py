@@ -12,6 +12,8 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import Marks, Recordings
+from taichi_sim.lattice.drivers.neighbourhood import Extremes, list_radius
+from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
 from taichi_sim.runtime import aligned
@@ -48,9 +50,10 @@ class Driver(ABC):
         self.state_slots = self.layout.state_slots
         self.plan = tables.plan(self.layout, *switches)
         self.memory = self.zeros(self.layout.slots)
+        self.radius = contact.NEIGHBOUR_RADIUS  # of lists, in edges
         for section, values in tables.initial_sections():
             self.write(section, values)
-        self.forget_neighbours()
+        self.forget_neighbours(self.memory)
 
     def zeros(self, slots: int) -> np.ndarray:
         """Memory of so many slots a robot, shape (blocks, slots, lanes)."""
@@ -72,10 +75,10 @@ class Driver(ABC):
         """Values of shape (blocks, items, components, lanes), as shape (B, items, components)."""
         return np.moveaxis(lanes_last, -1, 1).reshape(-1, *lanes_last.shape[1:3])[: self.batch]
 
-    def forget_neighbours(self) -> None:
-        """Have the neighbour lists built anew before the next step."""
-        self.section(memory.MONITOR)[:, 0, memory.MOVED] = np.inf
-        self.section(memory.LISTED)[...] = np.nan
+    def forget_neighbours(self, of: np.ndarray) -> None:
+        """Have the neighbour lists of a memory, shape (blocks, slots, lanes), built anew before the next step."""
+        self.layout.section(of, memory.MONITOR)[:, 0, memory.MOVED] = np.inf
+        self.layout.section(of, memory.LISTED)[...] = np.nan
 
     def put(self, array: np.ndarray) -> Any:
         """The array where the kernels run."""
@@ -131,7 +134,13 @@ class Driver(ABC):
 
     def begin(self, program: PackedProgram, alive: np.ndarray, dt: float, edge: float, gravity: float) -> "Run":
         """Start a program at its step 0; robots that are not alive do nothing."""
-        return self.run_type(self, program, alive, (dt, edge, gravity))
+        channels = self.read(memory.CHANNEL).reshape(self.batch, -1, memory.CHANNEL_WIDTH)
+        extremes = Extremes(channels, program)
+        radius = list_radius(extremes.largest(self.tables.constant))
+        if radius > self.radius:  # lists may lack pairs that will touch
+            self.forget_neighbours(self.memory)
+        self.radius = radius
+        return self.run_type(self, program, alive, (dt, edge, gravity), extremes)
 
 
 class Run(ABC):
@@ -140,17 +149,22 @@ class Run(ABC):
     reverse_type: type["Reverse"]
 
     def __init__(
-        self, driver: Any, program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
+        self,
+        driver: Any,
+        program: PackedProgram,
+        alive: np.ndarray,
+        constants: tuple[float, float, float],
+        extremes: Extremes,
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
-        self.driver, self.program, self.edge = driver, program, constants[1]
+        self.driver, self.program, self.edge, self._extremes = driver, program, constants[1], extremes
         tables, dtype, put = driver.tables, driver.real.numpy, driver.put
         runs = alive[driver.robot] & driver.has_robot
         lanes = marking.lane_table(program, driver.robot, np.where(runs, marking.ACTIVE, marking.DIVERGED))
         recorded = marking.unrecorded(program, driver.batch, tables, dtype)
         self.marks = Marks(*map(put, (lanes, program.marks, program.values.astype(dtype), *recorded)))
         self.memory = driver.put_memory(driver.memory)
-        self.shared = tables.shared(driver.plan, constants, dtype, put)
+        self.shared = tables.shared(driver.plan, constants, dtype, put)._replace(radius=driver.radius * self.edge)
         self.total = max(int(program.lengths.max()), 1)
 
     @abstractmethod
@@ -158,6 +172,21 @@ class Run(ABC):
         self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Any = None
     ) -> None:
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
+
+    def decide(self, rows: np.ndarray, values: np.ndarray, steps: int) -> None:
+        """Set value and rate, shape (N, 2), of some events, which hold for so many steps at most."""
+        driver, program = self.driver, self.program
+        decided = driver.host(self.marks.value)
+        decided[rows] = values
+        self.marks = self.marks._replace(value=driver.put(decided))
+        robots = np.searchsorted(program.first, rows, side="right") - 1
+        self._extremes.include(robots, program.marks[rows, 1], values, np.array(float(steps)))
+        radius = list_radius(self._extremes.largest(driver.tables.constant))
+        if radius > driver.radius:
+            driver.radius, held = radius, driver.host_memory(self.memory)
+            driver.forget_neighbours(held)
+            self.memory = driver.put_memory(held)
+            self.shared = self.shared._replace(radius=radius * self.edge)
 
     def finish(self) -> tuple[np.ndarray, np.ndarray, Recordings]:
         """After the last step: (steps done, diverged, (poses, strains, rest sizes of groups)), robots first."""

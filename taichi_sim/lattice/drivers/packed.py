@@ -12,6 +12,7 @@ from taichi_sim.lattice.drivers import packed_kernel as kernel
 from taichi_sim.lattice.drivers import packed_reverse_kernel as backwards
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
 from taichi_sim.lattice.drivers.marks import NOWHERE, Recordings
+from taichi_sim.lattice.drivers.neighbourhood import Extremes
 from taichi_sim.lattice.drivers.packed_contact import Pairs, Record
 from taichi_sim.lattice.drivers.packed_lanes import SPREAD_ROW
 from taichi_sim.lattice.drivers.packed_reverse_kernel import BACK_WIDTH
@@ -90,10 +91,15 @@ class PackedRun(Run):
     reverse_type = PackedReverse
 
     def __init__(
-        self, driver: "PackedDriver", program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
+        self,
+        driver: "PackedDriver",
+        program: PackedProgram,
+        alive: np.ndarray,
+        constants: tuple[float, float, float],
+        extremes: Extremes,
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
-        super().__init__(driver, program, alive, constants)
+        super().__init__(driver, program, alive, constants, extremes)
         info, tables, dtype = driver.pairs.info, driver.packed, driver.real.numpy
         info[:, [contacts.STEP, contacts.NEXT_MARK]] = 0
         info[:, contacts.STATE] = np.where(alive, contacts.RUNNING, contacts.FINISHED)
@@ -127,9 +133,9 @@ class PackedRun(Run):
     def _launch(self, until: int, record: Record | None) -> None:
         driver, edge = self.driver, self.edge
         steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
-        radius, distance = contact.NEIGHBOUR_RADIUS * edge, contact.REBUILD_DISTANCE * edge
+        distance = contact.REBUILD_DISTANCE * edge
         kernel.packed_kernel(driver.real, record is not None, driver.tables.medium)(
-            kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, radius, distance),
+            kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, distance),
             self._memories,
             self.shared,
             self.groups,
@@ -200,6 +206,7 @@ class PackedDriver(Driver):
         self.plan = packed.plan(packed.layout, switches)
         self.group_plan = packed.group_plan(switches)
         self.memory = self.zeros(self.layout.slots)
+        self.radius = contact.NEIGHBOUR_RADIUS  # of lists, in edges
         self.groups = self.real.array((batch, self.scalars.slots))
         packs, dtype = len(packed.packs.voxel), self.real.numpy
         place = self.real.array((batch * -(-max(len(tables.surface_voxels), 1) // self.real.width) * 3,))
@@ -219,7 +226,7 @@ class PackedDriver(Driver):
         packed.put_nobody(self.section(memory.VOXEL))
         for section, values in tables.initial_sections():
             self.write(section, values)
-        self.forget_neighbours()
+        self.forget_neighbours(self.memory)
 
     def zeros(self, slots: int) -> np.ndarray:
         """Vector memory of so many slots a robot, shape (B, slots, lanes)."""

@@ -94,7 +94,6 @@ class Launch(NamedTuple):
     group_slots: Any
     steps: Any
     until: Any
-    radius: Any
     distance: Any
 
 
@@ -385,7 +384,7 @@ def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
                     if info[i, STATE] == RUNNING and t.plan[memory.CONTACT_ON] != 0:
                         moved = load(m, k, t.plan[memory.MONITOR] + memory.MOVED)
                         if any_lane(moved > launch.distance * launch.distance):
-                            renew_list(r, launch.radius)
+                            renew_list(r, t.radius)
                     if info[i, STATE] == RUNNING:
                         step_robot(r, log)
                         info[i, STEP] = step + 1
@@ -401,9 +400,11 @@ def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
     flat = real.scalars(1)
     return kernel_of(
         run,
-        Launch(i32, i32, i32, i32, i32, scalar, scalar),
+        Launch(i32, i32, i32, i32, i32, scalar),
         Memories(real.memory, flat, real.memory, flat, real.scalars(2)),
-        shared_types(real, medium, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity", "relief")),
+        shared_types(
+            real, medium, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity", "relief", "radius")
+        ),
         shared_types(real, medium, ("link", "rest")),
         lane_types(real),
         Pairs(ints(3), ints(3), *(real.memory,) * 2, flat, real.memory, real.memory, table, table, table),

@@ -245,10 +245,9 @@ def list_neighbours(
     """Build the lists of robots that have moved too far."""
     for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
         s, r = n // m.shape[1], n % m.shape[1]
-        radius = contact.NEIGHBOUR_RADIUS * t.edge
         if s < t.plan[SURFACE] and lanes[0, r, STATE] == ACTIVE:
             if load(m, r, t.plan[MONITOR] + memory.MOVED) > 0.0:
-                list_voxel(m, r, s, radius * radius, False, t, near)
+                list_voxel(m, r, s, t.radius * t.radius, False, t, near)
                 store_all(m, r, listed_slots(s, t), place(m, r, s, False, t))
 
 
@@ -257,9 +256,8 @@ def list_again(threads: ti.template(), m: ti.template(), t: ti.template(), near:
     """Build all lists again, from where they were built last."""
     for n in range(spread(threads, t.plan[SURFACE] * m.shape[1])):
         s, r = n // m.shape[1], n % m.shape[1]
-        radius = contact.NEIGHBOUR_RADIUS * t.edge
         if s < t.plan[SURFACE]:
-            list_voxel(m, r, s, radius * radius, True, t, near)
+            list_voxel(m, r, s, t.radius * t.radius, True, t, near)
 
 
 @ti.func
@@ -348,12 +346,12 @@ def stepped_kernels(real: Real, medium: Medium, threads: int | None, has: Has) -
     near, no_list = Near(ints(3), ints(2), ints(1)), Near(None, None, None)
     kept, logged = Record(None, m, None, ints(2)), Record(None, None, ints(4), ints(2))
     read = ["link", "voxel", "rest", "corner", "start", "time_step", "edge", "gravity", "relief"]
-    read += ["surface", "excluded"] if has.contacts else []
+    read += ["surface", "excluded", "radius"] if has.contacts else []
     read += ["square"] if has.squares else []
     lists = near if has.contacts else no_list
     log = logged if has.contacts else logged._replace(log=None, logged=None)
     every = m, shared_types(real, medium, read), mark_types(real), lists, log
-    again = m, shared_types(real, medium, ("surface", "excluded", "edge")), near
+    again = m, shared_types(real, medium, ("surface", "excluded", "radius")), near
 
     return SteppedKernels(
         partial(kernel_of(take_step, threads, has, i32, i32, *every), threads, has),

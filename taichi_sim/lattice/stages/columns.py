@@ -90,6 +90,7 @@ class Shared(NamedTuple):
         start: start positions [m].
         relief: uneven ground: numbers of all grids, then their cells (see ``ground.cells``).
         time_step, edge, gravity: dt [s], edge h of a voxel [m], acceleration along -z [m/s^2].
+        radius: within which voxels are listed as neighbours [m].
         medium: what surrounds the robots, known when the kernel is compiled.
         shape: where voxels lie in lanes: what the table of voxels says of them, as reals by pack (see above).
         packed: whether they do.
@@ -111,6 +112,7 @@ class Shared(NamedTuple):
     edge: Any = None
     gravity: Any = None
     relief: Any = None
+    radius: Any = None
     medium: Medium = Medium()
     shape: Any = None
     packed: bool = False
@@ -122,7 +124,7 @@ class Shared(NamedTuple):
 def shared_types(real: Real, medium: Medium = ON_A_FLOOR, reads: Sequence[str] = Shared._fields[:12]) -> Shared:
     """Types of what a kernel is given of these fields and the plan, which is all that its stages may read."""
     flat, table, scalar = ints(1), ints(2), real.scalar
-    numbers = (scalar, scalar, scalar, real.scalars(1))
+    numbers = (scalar, scalar, scalar, real.scalars(1), scalar)
     every = Shared(flat, flat, flat, table, flat, flat, flat, table, real.scalars(2), *numbers)
     read = [name for name in ("plan", *reads) if medium.relief or name != "relief"]
     return Shared(**{name: getattr(every, name) for name in read}, medium=medium)

@@ -48,7 +48,7 @@ def test_points_are_recorded_in_the_order_asked_for_and_same_seeds_have_the_same
 
 def test_what_does_not_fit_a_method_is_refused_before_any_work():
     hill = Hill()
-    with pytest.raises(ValueError, match="^minibatch_size: Hill judges in all worlds at once"):
+    with pytest.raises(ValueError, match=r"^minibatch_size: Hill judges in all worlds at once"):
         record_trials(hill, "nes", {"minibatch_size": 2}, [0], 10)
     assert hill.calls == 0
 

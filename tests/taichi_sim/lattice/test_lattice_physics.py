@@ -1,5 +1,7 @@
 """The lattice against closed forms and conservation laws."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,19 @@ def test_free_fall():
     t, dt = 1000 * engine.time_step, engine.time_step
     fallen = engine.state().positions[0].mean(axis=0) - [0.005, 0.005, 0.005]
     assert fallen == pytest.approx([0, 0, -GRAVITY * t * (t + dt) / 2], abs=1e-12)
+
+
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_a_block_that_is_given_a_speed_on_the_floor_slides_to_its_closed_form(driver):
+    """Sliding from the state that it is put in: v^2 / (2 mu g), not stuck in its first step."""
+    material = Material(1e6, 1e3, static_friction=0.5, kinetic_friction=0.4)
+    engine = LatticeEngine(block(material, 1, 1, 1), gravity=GRAVITY, floor=True, time_step=2e-5, driver=driver)
+    run(engine, 5000)
+    at = engine.state()
+    engine.set_state(dataclasses.replace(at, velocities=np.array([[[0.3, 0.4, 0.0]]])))
+    run(engine, 10_000)
+    gone = engine.state().positions[0, 0] - at.positions[0, 0]
+    np.testing.assert_allclose(gone[:2], 0.25 / (2 * 0.4 * GRAVITY) * np.array([0.6, 0.8]), rtol=1e-3)
 
 
 @pytest.mark.parametrize(("slope", "slides"), [(21.0, False), (23.0, True)])

@@ -1,0 +1,78 @@
+"""How far apart voxels may be listed as neighbours: as far as the largest of a run may come to touch.
+
+A list holds the pairs that were within a radius, and is made anew when a voxel has moved by
+``contact.REBUILD_DISTANCE``. In between two of them come closer by twice that, so a list misses no contact if its
+radius is as much larger than the largest reach. The usual radius does for voxels of up to 1.2 edges; where a program
+lets voxels grow more, the radius grows with them.
+"""
+
+import numpy as np
+
+from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.materials import EXPANSION
+from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
+from taichi_sim.lattice.stages.memory import AGE, BASE, RATE
+from taichi_sim.lattice.stages.tables import PackedProgram
+
+SIZES = np.array([*(Quantity.SCALE + axis for axis in range(3)), Quantity.TEMPERATURE])  # channels that sizes follow
+
+
+class Extremes:
+    """The least and the most that the channels of sizes may hold in a run, group by group.
+
+    Attributes:
+        least, most: scale along x, y and z, and temperature, shape (B, G, 4).
+    """
+
+    def __init__(self, channels: np.ndarray, program: PackedProgram) -> None:
+        """Of channels as they are at its beginning, shape (B, 25 G, 4), and a program."""
+        batch, count = channels.shape[:2]
+        self._groups = count // QUANTITY_COUNT
+        start = channels.reshape(batch, self._groups, QUANTITY_COUNT, -1)[:, :, SIZES].astype(float)
+        self.least = start[..., BASE] + start[..., RATE] * start[..., AGE]
+        self.most = self.least.copy()
+        robot = np.repeat(np.arange(batch), np.diff(program.first))
+        step, target = program.marks[: len(robot)].T
+        chosen = np.flatnonzero((target >= 0) & np.isin(target % QUANTITY_COUNT, SIZES))
+        chosen = chosen[np.lexsort((step[chosen], target[chosen], robot[chosen]))]
+        rows, channel = robot[chosen], target[chosen]
+        follows = np.zeros(len(chosen), bool)
+        follows[:-1] = (rows[1:] == rows[:-1]) & (channel[1:] == channel[:-1])
+        ends = program.lengths[rows].astype(float)
+        ends[follows] = step[chosen][1:][follows[:-1]]
+        # A channel that goes on from the run before does so until its first event.
+        until = np.tile(program.lengths[:, None, None].astype(float), (1, *start.shape[1:3]))
+        first = np.flatnonzero(np.append(True, ~follows[:-1])) if len(chosen) else chosen
+        until[self._places(rows[first], channel[first])] = step[chosen][first]
+        self._widen(..., self.least + start[..., RATE] * until)
+        self.include(rows, channel, program.values[chosen], ends - step[chosen])
+
+    def include(self, robots: np.ndarray, targets: np.ndarray, values: np.ndarray, steps: np.ndarray) -> None:
+        """Take in events: their channels, value and rate, shape (N, 2), and for how many steps they hold."""
+        chosen = (targets >= 0) & np.isin(targets % QUANTITY_COUNT, SIZES)
+        place = self._places(robots[chosen], targets[chosen])
+        base, rate = values[chosen].T.astype(float)
+        for value in (base, base + rate * np.broadcast_to(steps, targets.shape)[chosen]):
+            np.fmin.at(self.least, place, value)
+            np.fmax.at(self.most, place, value)
+
+    def _places(self, robots: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, ...]:
+        quantity = np.searchsorted(SIZES, targets % QUANTITY_COUNT)
+        return robots, targets // QUANTITY_COUNT, quantity
+
+    def _widen(self, place: object, values: np.ndarray) -> None:
+        self.least[place] = np.fmin(self.least[place], values)
+        self.most[place] = np.fmax(self.most[place], values)
+
+    def largest(self, constants: np.ndarray) -> float:
+        """The largest mean size [edges] of a voxel; ``constants`` are those of groups, shape (B, G, columns)."""
+        expansion = constants[..., EXPANSION]
+        warmth = 1.0 + np.maximum(expansion * self.least[..., 3], expansion * self.most[..., 3])
+        scale = np.maximum(np.abs(self.least[..., :3]), np.abs(self.most[..., :3])).mean(axis=2)
+        sizes = np.abs(warmth) * scale
+        return float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
+
+
+def list_radius(largest: float) -> float:
+    """Radius [edges] of lists that miss no contact of voxels up to a mean size [edges]."""
+    return max(contact.NEIGHBOUR_RADIUS, contact.reach(largest, largest) + 2.0 * contact.REBUILD_DISTANCE)
