@@ -27,7 +27,7 @@ def lattice(batch: int, poisson: bool = False, pouch: bool = False, memory: floa
     body = scene.body(poisson=poisson, pouch=pouch)
     floor = not options.get("fluid")
     engine = places.lattice_engine(body, batch, time_step=scene.TIME_STEP, floor=floor, threads=1, **options)
-    engine.set_state(scene.repeated(scene.start(body), batch))
+    places.set_state(engine, scene.repeated(scene.start(body), batch))
     tape = engine.record(scene.program(batch), memory=memory)
     gradient = scene.Cost(body, 3).pull_back(tape)
     materials = {f"materials.{name}": values for name, values in sorted(gradient.materials.items())}

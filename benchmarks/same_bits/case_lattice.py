@@ -41,7 +41,7 @@ def in_trouble(poisson: bool, pouch: bool, robots: int, **options: object) -> Ar
     body = scene.body(poisson=poisson, pouch=pouch)
     given = {"threads": 1, "floor": not options.get("fluid"), "gravity": 9.81, **options}
     engine = places.lattice_engine(body, batch=robots, time_step=scene.TIME_STEP, **given)
-    engine.set_state(scene.repeated(scene.start(body), robots))
+    places.set_state(engine, scene.repeated(scene.start(body), robots))
     result = engine.run(scene.program(robots))
     found = arrays_of(result, *RESULT) | arrays_of(engine.state(), *STATE, prefix="end.")
     return found | {"time_step": plain(body.recommended_time_step)}

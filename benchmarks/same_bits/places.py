@@ -129,7 +129,20 @@ def lattice_engine(*given: Any, **options: Any) -> Any:
 
     if "width" not in inspect.signature(LatticeEngine).parameters:
         options.pop("width", None)
+        options = {"self_contact": "published", **options}  # where voxels swell, others miss no contact
     return LatticeEngine(*given, **options)
+
+
+def set_state(engine: Any, state: Any) -> None:
+    """Put robots in a state as version 1.0 did: voxels that move along the floor stick to it in the first step."""
+    engine.set_state(state)
+    if "width" in inspect.signature(type(engine)).parameters:
+        return  # of that version
+    from taichi_sim.lattice.stages import memory
+
+    voxel = engine._driver.read(memory.VOXEL)
+    voxel[:, :, memory.STICKS] = 1.0
+    engine._driver.write(memory.VOXEL, voxel)
 
 
 def differentiate_vehicles(*given: Any, **settings: Any) -> Any:

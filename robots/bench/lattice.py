@@ -63,7 +63,8 @@ class Batch:
         runtime.start(compute)
         started = time.perf_counter()
         floor = True if ground is None else Ground(ground).relief(0.0, PUBLISHED.voxel_size)
-        self.engine = LatticeEngine(body, batch, time_step=time_step, floor=floor, compute=compute)
+        own: dict[str, Any] = {"time_step": time_step, "floor": floor, "self_contact": "published"}
+        self.engine = LatticeEngine(body, batch, **own, compute=compute)
         if isinstance(floor, Relief):
             start = body.start_positions + np.array([0, 0, floor.rise(body.start_positions, PUBLISHED.voxel_size)])
             self.engine.set_positions(np.tile(start, (batch, 1, 1)))

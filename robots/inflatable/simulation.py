@@ -171,7 +171,8 @@ def engine_of(
     headings = [design.orientation for design in designs] or [0.0] * len(terrains)
     medium, edge = medium_of(terrains, headings, geometry.voxel_size), geometry.voxel_size
     step = geometry.time_step
-    engine = LatticeEngine(bodies_of(geometry, moduli), len(terrains), time_step=step, **medium, compute=compute)
+    bodies, batch = bodies_of(geometry, moduli), len(terrains)
+    engine = LatticeEngine(bodies, batch, time_step=step, self_contact="published", **medium, compute=compute)
     if starts is None and medium["floor"] not in (True, False):
         starts = np.tile(geometry.body.start_positions, (len(terrains), 1, 1))
     if starts is not None:

@@ -27,6 +27,8 @@ class Driver(ABC):
     """State of a batch, in NumPy between runs."""
 
     run_type: type["Run"]
+    lists_grow = True  # with voxels that do, so that they miss no contact
+    radius = contact.NEIGHBOUR_RADIUS  # of lists, in edges
 
     def __init__(
         self, tables: Tables, batch: int, real: Real, lanes: int, forces: tuple[int, int], switches: tuple[bool, bool]
@@ -50,10 +52,13 @@ class Driver(ABC):
         self.state_slots = self.layout.state_slots
         self.plan = tables.plan(self.layout, *switches)
         self.memory = self.zeros(self.layout.slots)
-        self.radius = contact.NEIGHBOUR_RADIUS  # of lists, in edges
         for section, values in tables.initial_sections():
             self.write(section, values)
         self.forget_neighbours(self.memory)
+
+    def radius_for(self, extremes: Extremes) -> float:
+        """Radius [edges] of lists of voxels that grow so far."""
+        return list_radius(extremes.largest(self.tables.constant)) if self.lists_grow else contact.NEIGHBOUR_RADIUS
 
     def zeros(self, slots: int) -> np.ndarray:
         """Memory of so many slots a robot, shape (blocks, slots, lanes)."""
@@ -136,7 +141,7 @@ class Driver(ABC):
         """Start a program at its step 0; robots that are not alive do nothing."""
         channels = self.read(memory.CHANNEL).reshape(self.batch, -1, memory.CHANNEL_WIDTH)
         extremes = Extremes(channels, program)
-        radius = list_radius(extremes.largest(self.tables.constant))
+        radius = self.radius_for(extremes)
         if radius > self.radius:  # lists may lack pairs that will touch
             self.forget_neighbours(self.memory)
         self.radius = radius
@@ -181,7 +186,7 @@ class Run(ABC):
         self.marks = self.marks._replace(value=driver.put(decided))
         robots = np.searchsorted(program.first, rows, side="right") - 1
         self._extremes.include(robots, program.marks[rows, 1], values, np.array(float(steps)))
-        radius = list_radius(self._extremes.largest(driver.tables.constant))
+        radius = driver.radius_for(self._extremes)
         if radius > driver.radius:
             driver.radius, held = radius, driver.host_memory(self.memory)
             driver.forget_neighbours(held)

@@ -206,7 +206,6 @@ class PackedDriver(Driver):
         self.plan = packed.plan(packed.layout, switches)
         self.group_plan = packed.group_plan(switches)
         self.memory = self.zeros(self.layout.slots)
-        self.radius = contact.NEIGHBOUR_RADIUS  # of lists, in edges
         self.groups = self.real.array((batch, self.scalars.slots))
         packs, dtype = len(packed.packs.voxel), self.real.numpy
         place = self.real.array((batch * -(-max(len(tables.surface_voxels), 1) // self.real.width) * 3,))

@@ -147,3 +147,17 @@ def test_what_is_decided_on_the_way_counts():
         x = engine.state().positions[0, :, 0]
         found.append((x[1] - x[0]) / EDGE)
     assert found[0] == found[1] > contact.reach(2.4, 2.4) * (1 - 2e-3)
+
+
+@pytest.mark.kernels
+def test_the_published_lists_miss_what_they_missed():
+    """As in the simulator of the dissertation: its robot's speeds are those of its contacts."""
+    engine = LatticeEngine(pair(2.6).body, self_contact="published")
+    engine.set_positions(np.array([[[0, 0, 0], [2.6 * EDGE, 0, 0]]]))
+    made = ProgramBuilder(1)
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    engine.run(made.build(2000))
+    assert np.ptp(engine.state().positions[0, :, 0]) == pytest.approx(2.6 * EDGE, rel=1e-12)
+    with pytest.raises(ValueError, match=r"^self_contact: 'all' is not allowed; give True, False or 'published'$"):
+        LatticeEngine(engine.body, self_contact="all")
