@@ -55,6 +55,10 @@ class Prop:
         """Whether the world holds it."""
         return self.kind == "wall"
 
+    def is_voxel(self, edge: float) -> bool:
+        """Whether it has a single voxel of an edge [m]."""
+        return all(round(each / edge) <= 1 for each in self.size)
+
     @property
     def name(self) -> str:
         """As :meth:`parse` reads it, such as ``"ball:0.04,0.12,0.0"``."""

@@ -17,6 +17,7 @@ from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import try_variants
 from robots.lattice_robot.measures import checked_target, measures_among, measures_of
+from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
@@ -172,9 +173,23 @@ class FreeformRobot(Robot):
     @cached_property
     def cycle(self) -> Cycle:
         """When what happens; the time step is one for all designs."""
+        return self._cycle(self._stable_step)
+
+    def cycle_on(self, terrain: Terrain) -> Cycle:
+        """As :attr:`cycle`, on a terrain whose props may take shorter time steps.
+
+        Raises:
+            ValueError: for props too light or too heavy for their contact with the tissues.
+        """
+        if not terrain.props:
+            return self.cycle
+        among = time_step_among(self.palette.materials, terrain.props, self.grid.voxel_size)
+        return self._cycle(min(self._stable_step, among))
+
+    def _cycle(self, stable: float) -> Cycle:
         drive = self.actuation
-        largest = self._stable_step / drive.time_step_safety
-        return Cycle(drive.frequency, drive.settling, drive.cycles, Cycle.fit(drive.frequency, largest))
+        step = Cycle.fit(drive.frequency, stable / drive.time_step_safety)
+        return Cycle(drive.frequency, drive.settling, drive.cycles, step)
 
     @property
     def length(self) -> float:

@@ -118,7 +118,8 @@ def _assembled(
 ) -> LatticeRobotResult:
     measures = cases.first.measures_in(cases.terrains)
     names, slopes = [m.name for m in measures], dict.fromkeys(cases.trial.gradients, free)
-    return assembled(parts, np.tile(reason, len(cases.robots)), cases.first.cycle.time_step, names, slopes)
+    cycle = cases.first.cycle_on(cases.terrains[0])
+    return assembled(parts, np.tile(reason, len(cases.robots)), cycle.time_step, names, slopes)
 
 
 def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRobotResult:
@@ -140,7 +141,7 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
         return np.tile((REST + wave) - REST, (1, 3, 1))
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    every_body, cycle = [robot.body for robot in scenes.robots], cases.first.cycle
+    every_body, cycle = [robot.body for robot in scenes.robots], cases.first.cycle_on(where[0])
     aim, every = replace(_aim(cases.first, where), placed=scenes.first.placed), trial.record_every
     rollout = Rollout(every_body, _sizes(regions), swung, cycle, where, aim, trial.compute, every, scenes.starts)
     if pull_back is None:

@@ -1,6 +1,8 @@
 """Lattice robots among props: one lattice of all bodies, and which part of it is the robot."""
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +12,7 @@ import numpy as np
 
 from robots.props import Prop
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.lattice import LatticeBody, Material, Quantity, Relief
+from taichi_sim.lattice import LatticeBody, Material, Quantity, Relief, time_steps
 from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
 from taichi_sim.lattice.program import EVENT
 
@@ -18,6 +20,7 @@ MODULUS = 1e5  # Pa
 FRICTION = 1.0, 0.8  # static and kinetic, where the terrain says nothing
 APART = 3  # voxels between bodies on the lattice, so that nothing links them
 TOUCH = 2 * SPHERE_RADIUS  # edges between centres of voxels that touch
+SLOWEST = 50.0  # by how much contact with props may shorten the time steps of a robot, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +103,9 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
         friction: of the props, static and kinetic.
 
     Raises:
-        ValueError: for bodies that overlap at the start.
+        ValueError: for bodies that overlap at the start, and props too light or too heavy to touch each other.
     """
+    check_weights([robot.materials[number] for number in np.unique(robot.material_index)], props, robot.voxel_size)
     edge, middle = robot.voxel_size, robot.start_positions.mean(axis=0)
     left = np.array([-heading[1], heading[0], 0.0])
     voxels, materials, indices = [robot.voxels], list(robot.materials), [robot.material_index]
@@ -113,9 +117,8 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
         place = middle * [1, 1, 0] + prop.x * heading + prop.y * left + [0.0, 0.0, prop.z or 0.0]
         beyond = max(int(each[:, 0].max()) for each in voxels) + APART - int(cells[:, 0].min())
         voxels.append(cells + np.array([beyond, 0, 0]))
-        static, kinetic = friction
         indices.append(np.full(len(cells), len(materials)))
-        materials.append(Material(MODULUS, prop.density, static_friction=static, kinetic_friction=kinetic))
+        materials.append(_material(prop.density, friction))
         regions.append(np.full(len(cells), max(int(each.max()) for each in regions) + 1))
         fixed.append(np.full((len(cells), 6), prop.held))
         starts.append(place + centred)
@@ -131,6 +134,74 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
     shift = np.concatenate(starts) - body.start_positions
     lifted, held = (prop.z is not None for prop in props), (prop.held for prop in props)
     return Placed(robot, body, shift, np.concatenate(groups), (False, *lifted), (False, *held))
+
+
+def _material(density: float, friction: tuple[float, float] = FRICTION) -> Material:
+    """What a prop of a density [kg/m^3] is made of."""
+    return Material(MODULUS, density, static_friction=friction[0], kinetic_friction=friction[1])
+
+
+def time_step_among(materials: Sequence[Material], props: Sequence[Prop], edge: float) -> float:
+    """Largest time step [s] that is stable for props, of voxels of an edge h [m], and their contact with materials.
+
+    Raises:
+        ValueError: as of :func:`check_weights`.
+    """
+    check_weights(materials, props, edge)
+    densities = [prop.density for prop in props]
+    return min(_links_step(props, densities, edge), _contact_step(materials, props, densities, edge))
+
+
+def check_weights(materials: Sequence[Material], props: Sequence[Prop], edge: float) -> None:
+    """Refuse props whose contact with a robot's materials would take time steps very much shorter than its own.
+
+    Raises:
+        ValueError: names the density of the prop that differs most from the robot's, and what is allowed.
+    """
+    densities = [prop.density for prop in props]
+    own = min(time_steps.link_step(one, two, edge) for one, two in itertools.product(materials, repeat=2))
+
+    def shortens(densities: Sequence[float]) -> float:
+        before = min(own, _links_step(props, densities, edge))
+        return before / _contact_step(materials, props, densities, edge)
+
+    if not props or (times := shortens(densities)) <= SLOWEST:
+        return
+    usual = math.exp(float(np.mean([math.log(material.density) for material in materials])))
+    worst = max(props, key=lambda prop: abs(math.log(prop.density / usual)))
+    is_light = worst.density < usual
+    bad, good = worst.density, usual
+    for _ in range(50):  # bisection for the density at which all props that are worse would be allowed
+        middle = math.sqrt(bad * good)
+        within = [max(each, middle) if is_light else min(each, middle) for each in densities]
+        bad, good = (bad, middle) if shortens(within) <= SLOWEST else (middle, good)
+    unit = 10.0 ** (math.floor(math.log10(good)) - 1)  # two digits, on the safe side
+    digits = math.ceil(good / unit) if is_light else math.floor(good / unit)
+    raise ValueError(
+        f"density: {worst.density:g} kg/m^3 of the prop {worst.name} is not allowed beside a robot of {usual:.4g}; its "
+        f"contact would take time steps {times:.3g} times as short, {SLOWEST:g} at most are allowed; give at "
+        f"{'least' if is_light else 'most'} {digits * unit:g} kg/m^3"
+    )
+
+
+def _links_step(props: Sequence[Prop], densities: Sequence[float], edge: float) -> float:
+    """Largest stable time step of the links of props, were they of these densities [s]."""
+    linked = (_material(each) for prop, each in zip(props, densities, strict=True) if not prop.is_voxel(edge))
+    return min((time_steps.link_step(each, each, edge) for each in linked), default=math.inf)
+
+
+def _contact_step(
+    materials: Sequence[Material], props: Sequence[Prop], densities: Sequence[float], edge: float
+) -> float:
+    """Largest stable time step of the contact of props, were they of these densities, with all else [s]."""
+    bodies = [(_material(each), prop.held) for prop, each in zip(props, densities, strict=True)]
+    found = [math.inf]
+    for number, (material, held) in enumerate(bodies):
+        others = [(own, False) for own in materials] + bodies[:number]
+        found += [time_steps.contact_step(other, material, edge, (fixed, held)) for other, fixed in others]
+        if props[number].is_voxel(edge) and not held:
+            found.append(time_steps.floor_step(material, edge))
+    return min(found)
 
 
 def _check_apart(prop: Prop, starts: Sequence[Floats], edge: float) -> None:

@@ -1,5 +1,7 @@
 """The description of a lattice body: voxels, materials, regions, cut links, fixed voxels, pressurised faces."""
 
+import itertools
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -8,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from taichi_sim.base.short_text import ShortText
-from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_mass
+from taichi_sim.lattice import time_steps
+from taichi_sim.lattice.materials import Material, voxel_mass
 from taichi_sim.lattice.topology import Topology, build_topology
 
 
@@ -149,13 +152,36 @@ class LatticeBody(ShortText):
 
     @cached_property
     def recommended_time_step(self) -> float:
-        """Largest stable step 1 / (2 pi sqrt(max a1 / min(m-, m+))) [s]; without links, of a voxel on the floor."""
-        stiffest = 0.0
+        """Largest stable step [s]: 1 / (2 pi sqrt(max a1 / min(m-, m+))) of links, less for what else needs less.
+
+        That is damping ratios of links above 1; and, of parts that no links join, their contact with each other and
+        that of single voxels with the floor. See ``time_steps``; blocks of many voxels need 1 / 1.3 of it.
+        """
         ends = self.material_index[self.topology.links] if len(self.topology.links) else np.zeros((0, 2), int)
-        for minus, plus in np.unique(ends, axis=0):
-            a, b = self.materials[minus], self.materials[plus]
-            lightest = min(voxel_mass(a, self.voxel_size), voxel_mass(b, self.voxel_size))
-            stiffest = max(stiffest, axial_stiffness_modulus(a, b) * self.voxel_size / lightest)
-        if stiffest == 0.0:
+        pairs = [(self.materials[minus], self.materials[plus]) for minus, plus in np.unique(ends, axis=0)]
+        steps = [time_steps.link_step(minus, plus, self.voxel_size) for minus, plus in pairs]
+        if not pairs:
             stiffest = max(m.youngs_modulus * self.voxel_size / voxel_mass(m, self.voxel_size) for m in self.materials)
-        return float(1 / (2 * np.pi * np.sqrt(stiffest)))
+            steps = [float(1 / (2 * np.pi * np.sqrt(stiffest)))]
+        return min(*steps, self._contact_step)
+
+    @property
+    def _contact_step(self) -> float:
+        """Largest step for contact of parts that no links join, and of single voxels with the floor [s]."""
+        part = self.topology.parts
+        sizes, found = np.bincount(part), math.inf
+        if len(sizes) == 1 < self.voxel_count:
+            return found
+        held = np.asarray(self.fixed)[:, :3].all(axis=1)
+        kinds, members = np.unique(np.stack([self.material_index, held], axis=1), axis=0, return_inverse=True)
+        members = members.reshape(-1)
+        for index in np.unique(self.material_index[(sizes[part] == 1) & ~held]):
+            found = min(found, time_steps.floor_step(self.materials[index], self.voxel_size))
+        owners = [np.unique(part[members == kind]) for kind in range(len(kinds))]
+        for one, two in itertools.combinations_with_replacement(range(len(kinds)), 2):
+            if len(owners[one]) == len(owners[two]) == 1 and owners[one][0] == owners[two][0]:
+                continue  # both are in one part alone
+            (first, fixed), (second, also) = kinds[one].tolist(), kinds[two].tolist()
+            pair = self.materials[first], self.materials[second]
+            found = min(found, time_steps.contact_step(*pair, self.voxel_size, (bool(fixed), bool(also))))
+        return found

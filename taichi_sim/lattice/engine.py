@@ -111,7 +111,7 @@ class LatticeEngine:
         Args:
             body: one body for all robots, or one per robot; they may differ in the values of their materials only.
             batch: number of robots B.
-            time_step: dt [s]; by default the largest that is stable for all bodies.
+            time_step: dt [s]; by default the least ``recommended_time_step`` of the bodies.
             floor: whether there is a floor at z = -h/2; or what rises over it, for all robots or one each.
             self_contact: whether voxels of a robot collide with each other; ``"published"``: as in the simulator of
                 the dissertation, which misses some collisions of voxels of more than 1.2 edges.

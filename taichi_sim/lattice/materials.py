@@ -21,9 +21,12 @@ class Material:
         poissons_ratio: nu, dimensionless, 0 to below 0.5.
         static_friction: Coulomb coefficient mu_s against the floor.
         kinetic_friction: Coulomb coefficient mu_k against the floor.
-        internal_damping: zeta_i, damping ratio of the links (1 is critical).
-        global_damping: zeta_g, damping ratio against the world.
-        collision_damping: zeta_c, damping ratio of floor and self-contact.
+        internal_damping: zeta_i, damping zeta_i sqrt(m E_l h) of a link of stiffness E_l h at each end. A voxel whose
+            neighbour is held has zeta_i / 2 of critical damping, two free ones zeta_i / sqrt(2). More than 1 takes
+            shorter time steps.
+        global_damping: zeta_g, damping 2 zeta_g sqrt(m E h) against the world; critical at 1 on a spring E h.
+        collision_damping: zeta_c, damping 2 zeta_c sqrt(m E h) of contact, whose stiffness is 2 E h: two free voxels
+            have zeta_c of critical damping, one on the floor zeta_c / sqrt(2). Two materials have the mean damping.
         scale: rest size per axis (x, y, z) in voxel edges; the mass does not change with it.
         thermal_expansion: alpha [1/K].
         temperature: T relative to the stress-free state [K].

@@ -1,6 +1,7 @@
 """What follows from the places of the voxels: links, neighbours, exposed faces, contact exclusions."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,6 +34,17 @@ class Topology:
     surface: np.ndarray
     faces: np.ndarray
     excluded: np.ndarray
+
+    @cached_property
+    def parts(self) -> np.ndarray:
+        """Which of the parts that links join each voxel belongs to, shape (V,)."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        count, (minus, plus) = len(self.order), self.links.T
+        joined = coo_array((np.ones(len(minus)), (minus, plus)), (count, count))
+        found: np.ndarray = connected_components(joined, directed=False)[1]
+        return found
 
 
 def build_topology(voxels: np.ndarray, cut_links: np.ndarray) -> Topology:

@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from optim.problems.robot import RobotProblem
+from robots.freeform import FreeformRobot
 from robots.ground import Ground
 from robots.inflatable.actuation import ACTUATION
 from robots.lattice_robot import Drive, Free, LatticeRobot, simulate
 from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.reflexes import Reflexes
 from robots.props import Prop
 from robots.robot import Compute
 from robots.world import Terrain
-from taichi_sim.lattice import Material, body_from_array
+from taichi_sim.lattice import LatticeEngine, LatticeState, Material, ProgramBuilder, body_from_array
 
 SOFT = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, collision_damping=0.5)
 BEHIND = "box:0.02,0.02,0.02,-0.2,0.0"
@@ -99,6 +101,58 @@ def test_a_payload_rests_on_the_back():
     robot = dataclasses.replace(crawler(settling=0.5), drives=(Drive("legs", (0, 1, 2), amplitude=0.0),))
     found = simulate(robot, None, on("box:0.02,0.01,0.01,0,0,0.0125,500.0"))
     assert found.measures["prop_height"][0] == pytest.approx(0.005 + 0.01 * np.sqrt(1.25**2 - 0.5), rel=5e-3)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("density", [10.0, 30.0])
+def test_light_props_gain_no_energy(density):
+    """One lies still on the floor, and one in the pit on the back of a robot that moves; they leapt by themselves."""
+    on_floor = simulate(crawler(), None, on(f"box:0.01,0.01,0.01,0.1,0,ground,{density}"))
+    assert on_floor.measures["prop_height"][0] == pytest.approx(0.005, abs=1e-6)
+    assert on_floor.measures["prop_distance"][0] == pytest.approx(0.0, abs=1e-4)
+    still = dataclasses.replace(crawler(settling=0.3), drives=(Drive("legs", (0, 1, 2), amplitude=0.0),))
+    carried = simulate(still, None, on(f"box:0.01,0.01,0.01,0,0,0.0125,{density}"))
+    assert carried.measures["prop_height"][0] == pytest.approx(0.005 + 0.01 * np.sqrt(1.25**2 - 0.5), abs=2e-5)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("density", [10.0, 100.0])
+def test_a_light_prop_that_is_hit_gains_no_energy(density):
+    """It goes on at the speed of the robot; in the robot's own time steps it parted up to 25 times as fast."""
+    robot = soft_quadruped().on(on(f"box:0.01,0.01,0.01,0.048,0.0,ground,{density}"))
+    placed = robot.placed
+    engine = LatticeEngine(placed.body, time_step=robot.cycle.time_step)
+    start, hit = engine.state(), placed.of(0)
+    moving = np.where(hit[:, None], [0.5, 0.0, 0.0], 0.0)[None]
+    positions = (placed.body.start_positions + placed.shift)[None]
+    engine.set_state(LatticeState(positions, start.orientations, moving, start.angular_velocities))
+    assert engine.run(ProgramBuilder(1).build(int(0.03 / engine.time_step))).status == "ok"
+    mass = np.array([m.density for m in placed.body.materials])[placed.body.material_index] * 0.01**3
+    velocities = engine.state().velocities[0]
+    assert velocities[~hit] == pytest.approx(np.array([[0.5, 0.0, 0.0]]), abs=1e-3)
+    assert (mass[:, None] * velocities**2).sum() < mass[hit].sum() * 0.5**2
+
+
+def test_time_steps_are_shorter_among_light_props_alone():
+    """A lattice robot and a freeform one have the same; those beside usual props are their own."""
+    robot, freeform = soft_quadruped(), FreeformRobot()
+    for box in ("0.02,0.02,0.02,0.2,0,ground,1250", "0.01,0.01,0.01,0.2,0", "0.02,0.02,0.02,0.2,0"):
+        assert robot.on(on(f"box:{box}")).cycle.time_step == robot.cycle.time_step
+        assert freeform.cycle_on(on(f"box:{box}")).time_step == freeform.cycle.time_step
+    for box in ("0.01,0.01,0.01,0.2,0,ground,100", "0.02,0.02,0.02,0.2,0,ground,10", "0.02,0.02,0.02,0.2,0,ground,1e5"):
+        there = on(f"box:{box}")
+        assert robot.on(there).cycle.time_step == freeform.cycle_on(there).time_step < 0.9 * robot.cycle.time_step
+        among = time_step_among(robot.body.materials, there.props, 0.01)
+        assert robot.on(there).body.recommended_time_step == among
+
+
+def test_props_whose_contact_takes_far_shorter_steps_are_refused():
+    """The density that is allowed instead is."""
+    light, robots = on("box:0.01,0.01,0.01,0.2,0,ground,1"), (soft_quadruped().on, FreeformRobot().cycle_on)
+    for place in robots:
+        with pytest.raises(ValueError, match=r"^density: 1 kg/m\^3 of the prop box:.* give at least 4.7 kg/m\^3$"):
+            place(light)
+        place(on("box:0.01,0.01,0.01,0.2,0,ground,4.7"))
 
 
 @pytest.mark.kernels

@@ -1,0 +1,77 @@
+"""Largest stable time steps of links, contacts and the floor, by the materials of the voxels that they join.
+
+A step is v' = v - (K x + C v) dt / m, x' = x + v' dt. A mode of stiffness rate k = K / m and damping rate c = C / m is
+stable while k dt^2 + 2 c dt <= 4 (Jury's criterion). Bounds below solve that, or what is stricter, for dt.
+"""
+
+import math
+
+from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
+from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_mass
+
+# Largest eigenvalue of all links around a voxel, in stiffnesses of one link over its mass, for which the published step
+# 1 / (2 pi w) is stable at damping ratio 1; divided into 4. A block needs up to 15: hence the safety of 1.3 of robots.
+_QUARTER = (1 + 1 / (2 * math.pi)) ** 2 - 1
+# Sum of the squared cosines to the vertical of the four voxels between which another one rests, as spheres do.
+_PIT = 4 * (1 - 0.5 / (2 * SPHERE_RADIUS) ** 2)
+
+
+def link_step(minus: Material, plus: Material, edge: float) -> float:
+    """Largest stable time step of a link between two voxels of edge h in a block of them [s].
+
+    With w = sqrt(a1 / m), a link's stiffness over the mass of an end, a mode of the lattice has k = L w^2 and, as that
+    end is damped by zeta sqrt(a1 m) at most, c = L zeta w: it is stable for w dt <= sqrt(zeta^2 + 4 / L) - zeta. Up to
+    zeta = 1 the step is the published 1 / (2 pi w); beyond, that for the same L.
+    """
+    stiffness = axial_stiffness_modulus(minus, plus) * edge
+    found = math.inf
+    for end in (minus, plus):
+        step = 1 / (2 * math.pi * math.sqrt(stiffness / voxel_mass(end, edge)))
+        if (zeta := end.internal_damping) > 1:
+            step *= 2 * math.pi * _QUARTER / (zeta + math.sqrt(zeta * zeta + _QUARTER))
+        found = min(found, step)
+    return found
+
+
+def floor_step(material: Material, edge: float) -> float:
+    """Largest time step in which the floor throws no voxel without links back faster than it came [s]."""
+    mass, root = voxel_mass(material, edge), _root(material, edge)
+    damping = 2 * (material.collision_damping + material.global_damping) * root
+    return _bounce_step(_stiffness(material, edge) / mass, damping / mass)
+
+
+def contact_step(first: Material, second: Material, edge: float, held: tuple[bool, bool] = (False, False)) -> float:
+    """Largest time step in which voxels of two bodies that touch never part faster than they met [s].
+
+    Of the force law, ``laws.contact.repulsion``, the mean damping is what matters: beside a heavy, stiff voxel it stops
+    a light one many times over. The lighter voxel may lie between four of the other kind, each of which has it alone.
+    """
+    masses = (voxel_mass(each, edge) for each in (first, second))
+    lighter, heavier = sorted(
+        (0.0 if fixed else 1 / mass for mass, fixed in zip(masses, held, strict=True)), reverse=True
+    )
+    k1, k2 = _stiffness(first, edge), _stiffness(second, edge)
+    inverse = _PIT * lighter + heavier
+    damping = first.collision_damping * _root(first, edge) + second.collision_damping * _root(second, edge)
+    return _bounce_step(2 * k1 * k2 / (k1 + k2) * inverse, damping * inverse)
+
+
+def _stiffness(material: Material, edge: float) -> float:
+    """2 E h [N/m], of a voxel in contact."""
+    return 2 * material.youngs_modulus * edge
+
+
+def _root(material: Material, edge: float) -> float:
+    """sqrt(m E h) [kg/s], half the critical damping of a voxel."""
+    return math.sqrt(voxel_mass(material, edge) * material.youngs_modulus * edge)
+
+
+def _bounce_step(stiffness: float, damping: float) -> float:
+    """Largest dt [s] with k dt^2 + c dt <= 2, for the rates k [1/s^2] and c [1/s]; infinite where nothing moves.
+
+    A voxel that meets another at v is at most v dt deep when it first feels it, and leaves that step at
+    (k dt^2 + c dt - 1) v: no faster than it came. Contact that lasts is then stable, too.
+    """
+    if stiffness == 0:
+        return math.inf
+    return 4 / (damping + math.sqrt(damping * damping + 8 * stiffness))

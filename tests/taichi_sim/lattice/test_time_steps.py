@@ -1,0 +1,105 @@
+"""Recommended time steps: closed forms, and that no energy comes from steps that are too long."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeState, Material, ProgramBuilder
+from taichi_sim.lattice.time_steps import contact_step, floor_step, link_step
+
+EDGE, GRAVITY = 0.01, 9.80665
+RUBBER = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8)
+
+
+def block(material: Material, *size: int) -> LatticeBody:
+    voxels = np.argwhere(np.ones(size))
+    return LatticeBody(voxels=voxels, materials=(material,), material_index=np.zeros(len(voxels)), voxel_size=EDGE)
+
+
+def pair(density: float, **fields) -> LatticeBody:
+    """A bar of rubber, and a voxel of another density far from it."""
+    voxels = np.array([(0, 0, 0), (1, 0, 0), (9, 0, 0)])
+    other = dataclasses.replace(RUBBER, density=density)
+    return LatticeBody(voxels, (RUBBER, other), np.array([0, 0, 1]), EDGE, **fields)
+
+
+def test_links_damped_up_to_one_have_the_published_step():
+    """1 / (2 pi sqrt(E h / m)), to the last bit."""
+    rate = np.sqrt(1e5 * EDGE / (1e3 * EDGE**3))
+    for zeta in (0.0, 0.3, 1.0):
+        material = dataclasses.replace(RUBBER, internal_damping=zeta)
+        assert block(material, 4, 2, 2).recommended_time_step == 1 / (2 * np.pi * rate)
+
+
+@pytest.mark.parametrize("zeta", [1.001, 1.5, 3.0, 10.0, 1e3])
+def test_more_damping_takes_shorter_steps(zeta):
+    """L (u^2 + 2 zeta u) is 4, for the L of which it is 4 at zeta = 1 and u = w dt = 1 / (2 pi)."""
+    material = dataclasses.replace(RUBBER, internal_damping=zeta)
+    usual = 1 / (2 * np.pi)
+    step = block(material, 2, 1, 1).recommended_time_step * usual / block(RUBBER, 2, 1, 1).recommended_time_step
+    assert step * step + 2 * zeta * step == pytest.approx(usual * usual + 2 * usual, rel=1e-9)
+    assert link_step(RUBBER, material, EDGE) == link_step(material, material, EDGE) < link_step(RUBBER, RUBBER, EDGE)
+
+
+def test_a_contact_bounces_no_faster_than_it_came():
+    """k dt^2 + c dt is 2: on the floor, and between four heavy voxels that have 2.72 times the effect of one."""
+    mass, root = 1e3 * EDGE**3, np.sqrt(1e5 * EDGE * 1e3 * EDGE**3)
+    step = floor_step(RUBBER, EDGE)
+    assert 2 * 1e5 * EDGE / mass * step**2 + 2 * root / mass * step == pytest.approx(2, rel=1e-12)
+    light, step = dataclasses.replace(RUBBER, density=10.0), contact_step(RUBBER, pair(10.0).materials[1], EDGE)
+    inverse = 2.72 / (mass / 100) + 1 / mass
+    assert inverse * (2 * 1e5 * EDGE * step**2 + 1.1 * root * step) == pytest.approx(2, rel=1e-12)
+    assert contact_step(light, RUBBER, EDGE) == step == pair(10.0).recommended_time_step
+    assert contact_step(light, RUBBER, EDGE, (True, False)) > 10 * step  # only the heavy one moves
+    assert contact_step(light, RUBBER, EDGE, (True, True)) == np.inf
+
+
+def test_parts_that_weigh_alike_change_nothing():
+    """Nor do parts that the world holds, nor light voxels with links, beyond those."""
+    for density in (700.0, 1e3, 1250.0):
+        assert pair(density).recommended_time_step == block(RUBBER, 2, 1, 1).recommended_time_step
+    held = np.zeros((3, 6), bool)
+    held[2] = True
+    assert pair(10.0, fixed=held).recommended_time_step == pair(1e3).recommended_time_step
+    joined = LatticeBody(np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0)]), pair(10.0).materials, [0, 0, 1], EDGE)
+    light = dataclasses.replace(RUBBER, density=10.0)
+    assert joined.recommended_time_step == link_step(light, RUBBER, EDGE)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("zeta", [1.5, 3.0, 10.0])
+@pytest.mark.parametrize("side", [2, 4])
+def test_damped_blocks_come_to_rest(zeta, side):
+    """Of random velocities nothing remains on the floor; in the air, that of the block as a whole."""
+    body = block(dataclasses.replace(RUBBER, internal_damping=zeta), side, side, side)
+    thrown = 0.01 * np.random.default_rng(0).normal(size=(1, body.voxel_count, 3))
+    for floor, gravity in ((True, GRAVITY), (False, 0.0)):
+        engine = LatticeEngine(body, floor=floor, gravity=gravity, time_step=body.recommended_time_step / 1.3)
+        start = engine.state()
+        engine.set_state(LatticeState(start.positions, start.orientations, thrown, start.angular_velocities))
+        energies = [(thrown**2).sum()]
+        for _ in range(20):
+            assert engine.run(ProgramBuilder(1).build(200)).status == "ok"
+            energies.append((engine.state().velocities ** 2).sum())
+        assert max(energies) == energies[0]
+        assert energies[-1] < (1e-3 if floor else 0.2) * energies[0]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("density", [10.0, 100.0])
+def test_a_light_voxel_in_a_pit_gains_nothing(density):
+    """Dropped on the middle of four heavy ones, it lies still there."""
+    voxels = np.array([(0, 0, 0), (0, 1, 0), (1, 0, 0), (1, 1, 0), (9, 0, 0)])
+    light = dataclasses.replace(RUBBER, density=density)
+    body = LatticeBody(voxels, (RUBBER, light), np.array([0, 0, 0, 0, 1]), EDGE)
+    engine = LatticeEngine(body, floor=True, gravity=GRAVITY, time_step=body.recommended_time_step / 1.3)
+    positions = body.start_positions[None].copy()
+    positions[0, 4] = 0.005, 0.005, 0.013
+    engine.set_positions(positions)
+    heights = []
+    for _ in range(40):
+        assert engine.run(ProgramBuilder(1).build(int(0.2 / 40 / engine.time_step))).status == "ok"
+        heights.append(engine.state().positions[0, 4, 2])
+    assert max(heights) < 0.013
+    assert heights[-1] == pytest.approx(EDGE * np.sqrt(1.25**2 - 0.5), abs=2e-5)
