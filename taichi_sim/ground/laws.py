@@ -50,8 +50,8 @@ def outer_share(qw, qx, qy, qz, x, y, z, nx, ny, nz, ox, oy, oz):
 
     n counts its outer faces along each of its own axes, o is the sum of their normals. Of every face that looks that
     way the square of its normal's component counts, 1 of one straight ahead. So a whole body has its front alone,
-    however fine its voxels; faces aslant have less stress, as the resistive force theory of granular media says up to a
-    few hundredths (its generic alpha_z of a plate pushed down is 1.16 cos^2 - 0.16); and a voxel alone is as a ball.
+    however fine its voxels; faces aslant have less stress, much as in the resistive force theory of granular media (its
+    generic alpha_z of a plate pushed down is 0.87 cos^2 + 0.13); and a voxel alone has as much whatever its way.
     """
     ux, uy, uz = rotate_back(qw, qx, qy, qz, x, y, z)
     along = (nx * ux + ox * absolute(ux)) * ux + (ny * uy + oy * absolute(uy)) * uy

@@ -16,9 +16,9 @@ LINK_SYMMETRIC, LINK_FIRST, LINK_SECOND, LINK_COLUMNS = range(7, 11)
 
 # Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface
 # slot and the gauge's slot in STRAIN (-1 without); bits of fixed degrees of freedom; the voxel's own links; the link
-# on each side (-1 without); sum of the normals of faces under pressure, and whether there are any; which faces a fluid
-# or sand reaches, a bit each in the order of ``topology.SIDES``, and then how often its own volume it displaces, in units
-# of 1 / VOLUME; the voxel's rows in the table of corners.
+# on each side (-1 without); sum of the normals of faces under pressure, and whether there are any; which faces are wet,
+# that is, a fluid or sand reaches them, a bit each in the order of ``topology.SIDES``, and then how often its own
+# volume the voxel displaces, in units of 1 / VOLUME; its rows in the table of corners.
 (GROUP, CHANNELS, SURFACE_SLOT, GAUGE, FIXED, FIRST_LINK, END_LINK, SIDE_LINK) = range(8)
 NORMAL, FEELS_PRESSURE, WET, FIRST_CORNER, END_CORNER = 13, 16, 17, 18, 19
 VOXEL_COLUMNS = 20

@@ -150,8 +150,8 @@ def build_tables(
     wet = fluid or bool(ground and ground.water)
     closed = wet or body.has_chambers
     squares = place[closed_surface(body)] if closed else np.zeros((0, columns.SQUARE_COLUMNS), int)
-    reached = wet or bool(ground and ground.granular)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), reached, closed)
+    outer = wet or bool(ground and ground.granular)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), outer, closed)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     h = body.voxel_size

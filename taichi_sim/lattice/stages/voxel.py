@@ -338,7 +338,7 @@ def displaced_volume(v: Any, t: Any) -> Any:
 
 @primitive
 def wet_faces(v: Any, t: Any) -> tuple[Any, ...]:
-    """How many faces along each axis a fluid reaches."""
+    """How many faces along each axis a fluid or sand reaches."""
     return shape_of(v, columns.WET_FACES, t) if t.packed else table_wet_faces(v, t)
 
 

@@ -171,7 +171,7 @@ def test_a_block_ploughs_alike_however_fine_its_voxels_are(parts):
 
 
 def test_outer_faces_alone_lead():
-    """By the square of how straight ahead they look: as much of a voxel alone whatever its way, of one inside nothing."""
+    """By the square of how straight ahead they look: of a voxel alone always as much, of one inside nothing."""
     turn = np.random.default_rng(2).normal(size=4)
     turn /= np.linalg.norm(turn)
     ahead = rotate(turn, np.array([1.0, 0.0, 0.0]))
@@ -201,7 +201,7 @@ def test_granular_ground_gives_no_energy(spin):
     """A block that is thrown onto it, so that it tumbles, loses height and speed only, and comes to rest."""
     engine = dropped(block(1000.0), ground(yield_per_depth=YIELD), 0.01)
     at, turning = engine.state(), np.array([0.3 * spin, spin, 0.5 * spin])
-    thrown = [0.5, 0.1, 0.0] + np.cross(turning, at.positions - at.positions.mean(axis=1, keepdims=True))
+    thrown = np.cross(turning, at.positions - at.positions.mean(axis=1, keepdims=True)) + np.array([0.5, 0.1, 0.0])
     engine.set_state(replace(at, velocities=thrown, angular_velocities=0 * thrown + turning))
     energies = []
     for _ in range(40):
