@@ -199,8 +199,8 @@ class PackedTables:
         normals = given[:, columns.NORMAL : columns.NORMAL + 3]
         displaced = given[:, [columns.WET]] // columns.BEHIND_WET / columns.VOLUME
         ends = sides == 2, (sides == 2) | braced, single
-        reached, outward = wet.sum(axis=2), wet[..., 1] - wet[..., 0]
-        parts = (0.5 * sides, normals, reached, held, self.tables.start, *ends, displaced, outward)
+        reached = np.where(wet[..., 1], wet.sum(axis=2), -wet[..., 0])
+        parts = (0.5 * sides, normals, reached, held, self.tables.start, *ends, displaced)
         rows = np.concatenate([np.asarray(part, float) for part in parts], axis=1)
         lanes = np.where((packs.voxel >= 0)[..., None], rows[packs.voxel], 0.0)
         return self._reals(np.swapaxes(lanes, 1, 2).reshape(-1, self.real.width))

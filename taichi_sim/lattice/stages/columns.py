@@ -27,9 +27,9 @@ REST_MINUS, REST_PLUS, REST_AXIS = range(3)
 
 # Reals of a pack of voxels: half the links along each axis, normals, wet faces, which degrees of freedom are held, and
 # the start; by axis: 1 with two links, 1 if these or the world hold the voxel on both sides, 1 if one link alone does.
-# Last come how often its own volume the voxel displaces, and the sum of the normals of its wet faces.
+# Last comes how often its own volume the voxel displaces. Wet faces are counted, as -1 where the lower one is alone.
 HALF_LINKS, NORMALS, WET_FACES, HELD, START, PAIRED, TENSE, SINGLE, DISPLACED = 0, 3, 6, 9, 15, 18, 21, 24, 27
-WET_NORMALS, SHAPE_COLUMNS = 28, 31
+SHAPE_COLUMNS = 28
 
 # Columns of the table of surface voxels: slots of the voxel in VOXEL and of its group in CONSTANT/CURRENT.
 SURFACE_VOXEL, SURFACE_GROUP = range(2)

@@ -5,7 +5,7 @@ See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
 
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, slots_at, store, store_all
+from taichi_sim.autodiff.lanes import absolute, any_lane, consecutive, load, load_all, slots_at, store, store_all
 from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
@@ -339,7 +339,9 @@ def displaced_volume(v: Any, t: Any) -> Any:
 @primitive
 def wet_faces(v: Any, t: Any) -> tuple[Any, ...]:
     """How many faces along each axis a fluid or sand reaches."""
-    return shape_of(v, columns.WET_FACES, t) if t.packed else table_wet_faces(v, t)
+    if t.packed:
+        return tuple(absolute(count) for count in shape_of(v, columns.WET_FACES, t))
+    return table_wet_faces(v, t)
 
 
 @ti.func
@@ -351,7 +353,11 @@ def table_wet_faces(v, t: ti.template()):
 @primitive
 def wet_sides(v: Any, t: Any) -> tuple[Any, ...]:
     """:func:`wet_faces`, and the sum of their normals."""
-    return (*wet_faces(v, t), *(shape_of(v, columns.WET_NORMALS, t) if t.packed else table_wet_normals(v, t)))
+    if not t.packed:
+        return table_wet_faces(v, t) + table_wet_normals(v, t)
+    counts = [emit(count) for count in shape_of(v, columns.WET_FACES, t)]
+    faces = tuple(emit(absolute(count)) for count in counts)
+    return faces + tuple(count * (2.0 - face) for count, face in zip(counts, faces, strict=True))
 
 
 @ti.func
