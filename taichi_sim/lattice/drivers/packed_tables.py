@@ -193,13 +193,14 @@ class PackedTables:
         """The rows of the table of voxels as reals, see ``columns``."""
         packs = self.packs
         sides = (given[:, columns.SIDE_LINK : columns.SIDE_LINK + 6] >= 0).reshape(-1, 3, 2).sum(axis=2)
-        wet = given[:, columns.WET][:, None] >> np.array([0, 2, 4]) & 3
+        wet = (given[:, columns.WET][:, None] >> np.arange(6) & 1).reshape(-1, 3, 2)
         held = given[:, columns.FIXED][:, None] >> np.arange(6) & 1
         single, braced = (sides == 1) & (held[:, :3] == 0), (sides == 1) & (held[:, :3] != 0)
         normals = given[:, columns.NORMAL : columns.NORMAL + 3]
         displaced = given[:, [columns.WET]] // columns.BEHIND_WET / columns.VOLUME
         ends = sides == 2, (sides == 2) | braced, single
-        parts = (0.5 * sides, normals, wet, held, self.tables.start, *ends, displaced)
+        reached = np.where(wet[..., 1], wet.sum(axis=2), -wet[..., 0])
+        parts = (0.5 * sides, normals, reached, held, self.tables.start, *ends, displaced)
         rows = np.concatenate([np.asarray(part, float) for part in parts], axis=1)
         lanes = np.where((packs.voxel >= 0)[..., None], rows[packs.voxel], 0.0)
         return self._reals(np.swapaxes(lanes, 1, 2).reshape(-1, self.real.width))

@@ -73,7 +73,7 @@ def slowed_step(z, inverse_mass, size_x, size_y, size_z, mean_size, displaced, e
 
 
 def outer_faces(voxels: np.ndarray) -> np.ndarray:
-    """How many faces of each voxel along each axis a fluid around the body reaches, shape (V, 3), 0 to 2.
+    """How many faces of each voxel along each axis a fluid or sand around the body reaches, shape (V, 3), 0 to 2.
 
     Faces of closed cavities are dry, and so are those between neighbouring voxels, linked or not.
 
@@ -83,11 +83,13 @@ def outer_faces(voxels: np.ndarray) -> np.ndarray:
     Raises:
         ValueError: for a body whose bounding box has too many cells.
     """
+    return outer_sides(voxels).reshape(-1, 3, 2).sum(axis=2)
+
+
+def outer_sides(voxels: np.ndarray) -> np.ndarray:
+    """:func:`outer_faces` one by one: 1 for each side that is one, else 0, shape (V, 6), as in ``topology.SIDES``."""
     _, wet, places = _around(voxels)
-    faces = np.zeros((len(voxels), 3), np.int64)
-    for axis, beside in _neighbours(places):
-        faces[:, axis] += wet[beside]
-    return faces
+    return np.column_stack([wet[beside] for _, beside in _neighbours(places)]).astype(np.int64)
 
 
 def displaced_volumes(voxels: np.ndarray) -> np.ndarray:
@@ -118,7 +120,7 @@ def _around(voxels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     shape = high - low + 1
     if np.prod(shape.astype(float)) > MOST_CELLS:
         box = " x ".join(str(n) for n in shape.tolist())
-        raise ValueError(f"voxels: a box of {box} cells is too large for a fluid; up to {MOST_CELLS:,} are allowed")
+        raise ValueError(f"voxels: a box of {box} cells is too large for a fluid or sand; at most {MOST_CELLS:,}")
     places = voxels - low
     filled = np.zeros(shape, bool)
     filled[tuple(places.T)] = True

@@ -16,18 +16,18 @@ LINK_SYMMETRIC, LINK_FIRST, LINK_SECOND, LINK_COLUMNS = range(7, 11)
 
 # Columns of the table of voxels: slots of the group in CONSTANT/CURRENT (both 9 wide) and of its channels; the surface
 # slot and the gauge's slot in STRAIN (-1 without); bits of fixed degrees of freedom; the voxel's own links; the link
-# on each side (-1 without); sum of the normals of faces under pressure, and whether there are any; how many faces along
-# each axis a fluid reaches, two bits each, and then how often its own volume it displaces, in units of 1 / VOLUME; the
-# voxel's rows in the table of corners.
+# on each side (-1 without); sum of the normals of faces under pressure, and whether there are any; which faces are wet,
+# that is, a fluid or sand reaches them, a bit each in the order of ``topology.SIDES``, and then how often its own
+# volume the voxel displaces, in units of 1 / VOLUME; its rows in the table of corners.
 (GROUP, CHANNELS, SURFACE_SLOT, GAUGE, FIXED, FIRST_LINK, END_LINK, SIDE_LINK) = range(8)
 NORMAL, FEELS_PRESSURE, WET, FIRST_CORNER, END_CORNER = 13, 16, 17, 18, 19
 VOXEL_COLUMNS = 20
-WET_SHIFTS, BEHIND_WET, VOLUME = (1, 4, 16), 64, 1024
+BEHIND_WET, VOLUME = 64, 1024
 REST_MINUS, REST_PLUS, REST_AXIS = range(3)
 
 # Reals of a pack of voxels: half the links along each axis, normals, wet faces, which degrees of freedom are held, and
 # the start; by axis: 1 with two links, 1 if these or the world hold the voxel on both sides, 1 if one link alone does.
-# Last comes how often its own volume the voxel displaces.
+# Last comes how often its own volume the voxel displaces. Wet faces are counted, as -1 where the lower one is alone.
 HALF_LINKS, NORMALS, WET_FACES, HELD, START, PAIRED, TENSE, SINGLE, DISPLACED = 0, 3, 6, 9, 15, 18, 21, 24, 27
 SHAPE_COLUMNS = 28
 

@@ -9,7 +9,7 @@ import numpy as np
 from taichi_sim.ground.relief import GroundTables
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.laws.enclosure import closed_surface
-from taichi_sim.lattice.laws.fluid import displaced_volumes, outer_faces
+from taichi_sim.lattice.laws.fluid import displaced_volumes, outer_sides
 from taichi_sim.lattice.materials import (
     BEAM_COLUMNS,
     CONSTANT_COLUMNS,
@@ -150,7 +150,8 @@ def build_tables(
     wet = fluid or bool(ground and ground.water)
     closed = wet or body.has_chambers
     squares = place[closed_surface(body)] if closed else np.zeros((0, columns.SQUARE_COLUMNS), int)
-    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), wet, closed)
+    outer = wet or bool(ground and ground.granular)
+    voxel_table, strain_count = _voxel_table(body, order, place, group_of, squares, _has_poisson(bodies), outer, closed)
     shell = place[topology.surface]
     surface = np.column_stack([shell * memory.VOXEL_WIDTH, group_of[order][shell] * CONSTANT_COLUMNS])
     h = body.voxel_size
@@ -237,7 +238,8 @@ def _voxel_table(
     table[:, columns.WET] = 0
     if wet:
         displaced = np.rint(displaced_volumes(body.voxels) * columns.VOLUME).astype(int)
-        table[:, columns.WET] = (outer_faces(body.voxels) @ columns.WET_SHIFTS + columns.BEHIND_WET * displaced)[order]
+        sides = outer_sides(body.voxels) @ (1 << np.arange(6))
+        table[:, columns.WET] = (sides + columns.BEHIND_WET * displaced)[order]
     ends = np.cumsum(np.bincount(squares.ravel(), minlength=count))
     table[1:, columns.FIRST_CORNER], table[:, columns.END_CORNER] = ends[:-1], ends
     table[0, columns.FIRST_CORNER] = 0

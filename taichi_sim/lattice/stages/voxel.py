@@ -5,7 +5,7 @@ See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
 
 from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, slots_at, store, store_all
+from taichi_sim.autodiff.lanes import absolute, any_lane, consecutive, load, load_all, slots_at, store, store_all
 from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
@@ -187,7 +187,8 @@ def push(
     if on_floor:
         on_floor = any_lane(depth >= 0.0)
     if on_floor:
-        px, py, pz, stuck = touch(m, k, v, p, f, depth, 1.0 + stuck, t.time_step, inverse_mass, g, t)
+        level = (1.0 + stuck, stuck, stuck, 1.0 + stuck)
+        px, py, pz, stuck = touch(m, k, v, p, f, depth, level, t.time_step, inverse_mass, g, t)
     else:
         px, py, pz = motion.accelerated(px, py, pz, *f, t.time_step)
     store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
@@ -202,7 +203,7 @@ def touch(
     p: ti.template(),
     f: ti.template(),
     depth,
-    factor,
+    plane: ti.template(),
     dt,
     inverse_mass,
     g: ti.template(),
@@ -210,8 +211,9 @@ def touch(
 ):
     """Momentum p after a step under force F in axes of the ground, with it, and whether the voxel sticks there.
 
-    ``factor`` is that of both coefficients of friction.
+    ``plane`` is the factor of both coefficients of friction, and the normal.
     """
+    factor, nx, ny, nz = plane
     px, py, pz = p
     fx, fy, fz = f
     size, stiffness, damping, friction = load_all(m, k, floor_slots(g))
@@ -220,25 +222,28 @@ def touch(
     holds = factor * load(m, k, g.channels + columns.STATIC_FRICTION)
     friction = factor * friction
     normal = 0.0 * depth
+    qx, qy = px, py
     if ti.static(t.medium.granular):
         pressed, limit = load(m, k, print_slot(v, t)), relief.yield_of(k, t)
-        normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit)
+        turn, sides = load_all(m, k, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
+        below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
+        normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
         fz = fz + select(depth >= 0.0, uneven.granular_push(normal, most, vz, damping, limit), 0.0)
         store(m, k, print_slot(v, t), select(depth >= 0.0, pressed, 0.0))
         holds = holds * normal
-        friction = uneven.granular_hold(friction * normal, size, depth, limit)
+        qx, qy = qx + fx * dt, qy + fy * dt
+        ahead = uneven.leading_share(qx, qy, *turn, nx, ny, nz, *sides)
+        friction = uneven.granular_hold(friction * normal, size, depth, limit, ahead)
         normal = 1.0 + 0.0 * normal
     else:
         fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
     loose = floor.breaks_loose(fx, fy, holds, normal)
     rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
-    qx, qy = px, py
     px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
     step = dt * inverse_mass
     rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
     stuck = select(rests, 1.0, select(loose, 0.0, sticks))
     if ti.static(t.medium.granular):
-        qx, qy = qx + fx * dt, qy + fy * dt
         px, py, stuck = uneven.slid(px, py, stuck, qx, qy, friction * dt, relief.yield_of(k, t))
         # For the way back: a hold may take it from the voxel's momentum.
         store(m, k, print_slot(v, t) + 1, select(depth >= 0.0, px, 0.0))
@@ -273,7 +278,7 @@ def push_on_relief(
         if any_lane(touches):
             turned_p, turned_f = uneven.into_plane(*p, nx, ny, nz), uneven.into_plane(*f, nx, ny, nz)
             leaves = 0
-            ax, ay, az, stuck = touch(m, k, v, turned_p, turned_f, depth, factor, dt, inverse_mass, g, t)
+            ax, ay, az, stuck = touch(m, k, v, turned_p, turned_f, depth, (factor, nx, ny, nz), dt, inverse_mass, g, t)
             bx, by, bz = uneven.out_of_plane(ax, ay, az, nx, ny, nz)
             px, py, pz = select(touches, bx, px), select(touches, by, py), select(touches, bz, pz)
     if ti.static(t.medium.granular):
@@ -333,15 +338,39 @@ def displaced_volume(v: Any, t: Any) -> Any:
 
 @primitive
 def wet_faces(v: Any, t: Any) -> tuple[Any, ...]:
-    """How many faces along each axis a fluid reaches."""
-    return shape_of(v, columns.WET_FACES, t) if t.packed else table_wet_faces(v, t)
+    """How many faces along each axis a fluid or sand reaches."""
+    if t.packed:
+        return tuple(absolute(count) for count in shape_of(v, columns.WET_FACES, t))
+    return table_wet_faces(v, t)
 
 
 @ti.func
 def table_wet_faces(v, t: ti.template()):
     """:func:`wet_faces` by the table of voxels."""
-    wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET]
-    return ti.cast(wet & 3, float), ti.cast((wet >> 2) & 3, float), ti.cast((wet >> 4) & 3, float)
+    return both_sides(v, 0, 1, t), both_sides(v, 1, 1, t), both_sides(v, 2, 1, t)
+
+
+@primitive
+def wet_sides(v: Any, t: Any) -> tuple[Any, ...]:
+    """:func:`wet_faces`, and the sum of their normals."""
+    if not t.packed:
+        return table_wet_faces(v, t) + table_wet_normals(v, t)
+    counts = [emit(count) for count in shape_of(v, columns.WET_FACES, t)]
+    faces = tuple(emit(absolute(count)) for count in counts)
+    return faces + tuple(count * (2.0 - face) for count, face in zip(counts, faces, strict=True))
+
+
+@ti.func
+def table_wet_normals(v, t: ti.template()):
+    """Sum of the normals of a voxel's wet faces by the table of voxels."""
+    return both_sides(v, 0, -1, t), both_sides(v, 1, -1, t), both_sides(v, 2, -1, t)
+
+
+@ti.func
+def both_sides(v, axis: ti.template(), sign: ti.template(), t: ti.template()):
+    """1 if a voxel's upper side along an axis is wet, and so many more if the lower one is."""
+    wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET] >> (2 * axis)
+    return ti.cast(((wet >> 1) & 1) + sign * (wet & 1), float)
 
 
 @primitive

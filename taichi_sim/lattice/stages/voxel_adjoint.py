@@ -123,22 +123,24 @@ def pushed(*given: Any) -> Any:
 def pushed_on_relief(*given: Any) -> Any:
     """:func:`pushed` of a voxel that touches uneven ground, and how deep it has pressed that now, if it yields.
 
-    Its place (3) is given instead of its height; after the friction comes how deep it had pressed the ground. Before
-    the time step come the corner and table of the cell below, and the inverse width of a cell; at the end, the stress
-    per depth at which the ground yields, or False.
+    Its place (3) is given instead of its height; after the friction comes how deep it had pressed the ground, and of
+    ground that yields the orientation (4) and the wet sides (6). Before the time step come the corner and table of the
+    cell below, and the inverse width of a cell; at the end, the stress per depth at which the ground yields, or False.
     """
     *momentum, fx, fy, fz, inverse_mass, drag = given[:8]
     x, y, z, size, stiffness, damping, friction, pressed = given[8:16]
     dt, edge, sticks, stuck, limit = given[-5:]
     force = motion.damped_force(fx, fy, fz, *momentum, inverse_mass, drag, 0.0, 0.0, 0.0)
-    height, *normal, factor = uneven.ground(x, y, *given[16:-5])
+    turn, sides, cell = ((), (), given[16:-5]) if limit is False else (given[16:20], given[20:26], given[26:-5])
+    height, *normal, factor = uneven.ground(x, y, *cell)
     depth = uneven.penetration(size, edge, z, height, normal[2])
     momentum, force = uneven.into_plane(*momentum, *normal), uneven.into_plane(*force, *normal)
     contact: Any = (stiffness, damping, factor * friction)
     yields: Any = ()
     if limit is not False:
-        bears, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit)
-        yields = bears, most, size, limit
+        below = uneven.outer_share(*turn, *(0.0 - n for n in normal), *sides)
+        bears, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
+        yields = bears, most, size, limit, (*turn, *normal, *sides)
     found = touched(momentum, force, inverse_mass, depth, contact, (sticks, stuck), dt, yields)
     return *uneven.out_of_plane(*found, *normal), pressed
 
@@ -157,16 +159,18 @@ def touched(
     """New momentum of a voxel on the ground, in its axes.
 
     ``contact`` is its stiffness, damping and kinetic friction; ``stuck`` whether it stuck before and after; ``yields``
-    of granular ground what it bears, at most, the voxel's size and the stress per depth.
+    of granular ground what it bears, at most, the voxel's size, the stress per depth, and how the voxel lies on it:
+    its orientation, the normal of the ground and the wet sides.
     """
     px, py, pz = momentum
     fx, fy, fz = force
     stiffness, damping, friction = contact
     qx, qy = px + fx * dt, py + fy * dt
     if yields:
-        bears, most, size, limit = yields
+        bears, most, size, limit, lies = yields
         fz = fz + uneven.granular_push(bears, most, pz * inverse_mass, damping, limit)
-        friction = uneven.granular_hold(friction * bears, size, depth, limit)
+        ahead = uneven.leading_share(qx, qy, *lies)
+        friction = uneven.granular_hold(friction * bears, size, depth, limit, ahead)
         normal = 1.0 + 0.0 * bears
     else:
         fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
@@ -209,6 +213,8 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
             give(u, consecutive(voxel, 3) + slots, q[:3] + p[6:8] + q[3:])
             if ti.static(t.medium.granular):
                 give(u, (stage.print_slot(v, t),), (select(touches, landed[15], 0.0),))
+                turning = select_all(touches, landed[16:20], (zero, zero, zero, zero))
+                give(u, consecutive(voxel + memory.ORIENTATION, 4), turning)
             if ti.static(t.medium.water):
                 slowed_adjoint(u, v, g, t, p[3:6], dt)
             give_force(u, v, g, t, p[:6])
@@ -238,12 +244,13 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
 
 @primitive
 def land_adjoint(u: Undo, v: Any, inputs: Any, fixed: Any, seeds: Any, t: Any) -> Any:
-    """Reverse :func:`pushed_on_relief` by inputs and, where the ground yields, by how deep it was pressed."""
+    """Reverse :func:`pushed_on_relief` by inputs and, where the ground yields, by its print and the orientation."""
     if not t.medium.granular:
         return pull_back(pushed_on_relief, (*inputs, 0.0 * inputs[0]), (*fixed, False), (*seeds, None))
     slot = (emit(stage.print_slot(v, t)),)
     pressed, seed, limit = before(u, slot), take_all(u, slot), relief.yield_of(u.k, t)
-    return pull_back(pushed_on_relief, (*inputs, *pressed), (*fixed, limit), (*seeds, *seed))
+    turn, sides = before(u, consecutive(stage.voxel_slot(v, t) + memory.ORIENTATION, 4)), stage.wet_sides(v, t)
+    return pull_back(pushed_on_relief, (*inputs, *pressed, *turn), (*sides, *fixed, limit), (*seeds, *seed))
 
 
 @ti.func
@@ -266,9 +273,12 @@ def force_sideways(
     inverse_mass, drag, size, stiffness, _, friction = values
     (pressed,) = before(u, (stage.print_slot(v, t),))
     limit = relief.yield_of(u.k, t)
-    bears, _, _ = uneven.giving_way(size, depth, pressed, stiffness, limit)
-    holds = uneven.granular_hold(factor * friction * bears, size, depth, limit)
+    turn, sides = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), stage.wet_sides(v, t)
+    below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
+    bears, _, _ = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
     ax, ay = after(u, consecutive(stage.print_slot(v, t) + 1, 2))
+    ahead = uneven.leading_share(ax, ay, *turn, nx, ny, nz, *sides)
+    holds = uneven.granular_hold(factor * friction * bears, size, depth, limit, ahead)
     qx, qy = uneven.without_friction(ax, ay, holds * dt)
     px, py, _ = uneven.into_plane(*momentum, nx, ny, nz)
     slowing = drag * inverse_mass

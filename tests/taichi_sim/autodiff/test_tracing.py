@@ -66,6 +66,8 @@ SPHERES = (0.0101, 0.0103, 300.0, 280.0, 900.0, 800.0, 0.5, 0.4)
 PUSHED = (2e-5, -3e-5, 1e-5, 0.01, 0.02, -0.03, 300.0, 1e-3, -2e-4, 0.0101, 900.0, 0.5, 0.4)
 # Of a voxel on a cell of uneven ground: its push, its place, size, contact, and how deep it has pressed the ground.
 LANDED = (*PUSHED[:8], 0.003, 0.002, -2e-4, 0.0101, 900.0, 0.5, 0.4, 1e-5)
+LYING, SIDES = (*LANDED, *POSE[3:]), (1.0, 2.0, 1.0, -1.0, 0.0, -1.0)  # on sand: as it is turned, and its outer faces
+BURIED = (0.2, 0.0101, 0.0152, 0.7)  # friction, size, depth, and the share of the leading side that is an outer face
 CELL = (0.0, 0.0, 1e-4, 3e-4, -2e-4, 1e-4, 2e-4, 1.0, 0.1, -0.1, 0.05, 0.02, 200.0)
 WET = (*POSE[3:], 2e-4, -3e-4, 1e-4, 0.002, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0, 0.0101)
 
@@ -74,6 +76,18 @@ WET = (*POSE[3:], 2e-4, -3e-4, 1e-4, 0.002, 300.0, 0.01, 0.011, 0.009, 500.0, 20
 def slowed(*given):
     """The law of added mass, whose result is one number, as a tuple."""
     return (fluid.slowed_step(*given),)
+
+
+@primitive
+def held_by_sand(friction, size, depth, outer, limit):
+    """The law of ploughing, whose result is one number, as a tuple."""
+    return (uneven.granular_hold(friction, size, depth, limit, outer),)
+
+
+@primitive
+def ahead_on_sand(*given):
+    """The law of leading sides, whose result is one number, as a tuple."""
+    return (uneven.leading_share(*given),)
 
 
 LAWS = {
@@ -97,9 +111,11 @@ LAWS = {
     "held rotation": (motion.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
     "pushing on uneven ground": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, False), 4),
-    "pushing on sand": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
-    "pushing on sand that bears": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
-    "sticking to sand": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
+    "pushing on sand": (voxel_adjoint.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
+    "pushing on sand that bears": (voxel_adjoint.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
+    "sticking to sand": (voxel_adjoint.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
+    "ploughing by what is all below": (held_by_sand, BURIED, (3e5,), 1),
+    "ahead on sand": (ahead_on_sand, (3e-5, -2e-5, *POSE[3:], 0.05, -0.03, 0.998), SIDES, 1),
     "slipping on sand": (uneven.slid, (1e-5, 2e-5, 0.0, 3e-5, -2e-5, 1e-5), (3e5,), 3),
     "coming to rest on sand": (uneven.slid, (1e-5, 2e-5, 0.0, 3e-5, -2e-5, 1e-4), (3e5,), 3),
     "water": (fluid.water_force, WET, (1.0, 2.0, 0.0, 1.5, EDGE, 0.006, 9800.0), 3),

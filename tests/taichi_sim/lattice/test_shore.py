@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from gradient_scene import TIME_STEP, Cost, body, program, repeated, start
 
-from taichi_sim.ground.laws import FIRM, slid, without_friction
+from taichi_sim.ground.laws import FIRM, leading_share, outer_share, slid, without_friction
 from taichi_sim.ground.relief import Water
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity, Relief
+from taichi_sim.lattice.faces import rotate
 from taichi_sim.lattice.laws.fluid import displaced_volumes
 
 pytestmark = pytest.mark.kernels
@@ -22,13 +23,13 @@ def ground(height: float = 0.0, **options) -> Relief:
     return Relief(np.full((2, 2), height), 1.0, (-0.5, -0.5), **options)
 
 
-def block(density: float, shape=(4, 4, 4), hollow: bool = False, **options) -> LatticeBody:
+def block(density: float, shape=(4, 4, 4), hollow: bool = False, edge: float = EDGE, **options) -> LatticeBody:
     filled = np.ones(shape, bool)
     if hollow:
         filled[1:-1, 1:-1, 1:-1] = False
     voxels = np.argwhere(filled)
     stiff = Material(2e5, density, **options)
-    return LatticeBody(voxels=voxels, materials=(stiff,), material_index=[0] * len(voxels), voxel_size=EDGE)
+    return LatticeBody(voxels=voxels, materials=(stiff,), material_index=[0] * len(voxels), voxel_size=edge)
 
 
 def dropped(shape: LatticeBody, floor: Relief, height: float = 0.0, **options) -> LatticeEngine:
@@ -137,11 +138,50 @@ def test_it_takes_friction_and_ploughing_to_move_a_block(share, moves):
     engine = dropped(shape, ground(yield_per_depth=YIELD))
     drive(engine, 4000)
     depth, before = -lowest(engine), engine.state().positions.mean(axis=1)[0, 0]
-    weight, below = 1000.0 * GRAVITY * EDGE**3 * 32, 16
-    holds = 0.3 * weight + below * 0.5 * 0.37 * YIELD * EDGE * depth**2
+    weight, ahead = 1000.0 * GRAVITY * EDGE**3 * 32, 4
+    holds = 0.3 * weight + ahead * 0.5 * 0.37 * YIELD * EDGE * depth**2
     drive(engine, 1500, FORCE=share * holds / shape.voxel_count)
     moved = engine.state().positions.mean(axis=1)[0, 0] - before
     assert (moved > 1e-3) == moves
+
+
+@pytest.mark.parametrize("parts", [1, 2, 4])
+def test_a_block_ploughs_alike_however_fine_its_voxels_are(parts):
+    """It sinks to twice the depth at which its lower side bears it, and its leading sides plough as the law says.
+
+    Aslant, two sides of half the stress each do. At the finest, two layers of voxels are below the surface.
+    """
+    width, height, limit, friction = 0.04, 0.02, 4e4, 0.05
+    shape = block(1000.0, (2 * parts, 2 * parts, parts), edge=0.02 / parts, kinetic_friction=friction)
+    mass, found = 1000.0 * width**2 * height, []
+    for way in (np.array([1.0, 0.0]), np.array([0.0, -1.0]), np.array([0.6, 0.8])):
+        engine = dropped(shape, ground(yield_per_depth=limit), time_step=shape.recommended_time_step / 1.3)
+        drive(engine, round(0.6 / engine.time_step))
+        depth = (shape.start_positions - engine.state().positions[0])[:, 2].mean()
+        builder, force, steps = ProgramBuilder(1), 0.2, round(0.02 / engine.time_step)
+        for axis in range(2):
+            builder.set(Quantity.FORCE + axis, force * way[axis] / shape.voxel_count, regions=[0])
+        engine.run(builder.build(steps))
+        gained = mass * engine.state().velocities[0, :, :2].mean(axis=0) / (steps * engine.time_step)
+        assert abs(gained @ [-way[1], way[0]]) < 1e-2 * force
+        found.append((depth, force - gained @ way - friction * mass * GRAVITY))
+    depths, ploughing = np.array(found).T
+    assert depths == pytest.approx(2 * 1000.0 * GRAVITY * height / limit, rel=0.02)
+    assert ploughing == pytest.approx(0.5 * 0.37 * limit * width * depths**2, rel=0.02)
+
+
+def test_outer_faces_alone_lead():
+    """By the square of how straight ahead they look: of a voxel alone always as much, of one inside nothing."""
+    turn = np.random.default_rng(2).normal(size=4)
+    turn /= np.linalg.norm(turn)
+    ahead = rotate(turn, np.array([1.0, 0.0, 0.0]))
+    assert outer_share(*turn, *ahead, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0) == pytest.approx(1)
+    assert outer_share(*turn, *ahead, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) == 0
+    assert outer_share(*turn, *ahead, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0) == pytest.approx(1)
+    assert outer_share(*turn, *ahead, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0) == pytest.approx(0)
+    aslant = rotate(turn, np.array([0.6, 0.0, -0.8]))
+    assert outer_share(*turn, *aslant, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0) == pytest.approx(0.36)
+    assert leading_share(0.0, 0.0, *turn, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 0.0, 0.0, 0.0) == 0
 
 
 def test_friction_on_sand_is_undone_by_its_inverse():
@@ -156,15 +196,18 @@ def test_friction_on_sand_is_undone_by_its_inverse():
     assert np.array_equal(firm[0], q[0]) and np.array_equal(firm[1], q[1])
 
 
-def test_granular_ground_gives_no_energy():
-    """A block that is thrown onto it loses height and speed only."""
+@pytest.mark.parametrize("spin", [0.0, 15.0])
+def test_granular_ground_gives_no_energy(spin):
+    """A block that is thrown onto it, so that it tumbles, loses height and speed only, and comes to rest."""
     engine = dropped(block(1000.0), ground(yield_per_depth=YIELD), 0.01)
-    at = engine.state()
-    engine.set_state(replace(at, velocities=np.broadcast_to([0.5, 0.1, 0.0], at.velocities.shape).copy()))
+    at, turning = engine.state(), np.array([0.3 * spin, spin, 0.5 * spin])
+    thrown = np.cross(turning, at.positions - at.positions.mean(axis=1, keepdims=True)) + np.array([0.5, 0.1, 0.0])
+    engine.set_state(replace(at, velocities=thrown, angular_velocities=0 * thrown + turning))
     energies = []
-    for _ in range(20):
+    for _ in range(40):
         now = engine.state()
         moving = 0.5 * (now.velocities**2).sum(axis=2).mean()
+        moving += EDGE**2 / 12 * (now.angular_velocities**2).sum(axis=2).mean()
         energies.append(moving + GRAVITY * now.positions[..., 2].mean())
         drive(engine, 150)
     assert (np.diff(energies) < 1e-3 * np.ptp(energies)).all()
@@ -181,22 +224,30 @@ def shore(seed: int = 3) -> Relief:
     return Relief(heights, 0.005, (-0.1, -0.1), rng.uniform(0.7, 1.3, heights.shape), Water(0.006), 1e6)
 
 
-def on_the_shore(batch: int = 1, **options) -> LatticeEngine:
+def on_the_shore(batch: int = 1, floor: Relief | None = None, **options) -> LatticeEngine:
     """The eventful scene of the gradients' tests."""
-    return LatticeEngine(body(pouch=True), batch, time_step=TIME_STEP, floor=shore(), **options)
+    return LatticeEngine(body(pouch=True), batch, time_step=TIME_STEP, floor=floor or shore(), **options)
 
 
-@pytest.mark.parametrize("part", ["positions", "velocities", "values"])
-def test_gradients(part):
+def deep_sand(seed: int = 3) -> Relief:
+    """Bumps that yield, with the lower layer of voxels and half of the next one in them."""
+    heights = 0.014 + 4e-4 * np.random.default_rng(seed).standard_normal((60, 60))
+    return Relief(heights, 0.005, (-0.1, -0.1), yield_per_depth=2e5)
+
+
+@pytest.mark.parametrize(
+    ("part", "floor"), [("positions", shore), ("velocities", shore), ("values", shore), ("velocities", deep_sand)]
+)
+def test_gradients(part, floor):
     """By the start and by what events set, against central differences, with everything that happens on a shore."""
     shape, cost = body(pouch=True), Cost(body(pouch=True), 3, sizes=True)
-    single = on_the_shore()
+    single = on_the_shore(floor=floor())
     single.set_state(repeated(start(shape), 1))
     found = getattr(cost.pull_back(single.record(program())), part)
     first = program().events["value"] if part == "values" else getattr(start(shape), part)
     scale = {"positions": 1e-3, "velocities": 0.1, "values": 0.3 * np.abs(first)}[part]
     directions = scale * np.random.default_rng(4).normal(size=(12, *first.shape))
-    engine, errors = on_the_shore(24), []
+    engine, errors = on_the_shore(24, floor()), []
     for step in (3e-5, 3e-6, 3e-7):
         moves = step * np.concatenate([directions, -directions])
         engine.reset()
