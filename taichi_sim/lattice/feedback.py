@@ -109,6 +109,7 @@ class Course:
         self._made = 0
         decisions = feedback.decisions if feedback else ()
         self._rows = _rows_of(run.program.source, [np.asarray(one.events) for one in decisions])
+        self._sizes = [run.sizes_among(rows) for rows, _ in self._rows]
 
     def advance(self, until: int | None = None, tick: Callable[[float], None] | None = None) -> None:
         """Go on to a step, or to the end, and decide on the way what has not been decided."""
@@ -134,7 +135,7 @@ class Course:
         told[np.isnan(told)] = 0  # of robots that diverged nothing is known, and nothing depends on it
         following = self._feedback.decisions[number + 1 :]
         until = following[0].step + 1 if following else run.total
-        run.decide(rows, told[source], until - self._feedback.decisions[number].step)
+        run.decide(rows, told[source], until - self._feedback.decisions[number].step, self._sizes[number])
 
     def take_back(self, reverse: "Reverse") -> None:
         """Have the way back stop after each decision's events."""

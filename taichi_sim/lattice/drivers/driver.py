@@ -12,7 +12,7 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import Marks, Recordings
-from taichi_sim.lattice.drivers.neighbourhood import Extremes, list_radius
+from taichi_sim.lattice.drivers.neighbourhood import Extremes, list_radius, sizing
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
@@ -178,16 +178,25 @@ class Run(ABC):
     ) -> None:
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
 
-    def decide(self, rows: np.ndarray, values: np.ndarray, steps: int) -> None:
-        """Set value and rate, shape (N, 2), of some events, which hold for so many steps at most."""
-        driver, program = self.driver, self.program
+    def sizes_among(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which events of some marks decide sizes, and where their channels are in the run's extremes."""
+        program, targets = self.program, self.program.marks[rows, 1]
+        chosen = sizing(targets)
+        robots = np.searchsorted(program.first, rows[chosen], side="right") - 1
+        return chosen, self._extremes.places(robots, targets[chosen])
+
+    def decide(self, rows: np.ndarray, values: np.ndarray, steps: int, sizes: tuple[np.ndarray, np.ndarray]) -> None:
+        """Set value and rate, shape (N, 2), of the events of some marks, which hold for so many steps at most.
+
+        ``sizes`` is what :meth:`sizes_among` tells of these marks.
+        """
+        driver, (chosen, places) = self.driver, sizes
         decided = driver.host(self.marks.value)
         decided[rows] = values
         self.marks = self.marks._replace(value=driver.put(decided))
-        robots = np.searchsorted(program.first, rows, side="right") - 1
-        self._extremes.include(robots, program.marks[rows, 1], values, np.array(float(steps)))
-        radius = driver.radius_for(self._extremes)
-        if radius > driver.radius:
+        if not (len(chosen) and self._extremes.include(places, values[chosen], steps)):
+            return
+        if (radius := driver.radius_for(self._extremes)) > driver.radius:
             driver.radius, held = radius, driver.host_memory(self.memory)
             driver.forget_neighbours(held)
             self.memory = driver.put_memory(held)

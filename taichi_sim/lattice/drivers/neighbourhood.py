@@ -33,7 +33,7 @@ class Extremes:
         self.most = self.least.copy()
         robot = np.repeat(np.arange(batch), np.diff(program.first))
         step, target = program.marks[: len(robot)].T
-        chosen = np.flatnonzero((target >= 0) & np.isin(target % QUANTITY_COUNT, SIZES))
+        chosen = sizing(target)
         chosen = chosen[np.lexsort((step[chosen], target[chosen], robot[chosen]))]
         rows, channel = robot[chosen], target[chosen]
         follows = np.zeros(len(chosen), bool)
@@ -43,26 +43,31 @@ class Extremes:
         # A channel that goes on from the run before does so until its first event.
         until = np.tile(program.lengths[:, None, None].astype(float), (1, *start.shape[1:3]))
         first = np.flatnonzero(np.append(True, ~follows[:-1])) if len(chosen) else chosen
-        until[self._places(rows[first], channel[first])] = step[chosen][first]
-        self._widen(..., self.least + start[..., RATE] * until)
-        self.include(rows, channel, program.values[chosen], ends - step[chosen])
+        until.reshape(-1)[self.places(rows[first], channel[first])] = step[chosen][first]
+        onwards = self.least + start[..., RATE] * until
+        self.least, self.most = np.fmin(self.least, onwards), np.fmax(self.most, onwards)
+        self.include(self.places(rows, channel), program.values[chosen], ends - step[chosen])
 
-    def include(self, robots: np.ndarray, targets: np.ndarray, values: np.ndarray, steps: np.ndarray) -> None:
-        """Take in events: their channels, value and rate, shape (N, 2), and for how many steps they hold."""
-        chosen = (targets >= 0) & np.isin(targets % QUANTITY_COUNT, SIZES)
-        place = self._places(robots[chosen], targets[chosen])
-        base, rate = values[chosen].T.astype(float)
-        for value in (base, base + rate * np.broadcast_to(steps, targets.shape)[chosen]):
-            np.fmin.at(self.least, place, value)
-            np.fmax.at(self.most, place, value)
-
-    def _places(self, robots: np.ndarray, targets: np.ndarray) -> tuple[np.ndarray, ...]:
+    def places(self, robots: np.ndarray, targets: np.ndarray) -> np.ndarray:
+        """Where channels of sizes are in the arrays, made flat."""
         quantity = np.searchsorted(SIZES, targets % QUANTITY_COUNT)
-        return robots, targets // QUANTITY_COUNT, quantity
+        return (robots * self._groups + targets // QUANTITY_COUNT) * len(SIZES) + quantity
 
-    def _widen(self, place: object, values: np.ndarray) -> None:
-        self.least[place] = np.fmin(self.least[place], values)
-        self.most[place] = np.fmax(self.most[place], values)
+    def include(self, places: np.ndarray, values: np.ndarray, steps: np.ndarray | float) -> bool:
+        """Take in events of some channels, by value and rate, shape (N, 2), and how many steps they hold at most.
+
+        Returns:
+            whether anything is less or more than what was known.
+        """
+        base = values[:, 0].astype(float)
+        end = base + values[:, 1] * steps
+        least, most = self.least.reshape(-1), self.most.reshape(-1)
+        low, high = np.fmin(base, end), np.fmax(base, end)
+        if not ((low < least[places]) | (high > most[places])).any():
+            return False
+        np.fmin.at(least, places, low)
+        np.fmax.at(most, places, high)
+        return True
 
     def largest(self, constants: np.ndarray) -> float:
         """The largest mean size [edges] of a voxel; ``constants`` are those of groups, shape (B, G, columns)."""
@@ -71,6 +76,11 @@ class Extremes:
         scale = np.maximum(np.abs(self.least[..., :3]), np.abs(self.most[..., :3])).mean(axis=2)
         sizes = np.abs(warmth) * scale
         return float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
+
+
+def sizing(targets: np.ndarray) -> np.ndarray:
+    """Which marks of a program, by their targets, set a channel that sizes follow."""
+    return np.flatnonzero((targets >= 0) & np.isin(targets % QUANTITY_COUNT, SIZES))
 
 
 def list_radius(largest: float) -> float:
