@@ -235,6 +235,14 @@ class TestLimits:
         expected = speed - 30 * np.maximum(1 - cost / 2, 0)
         np.testing.assert_allclose(floor.evaluate(POINTS).objectives[:, 0], expected, rtol=1e-15)
 
+    def test_of_zero_count_in_units_of_the_measure(self):
+        problem, _ = judged("speed", "speed >= 0", worlds=(Place("flat"),), summed=True)
+        push, gear = POINTS.T
+        speed = push * gear - push**2
+        assert (speed < 0).any()
+        found = problem.evaluate(POINTS).objectives[:, 0]
+        np.testing.assert_allclose(found, speed + 10 * np.minimum(speed, 0), rtol=1e-15)
+
     def test_are_kept_in_every_world_by_the_mean_or_in_the_worst(self):
         costs = np.array([push**2 * np.array([1.0, 3.0]) + gear for push, gear in POINTS]).T  # (W, N)
         lost = 10 * np.maximum(costs / 2 - 1, 0)

@@ -114,6 +114,7 @@ def pair(apart, driver="auto"):
 @pytest.mark.kernels
 def test_voxels_that_swell_where_they_are_come_to_touch():
     engine, steps = pair(2.6), 4000
+    engine.run(ProgramBuilder(1).build(10))  # lists pairs as near as usual
     made = ProgramBuilder(1)
     for axis in range(3):
         made.set(Quantity.SCALE + axis, 1.0, rate=1.4 / steps, regions=[0])
