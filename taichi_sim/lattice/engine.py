@@ -218,6 +218,7 @@ class LatticeEngine:
     def set_state(self, state: LatticeState) -> None:
         """Let every robot start anew in a state; its links forget their past, its channels do not.
 
+        Voxels on a floor slide if they move sideways, else they stick.
         Fixed voxels are held where the body says, whatever their start.
 
         Raises:

@@ -133,9 +133,7 @@ class Course:
         rows, source = self._rows[number]
         told = np.stack([np.asarray(values), np.asarray(rates)], axis=1)
         told[np.isnan(told)] = 0  # of robots that diverged nothing is known, and nothing depends on it
-        following = self._feedback.decisions[number + 1 :]
-        until = following[0].step + 1 if following else run.total
-        run.decide(rows, told[source], until - self._feedback.decisions[number].step, self._sizes[number])
+        run.decide(rows, told[source], self._sizes[number])
 
     def take_back(self, reverse: "Reverse") -> None:
         """Have the way back stop after each decision's events."""

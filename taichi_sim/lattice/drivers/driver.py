@@ -27,8 +27,8 @@ class Driver(ABC):
     """State of a batch, in NumPy between runs."""
 
     run_type: type["Run"]
-    lists_grow = True  # with voxels that do, so that they miss no contact
-    radius = contact.NEIGHBOUR_RADIUS  # of lists, in edges
+    lists_grow = True  # whether lists of neighbours reach farther where voxels grow
+    radius = contact.NEIGHBOUR_RADIUS  # within which lists hold the neighbours of a voxel [edges]
 
     def __init__(
         self, tables: Tables, batch: int, real: Real, lanes: int, forces: tuple[int, int], switches: tuple[bool, bool]
@@ -178,19 +178,16 @@ class Run(ABC):
     ) -> None:
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
 
-    def sizes_among(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Which events of some marks decide sizes, and where their channels are in the run's extremes."""
+    def sizes_among(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which of some marks set sizes, where their channels are in the run's extremes, and for how many steps."""
         program, targets = self.program, self.program.marks[rows, 1]
         chosen = sizing(targets)
         robots = np.searchsorted(program.first, rows[chosen], side="right") - 1
-        return chosen, self._extremes.places(robots, targets[chosen])
+        return chosen, self._extremes.places(robots, targets[chosen]), self._extremes.lasting[rows[chosen]]
 
-    def decide(self, rows: np.ndarray, values: np.ndarray, steps: int, sizes: tuple[np.ndarray, np.ndarray]) -> None:
-        """Set value and rate, shape (N, 2), of the events of some marks, which hold for so many steps at most.
-
-        ``sizes`` is what :meth:`sizes_among` tells of these marks.
-        """
-        driver, (chosen, places) = self.driver, sizes
+    def decide(self, rows: np.ndarray, values: np.ndarray, sizes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        """Set value and rate, shape (N, 2), of events by their marks, of which :meth:`sizes_among` tells ``sizes``."""
+        driver, (chosen, places, steps) = self.driver, sizes
         decided = driver.host(self.marks.value)
         decided[rows] = values
         self.marks = self.marks._replace(value=driver.put(decided))

@@ -22,10 +22,11 @@ class Extremes:
 
     Attributes:
         least, most: scale along x, y and z, and temperature, shape (B, G, 4).
+        lasting: for how many steps each mark that sets one of them does, until the next one or the end; else 0.
     """
 
     def __init__(self, channels: np.ndarray, program: PackedProgram) -> None:
-        """Of channels as they are at its beginning, shape (B, 25 G, 4), and a program."""
+        """Those of a program, with channels as they are at its beginning, shape (B, 25 G, 4)."""
         batch, count = channels.shape[:2]
         self._groups = count // QUANTITY_COUNT
         start = channels.reshape(batch, self._groups, QUANTITY_COUNT, -1)[:, :, SIZES].astype(float)
@@ -40,13 +41,15 @@ class Extremes:
         follows[:-1] = (rows[1:] == rows[:-1]) & (channel[1:] == channel[:-1])
         ends = program.lengths[rows].astype(float)
         ends[follows] = step[chosen][1:][follows[:-1]]
+        self.lasting = np.zeros(len(robot))
+        self.lasting[chosen] = np.maximum(ends - step[chosen], 0.0)
         # A channel that goes on from the run before does so until its first event.
         until = np.tile(program.lengths[:, None, None].astype(float), (1, *start.shape[1:3]))
         first = np.flatnonzero(np.append(True, ~follows[:-1])) if len(chosen) else chosen
         until.reshape(-1)[self.places(rows[first], channel[first])] = step[chosen][first]
         onwards = self.least + start[..., RATE] * until
         self.least, self.most = np.fmin(self.least, onwards), np.fmax(self.most, onwards)
-        self.include(self.places(rows, channel), program.values[chosen], ends - step[chosen])
+        self.include(self.places(rows, channel), program.values[chosen], self.lasting[chosen])
 
     def places(self, robots: np.ndarray, targets: np.ndarray) -> np.ndarray:
         """Where channels of sizes are in the arrays, made flat."""

@@ -296,14 +296,17 @@ class PackedDriver(Driver):
         """Copies of all that lasts from run to run; the short lists of pairs follow from it."""
         pairs, state = self.pairs, self.memory[:, : self.layout.starts[memory.FORCE]]
         listed = pairs.listed[:, :, : pairs.info[:, contacts.LISTED].max()]
-        return tuple(a.copy() for a in (state, self.groups, listed, pairs.changing, pairs.info))
+        kept = (state, self.groups, listed, pairs.changing, pairs.info, np.array(self.radius))
+        return tuple(a.copy() for a in kept)
 
     def restore(self, saved: Checkpoint) -> None:
         """Go back to what was saved."""
         pairs = self.pairs
-        state, self.groups[...], listed, pairs.changing[...], pairs.info[...] = saved
+        state, self.groups[...], listed, pairs.changing[...], pairs.info[...], radius = saved
         self.memory[:, : state.shape[1]], pairs.listed[:, :, : listed.shape[2]] = state, listed
         pairs.drift[...] = np.inf
+        if float(radius) < self.radius:  # what has been listed may lack pairs that will touch
+            self.forget_neighbours(self.memory)
 
     @property
     def rebuilds(self) -> int:

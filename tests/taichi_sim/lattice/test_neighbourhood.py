@@ -127,12 +127,15 @@ def test_voxels_that_swell_where_they_are_come_to_touch():
 class Swelling:
     """Decides that all voxels have another scale."""
 
-    def __init__(self, decision, scale):
-        self.decisions, self.scale = [decision], scale
+    def __init__(self, *decisions, scale, rate=0.0):
+        self.decisions, self.scale, self.rate = decisions, scale, rate
 
     def decide(self, number, felt: Felt):
-        values = np.full(len(self.decisions[0].events), self.scale)
-        return values, np.zeros(len(values))
+        values = np.full(len(self.decisions[number].events), self.scale)
+        return values, np.full(len(values), self.rate)
+
+    def pull_back(self, number, values, rates):
+        return Felt(np.zeros((1, 2, 3)), np.zeros((1, 2, 4)), np.zeros((1, 0)))
 
 
 @pytest.mark.kernels
@@ -144,7 +147,7 @@ def test_what_is_decided_on_the_way_counts():
     program = LatticeProgram(program.lengths, program.events, np.array([[50]], program.snapshots.dtype))
     for driver in ("packed", "stepped"):
         engine = pair(2.6, driver)
-        engine.run(program, feedback=Swelling(Decision(50, 0, np.arange(3)), 2.4))
+        engine.run(program, feedback=Swelling(Decision(50, 0, np.arange(3)), scale=2.4))
         x = engine.state().positions[0, :, 0]
         found.append((x[1] - x[0]) / EDGE)
     assert found[0] == found[1] > contact.reach(2.4, 2.4) * (1 - 2e-3)
@@ -162,3 +165,55 @@ def test_the_published_lists_miss_what_they_missed():
     assert np.ptp(engine.state().positions[0, :, 0]) == pytest.approx(2.6 * EDGE, rel=1e-12)
     with pytest.raises(ValueError, match=r"^self_contact: 'all' is not allowed; give True, False or 'published'$"):
         LatticeEngine(engine.body, self_contact="all")
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_a_ramp_that_outlasts_other_decisions_counts_whole(driver):
+    """Sizes are decided at step 50, frictions at step 100; sizes grow all the way."""
+    made, steps = ProgramBuilder(1), 4000
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 1.0, step=51, regions=[0])
+    made.set(Quantity.STATIC_FRICTION, 0.5, step=101, regions=[0])
+    program = made.build(steps)
+    program = LatticeProgram(program.lengths, program.events, np.array([[50, 100]], program.snapshots.dtype))
+    sizes, others = (np.flatnonzero(program.events["step"] == step) for step in (51, 101))
+    feedback = Swelling(Decision(50, 0, sizes), Decision(100, 1, others), scale=1.0, rate=1.4 / steps)
+    engine = pair(2.6, driver)
+    engine.run(program, feedback=feedback)
+    assert np.ptp(engine.state().positions[0, :, 0]) / EDGE > 0.98 * contact.reach(2.4, 2.4)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_a_state_from_before_voxels_grew_goes_on_to_the_same_bits(driver):
+    engine, made = pair(2.6, driver), ProgramBuilder(1)
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    engine.run(ProgramBuilder(1).build(10))
+    saved, ends = engine.save(), []
+    for _ in range(2):
+        engine.restore(saved)
+        engine.run(made.build(3000))
+        ends.append(engine.state().positions)
+    assert np.array_equal(*ends) and np.ptp(ends[0][0, :, 0]) > 0.99 * contact.reach(2.4, 2.4) * EDGE
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_gradients_do_not_depend_on_memory_where_a_decision_lets_voxels_grow(driver):
+    made, at, steps, found = ProgramBuilder(1), 2500, 3000, []
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 1.0, step=at + 1, regions=[0])
+    program = made.build(steps)
+    snapshots = np.array([[at, steps]], program.snapshots.dtype)
+    program = LatticeProgram(program.lengths, program.events, snapshots)
+    for memory in (1e9, 1.5e6, 1e6):
+        engine = pair(2.6, driver)
+        tape = engine.record(program, memory, feedback=Swelling(Decision(at, 0, np.arange(3)), scale=2.4))
+        cost = np.zeros(tape.result.positions.shape)
+        cost[0, 1, 1, 0] = 1.0
+        found.append(tape.pull_back(positions=cost).positions[0, :, 0])
+        assert np.ptp(tape.result.positions[0, 1, :, 0]) > 2.7 * EDGE
+    assert found[0].min() > 0.1  # they push each other
+    np.testing.assert_allclose(found[1:], [found[0], found[0]], rtol=1e-9)
