@@ -250,7 +250,7 @@ def _given(
 ) -> tuple[Robot, Floats, World, Compute]:
     """The robot, points, world and computation that a call asks for."""
     run = run_in(source)
-    tried, place = (robot(source), None) if run is None else of_run(run)
+    tried, place = (robot(source), None) if run is None else of_run(run, elsewhere=where is not None)
     for name in how:
         if name not in ComputeOptions.__annotations__:
             raise ValueError(f"{name}: is unknown here; {_place_of(tried, source, name)}")

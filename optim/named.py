@@ -50,7 +50,7 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
     if isinstance(source, Robot):
         return source.changed(values)
     if (run := run_in(source)) is not None:
-        return of_run(run)[0].changed(values)
+        return of_run(run, elsewhere=True)[0].changed(values)
     return make_robot(kind, find_robot_doing(fspath(source))[1], values)
 
 
@@ -97,9 +97,12 @@ def world(of: Robot, name: "str | int | World | None" = None) -> World:
     return name
 
 
-def of_run(folder: Path) -> tuple[Robot, World]:
-    """The best design of a run, and the first world that it was tried in."""
-    found, worlds = robot_of_run(read_history(folder))
+def of_run(folder: Path, elsewhere: bool = False) -> tuple[Robot, World]:
+    """The best design of a run, and the first world that it was tried in.
+
+    Files of the run's ground must be as they were, unless the design will be tried ``elsewhere``.
+    """
+    found, worlds = robot_of_run(read_history(folder), elsewhere=elsewhere)
     return found, worlds[0]
 
 

@@ -12,12 +12,12 @@ from optim.experiments.equal_cost import Contest
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, part_of
 from optim.experiments.tables import Record, read_records, where, write_records
-from optim.problem import Problem, Request, judge
+from optim.problem import Minibatch, Problem, Request, Wants, judge
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
 from taichi_sim.base.arrays import Floats
 
-WARM_UP = 3  # seed of the point that has the kernels compiled
+WARM_UP, MOST_POINTS = 3, 100  # seed of the points that have the kernels compiled, and how many are tried
 
 Run = tuple[str, str, int]  # problem, search, seed
 
@@ -76,13 +76,21 @@ class JudgedRuns:
 
 
 def warm_up(problem: Problem, gradients: bool) -> None:
-    """Have the kernels of this process ready before the clock of a search starts: one random point is judged."""
-    point = problem.space.sample(np.random.default_rng(WARM_UP), 1)
-    for sharpness in (1.0, np.inf) if gradients else (np.inf,):
-        judge(problem, Request(point, "gradients" if gradients else "points", sharpness))
+    """Have the kernels of this process ready before the clock of a search starts: a random point is judged.
+
+    Points that are no robots compile nothing, so others are tried.
+    """
+    minibatch = Minibatch(1) if getattr(problem, "uncertain", "") else None  # a draw has the kernels of all
+    mixed = isinstance(problem, RobotProblem) and problem.robot.relaxable
+    for point in problem.space.sample(np.random.default_rng(WARM_UP), MOST_POINTS):
+        for sharpness in (1.0, np.inf) if gradients and mixed else (np.inf,):
+            wants: Wants = "gradients" if gradients else "points"
+            found = judge(problem, Request(point[None], wants, sharpness, minibatch))
+        if not found.failed.any():
+            return
 
 
-def search_within(
+def best_of_search(
     contest: Contest, name: str, seed: int, seconds: float, gradients: bool
 ) -> tuple[dict[str, Any] | None, int]:
     """Search; the best point when the CPU time was used up, None if nothing had succeeded, and its evaluations."""
@@ -95,7 +103,7 @@ def search_within(
     return generation.best_point, int(contest.curve(name, seed)[last]["evaluations"])
 
 
-def save_design(problem: RobotProblem, values: Mapping[str, Any], path: Path) -> Floats:
+def save_best(problem: RobotProblem, values: Mapping[str, Any], path: Path) -> Floats:
     """Save the design with these values as a file; its point."""
     point = problem.space.from_dict(values)
     path.parent.mkdir(parents=True, exist_ok=True)

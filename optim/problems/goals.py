@@ -290,10 +290,10 @@ class Goals(RobotObjective):
         return tuple(dict.fromkeys(needed))
 
     def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """Those of all goals in their order; or their sum, such as ``speed minus 0.1*energy where mass <= 0.1``."""
+        """Those of all goals in their order, or their sum; each name says ``where`` limits are kept."""
         each = tuple(one for part in self.parts for one in part.objectives(measure, worlds))
         if not self.summed:
-            return each
+            return tuple(Objective(one.name + self._where, one.unit) for one in each)
         if len(each) > len(self.parts):
             names = ", ".join(one.name for one in each)
             raise ValueError(f"objective: {names} have no sum; choose a method for several objectives")
@@ -303,9 +303,11 @@ class Goals(RobotObjective):
         """A column for each objective, or the sum; each less what limits cost."""
         each = np.concatenate([part.values(outcomes, measure) for part in self.parts], axis=1)
         found = each.sum(axis=1, keepdims=True) if self.summed else each
-        for part in self.limits:
-            found = found + part.values(outcomes, measure)
-        return np.asarray(found)
+        return np.asarray(found - self.lost(outcomes, measure)[:, None] if self.limits else found)
+
+    def lost(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+        """What each objective loses to limits, shape (N,)."""
+        return np.asarray(-np.sum([part.values(outcomes, measure)[:, 0] for part in self.limits], axis=0))
 
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of the sum."""

@@ -33,6 +33,7 @@ from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
+LOST = "lost_to_limits"  # a detail of points: by how much limits lower their scores, in the draw where it is most
 
 
 class JudgedRobot(RobotDesigning):
@@ -181,11 +182,13 @@ class JudgedRobot(RobotDesigning):
         gradients, told = bool(trial.gradients), dataclasses.replace(trial, progress=self.progress)
         outcomes = self._trials.outcomes(self.offered, points, told)
         values = [self._objective.values(each, self.judged_by) for each in outcomes]
+        limits = self._objective if isinstance(self._objective, Goals) and self._objective.limits else None
+        lost = np.max([limits.lost(each, self.judged_by) for each in outcomes], axis=0) if limits else None
         slopes = [self._objective.gradients(each, self.judged_by) for each in outcomes] if gradients else []
         if not self.uncertain:
-            return self._judged(outcomes[0], values[0], slopes[0] if gradients else None)
+            return self._judged(outcomes[0], values[0], slopes[0] if gradients else None, lost)
         found = under_risk(Risk.parse(self.risk), values, slopes)
-        return self._judged([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found)
+        return self._judged([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found, lost)
 
     @cached_property
     def _trials(self) -> Trials:
@@ -201,9 +204,11 @@ class JudgedRobot(RobotDesigning):
         best = partial(self.robot_of, point)
         return held_out_products(best, self.tried_in, self.uncertain, self.risk, self.compute, score)
 
-    def _judged(self, outcomes: list[Outcome], values: Floats, gradients: Floats | None) -> Evaluation:
+    def _judged(
+        self, outcomes: list[Outcome], values: Floats, gradients: Floats | None, lost: Floats | None
+    ) -> Evaluation:
         status = np.full(len(values), OK, dtype=object)
-        details = {}
+        details = {} if lost is None else {LOST: lost}
         single = len(outcomes) == 1
         for world, outcome in zip(self._judged_in, outcomes, strict=True):
             status = np.where(status == OK, outcome.told, status)
@@ -234,16 +239,23 @@ class JudgedRobot(RobotDesigning):
         return {name + end: label + place for name, label in labels.items() for end, place in places}
 
     def limits_broken(self, details: Mapping[str, float]) -> list[str]:
-        """What details of a point break of the objective's limits, such as ``mass <= 0.1: 0.12``, world by world."""
+        """What details of a point break of the objective's limits, such as ``mass <= 0.1: 0.12``, world by world.
+
+        Details are means over draws, if something is uncertain; limits that hold for these may be broken in some.
+        """
+        if not details.get(LOST, 0.0) > 0:
+            return []
         bounds = self._objective.bounds if isinstance(self._objective, Goals) else ()
         single = len(self.tried_in) == 1
         ends = [("", "") if single else (f"_{world.name}", f" on {world.name}") for world in self.tried_in]
-        return [
+        found = [
             f"{bound.text}: {details[bound.measure + end]:.6g}{place}"
             for bound in bounds
             for end, place in ends
-            if not bound.allows(details.get(bound.measure + end, bound.bound))
+            if not bound.allows(details[bound.measure + end])
         ]
+        texts = " and ".join(bound.text for bound in bounds)
+        return found or [f"{texts}: not in all of {self.draws} draws"]
 
     @property
     def descriptors(self) -> Mapping[str, tuple[float, float]]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.judged_runs import JudgedRuns, Run, save_design, search_within
+from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
@@ -132,11 +132,11 @@ def _judged(folder: Path, settings: LightSeeking, run: Run) -> Record:
     """What a search finds, by lights that it has not met; its design is saved."""
     _, arm, seed = run
     contest = settings.contest(folder)
-    best, evaluations = search_within(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
+    best, evaluations = best_of_search(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "trained": None, "remaining": None, "reached": 0}
     problem = settings.problem(settings.training, EXACT.precision)
-    robot = problem.robot_of(save_design(problem, best, folder / "designs" / f"{arm}-{seed}.json"))
+    robot = problem.robot_of(save_best(problem, best, folder / "designs" / f"{arm}-{seed}.json"))
     trained, found = (remaining(robot, lights) for lights in (settings.training, settings.judging))
     reached = int((found <= settings.reach).sum())
     return {

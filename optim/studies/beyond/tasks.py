@@ -14,7 +14,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.judged_runs import JudgedRuns, Run, save_design, search_within
+from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
@@ -91,12 +91,12 @@ def _judged(folder: Path, settings: Solving, run: Run) -> Record:
     """What a search finds, in double precision; its design is saved."""
     name, arm, seed = run
     contest = settings.contest(name, folder)
-    best, evaluations = search_within(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
+    best, evaluations = best_of_search(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "objective": None, "succeeded": 0}
     task = find_task(name)
     made = problem_of_task(task, precision=EXACT.precision, threads=1)
-    point = save_design(made, best, folder / "designs" / f"{name}-{arm}-{seed}.json")
+    point = save_best(made, best, folder / "designs" / f"{name}-{arm}-{seed}.json")
     objective = float(made.evaluate(point[None]).objectives[0, 0])
     succeeded = bool(task.succeeded(made.robot_of(point), made.tried_in, EXACT))
     return {"evaluations": evaluations, "objective": objective, "succeeded": int(succeeded)}

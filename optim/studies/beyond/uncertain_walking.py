@@ -15,7 +15,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
-from optim.experiments.judged_runs import JudgedRuns, Run, save_design, search_within
+from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
@@ -118,11 +118,11 @@ def _judged(folder: Path, settings: UncertainWalking, run: Run) -> Record:
     """What a search finds, over draws that it has not met; its design is saved."""
     robot, arm, seed = run
     contest = settings.contest(robot, folder)
-    best, evaluations = search_within(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
+    best, evaluations = best_of_search(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "trained": None, "speed": 0.0, "worst": None}
     problem = settings.problem(robot, EXACT.precision)
-    point = save_design(problem, best, folder / "designs" / f"{robot}-{arm}-{seed}.json")
+    point = save_best(problem, best, folder / "designs" / f"{robot}-{arm}-{seed}.json")
     found = speeds(problem.robot_of(point), settings)
     trained = float(problem.evaluate(point[None]).objectives[0, 0])
     return {

@@ -258,7 +258,22 @@ class TestLimits:
         push, gear = POINTS.T
         lost = 10 * np.maximum((push**2 + gear) / 2 - 1, 0)
         np.testing.assert_allclose(gap, np.stack([lost, lost], axis=1), rtol=1e-12, atol=1e-12)
-        assert told == [("speed", "m/s"), ("minus heat", "J")]
+        assert told == [("speed where cost <= 2", "m/s"), ("minus heat where cost <= 2", "J")]
+
+    def test_what_is_broken_is_told_of_every_world_of_what_is_raised_and_of_draws(self):
+        def broken(problem, point):
+            found = problem.evaluate(np.atleast_2d(point))
+            return problem.limits_broken({name: float(values[0]) for name, values in found.details.items()})
+
+        problem, _ = judged("speed", "cost <= 2", summed=True)
+        assert broken(problem, [0.5, 1.0]) == [] == broken(problem, [0.1, 1.9])
+        assert broken(problem, [0.7, 1.0]) == ["cost <= 2: 2.47 on steep"]
+        assert broken(judged("speed", "speed >= 100", worlds=(Place("flat"),))[0], [1.0, 2.0]) == ["speed >= 100: 1"]
+        # The mean of two draws keeps what one of them breaks.
+        single, _ = judged("speed", "cost <= 2", worlds=(Place("flat"),), summed=True)
+        assert single.limits_broken({"speed": 1.0, "cost": 1.9, "lost_to_limits": 0.3}) == [
+            "cost <= 2: not in all of 1 draws"
+        ]
 
     @pytest.mark.parametrize("limit", ["cost <= 2", "cost >= 2", "2*speed >= 0", "speed <= 0"])
     def test_have_exact_gradients(self, limit):

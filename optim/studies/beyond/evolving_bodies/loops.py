@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from optim.experiments.equal_cost import Arm, Contest, Entry
-from optim.experiments.judged_runs import JudgedRuns, Run, search_within
+from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
 from optim.experiments.results import Progress
 from optim.experiments.tables import Record
 from optim.problems.robot import RobotProblem
@@ -67,7 +67,7 @@ def _judged(folder: Path, loops: Loops, run: Run) -> Record:
     """How much nearer the best of a run comes [m], and what it took."""
     _, arm, seed = run
     contest = loops.contest(folder, seed)
-    best, evaluations = search_within(contest, arm, seed, loops.seconds, ARMS[arm].gradients)
+    best, evaluations = best_of_search(contest, arm, seed, loops.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "nearer": None}
     designed = problem(arm, seed, loops.cycles)
