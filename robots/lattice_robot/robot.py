@@ -145,7 +145,7 @@ class LatticeRobot(OutOfTheLab):
         return self._space.bodies(points)
 
     def filled(self, point: ArrayLike) -> "LatticeRobot":
-        """The robot of a point, without anything free; it moves in the same time steps, but among props that set them."""
+        """The robot of a point, with nothing free; it moves in the same time steps, but among props that set them."""
         points = self.points(point)
         each = zip(self.drives, self._space.shares(points[:1]), strict=True)
         drives, body = tuple(drive.filled(share[0].tolist()) for drive, share in each), self.bodies(points)[0]
