@@ -30,12 +30,14 @@ class DesignSpace:
         drives: of its regions.
         moduli: Young's moduli of materials that are free [Pa], by the materials' names or numbers from 0.
         reflexes: whose weights are free unless they are given, or None.
+        highest: Young's moduli [Pa] of the first materials that time steps suit; none: the materials' own.
     """
 
     body: LatticeBody
     drives: tuple[Drive, ...]
     moduli: Mapping[str | int, Free]
     reflexes: Reflexes | None
+    highest: tuple[float, ...] = ()
 
     @cached_property
     def free_moduli(self) -> dict[int, Free]:
@@ -119,8 +121,13 @@ class DesignSpace:
 
     @property
     def stiffest(self) -> LatticeBody:
-        """The body with its free moduli at their highest."""
-        return self._of_moduli([free.high for free in self.free_moduli.values()]) if self.moduli else self.body
+        """The body with its free moduli at their highest, or that of the search which it comes from."""
+        if self.moduli:
+            return self._of_moduli([free.high for free in self.free_moduli.values()])
+        materials = list(self.body.materials)
+        for index, modulus in enumerate(self.highest):
+            materials[index] = dataclasses.replace(materials[index], youngs_modulus=modulus)
+        return self.body.with_materials(materials) if self.highest else self.body
 
     def _of_moduli(self, moduli: ArrayLike) -> LatticeBody:
         materials = list(self.body.materials)

@@ -39,7 +39,13 @@ if TYPE_CHECKING:
 
 MOST_CYCLES = 10_000
 SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
-LATER = ("target", "reference_length", "perturbation", "seed")  # settings that files have where they are not as usual
+LATER = (
+    "target",
+    "reference_length",
+    "perturbation",
+    "seed",
+    "highest_moduli",
+)  # settings that files have where they are not as usual
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -63,6 +69,8 @@ class LatticeRobot(OutOfTheLab):
         seed: of the noise.
         reflexes: what it feels, and how that changes its waves; None for a robot that feels nothing.
         placed: the robot among the props of a terrain, see :meth:`on`; ``body`` is then that of all.
+        highest_moduli: Young's moduli [Pa] of its first materials with which time steps are stable; by default its own.
+            Designs of a search have the highest of the search, whose time steps they keep so.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -83,6 +91,7 @@ class LatticeRobot(OutOfTheLab):
     seed: int = 0
     reflexes: Reflexes | None = None
     placed: Placed | None = None
+    highest_moduli: tuple[float, ...] = ()
 
     kind = "lattice"
     worlds = (Terrain(),)
@@ -107,6 +116,10 @@ class LatticeRobot(OutOfTheLab):
         if lowest:
             grounded = dataclasses.replace(self.body, voxels=self.body.voxels - [0, 0, lowest])
             object.__setattr__(self, "body", grounded)
+        highest = tuple(positive("highest_moduli", each) for each in self.highest_moduli)
+        if len(highest) > len(self.body.materials):
+            raise ValueError(f"highest_moduli: {len(highest)} do not fit {len(self.body.materials)} materials")
+        object.__setattr__(self, "highest_moduli", highest)
         _ = self.free_moduli  # which checks their names
         if self.reflexes is not None:
             self.reflexes.check(len(self.felt_regions))
@@ -114,7 +127,7 @@ class LatticeRobot(OutOfTheLab):
     @cached_property
     def _space(self) -> DesignSpace:
         """What is free, and what points say of it."""
-        return DesignSpace(self.body, self.drives, self.moduli, self.reflexes)
+        return DesignSpace(self.body, self.drives, self.moduli, self.reflexes, self.highest_moduli)
 
     @property
     def free_moduli(self) -> dict[int, Free]:
@@ -145,12 +158,13 @@ class LatticeRobot(OutOfTheLab):
         return self._space.bodies(points)
 
     def filled(self, point: ArrayLike) -> "LatticeRobot":
-        """The robot of a point, with nothing free; it moves in the same time steps, but among props that set them."""
+        """The robot of a point, with nothing free; it moves in the same time steps."""
         points = self.points(point)
         each = zip(self.drives, self._space.shares(points[:1]), strict=True)
         drives, body = tuple(drive.filled(share[0].tolist()) for drive, share in each), self.bodies(points)[0]
-        safety = self.time_step_safety * body.recommended_time_step / self._space.stiffest.recommended_time_step
-        own: dict[str, Any] = {"body": body, "drives": drives, "moduli": {}, "time_step_safety": safety}
+        own: dict[str, Any] = {"body": body, "drives": drives, "moduli": {}}
+        if self.moduli:
+            own["highest_moduli"] = tuple(m.youngs_modulus for m in self._space.stiffest.materials)
         if self.reflexes is not None:
             weights = tuple(self.weights_of(points)[0].tolist())
             own["reflexes"] = dataclasses.replace(self.reflexes, weights=weights)

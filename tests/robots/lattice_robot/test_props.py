@@ -9,7 +9,7 @@ from optim.problems.robot import RobotProblem
 from robots.freeform import FreeformRobot
 from robots.ground import Ground
 from robots.inflatable.actuation import ACTUATION
-from robots.lattice_robot import Drive, Free, LatticeRobot, simulate
+from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
 from robots.lattice_robot.offered import soft_quadruped
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.reflexes import Reflexes
@@ -245,3 +245,19 @@ def test_props_are_in_no_chamber_of_their_own():
     robot = crawler()
     body = dataclasses.replace(robot.body, chambers=np.ones(robot.body.voxel_count, int))
     assert set(dataclasses.replace(robot, body=body).on(on(BEHIND)).body.chambers.tolist()) == {1}
+
+
+@pytest.mark.parametrize("density", [1000.0, 60.0])
+@pytest.mark.parametrize("modulus", [2e4, 1e5, 4e5])
+def test_designs_of_free_moduli_keep_the_time_steps_of_their_search_among_props(modulus, density, tmp_path):
+    """Whatever sets them: links of the robot or of props, or their contact."""
+    robot = dataclasses.replace(soft_quadruped(), moduli={0: Free(2e4, 4e5)})
+    world = Terrain(props=(Prop("box", (0.02, 0.02, 0.02), 0.08, 0.0, density=density),))
+    point = robot.start
+    point[-1] = modulus
+    searched = robot.on(world).cycle
+    assert robot.filled(point).on(world).cycle == searched
+    robot.save(point, tmp_path / "saved.json")
+    saved = load_robot(tmp_path / "saved.json")
+    assert saved.on(world).cycle == searched and saved.cycle == robot.cycle
+    assert saved.body.materials[0].youngs_modulus == modulus and not saved.parameters
