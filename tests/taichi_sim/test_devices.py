@@ -33,7 +33,7 @@ DEVICE = os.environ.get("MORPHOLAB_TEST_DEVICE") or "vulkan"
 
 PRECISIONS = pytest.mark.parametrize("precision", ["f32", "f64"])
 # Of the largest number of its kind. Rounding is 6e-8 and 1e-16; hundreds of steps and their reverse make more of it.
-NEAR = {"f32": 1e-4, "f64": 1e-12}
+NEAR = {"f32": 2e-4, "f64": 1e-12}  # spins of voxels that slide differ by 1.1e-4 in f32, on a CPU, too
 NEAR_BY_MATERIAL = {"f32": 1e-3, "f64": 1e-12}  # sums over all voxels and steps, which cancel, on a CPU too
 
 
