@@ -145,19 +145,21 @@ class Constants:
         return np.stack([row @ share for row, share in zip(positions, self.shares(), strict=True)])
 
 
-def measures_of(targeted: bool) -> tuple[Measure, ...]:
-    """The measures of a robot, with or without a target."""
-    return (*MEASURES, TARGETED) if targeted else MEASURES
+def measures_of(targeted: bool, muscled: bool = True) -> tuple[Measure, ...]:
+    """The measures of a robot, with or without a target; the work of muscles only where it has any."""
+    found = MEASURES if muscled else tuple(each for each in MEASURES if each.name != "energy")
+    return (*found, TARGETED) if targeted else found
 
 
-def measures_among(worlds: Sequence[Terrain], targeted: bool) -> tuple[Measure, ...]:
+def measures_among(worlds: Sequence[Terrain], targeted: bool, muscled: bool = True) -> tuple[Measure, ...]:
     """The measures of a robot that can be told in all of some worlds.
 
     Args:
         worlds: where it is tried.
         targeted: whether it has something to come near in each of them.
+        muscled: whether it has muscles.
     """
-    found = measures_of(targeted)
+    found = measures_of(targeted, muscled)
     return (*found, *OF_PROPS) if all(world.props for world in worlds) else found
 
 

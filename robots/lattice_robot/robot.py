@@ -181,14 +181,20 @@ class LatticeRobot(OutOfTheLab):
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
 
     @property
+    def has_muscles(self) -> bool:
+        """Whether some drive changes rest lengths; pressure and friction do not."""
+        return any(drive.quantity in ("scale", "temperature") for drive in self.drives)
+
+    @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """What it is judged by; a target, or a light that it feels, adds the distance that remains."""
-        return measures_of(self.target is not None or self.feels_light)
+        return measures_of(self.target is not None or self.feels_light, self.has_muscles)
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
         """Where there are props, what becomes of the first of them, too."""
         terrains = [terrain_of(world) for world in worlds]
-        return measures_among(terrains, self.target is not None or all(map(self.light_in, terrains)))
+        targeted = self.target is not None or all(map(self.light_in, terrains))
+        return measures_among(terrains, targeted, self.has_muscles)
 
     def light_in(self, terrain: Terrain) -> tuple[float, float] | None:
         """Place (x, y) of the light, from where the body's centre starts [m]: the terrain's, or the reflexes'."""

@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from optim.problems.robot import RobotProblem
 from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
-from robots.lattice_robot import Drive, LatticeRobot
+from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.robustness import STARTS, Trust, trust_in
 from robots.world import Terrain
@@ -72,6 +73,21 @@ def test_energy_is_the_positive_work_against_the_links():
     assert measure("energy", record, constants)[0] == pytest.approx(stiffness * squeeze * growth)
     record.strains[:] = 0.0
     assert measure("energy", record, constants)[0] == 0.0
+
+
+def test_energy_is_a_measure_of_robots_with_muscles():
+    """What friction or pressure does is not counted, so it would be 0, and free, as an objective."""
+    muscles, feet = Drive("muscles", (0,), amplitude=0.1), Drive("feet", (0,), "friction", mean=0.5, amplitude=0.1)
+    warm = Drive("warmth", (0,), "temperature", amplitude=0.1)
+    for drives, has in (((muscles, feet), True), ((warm,), True), ((feet,), False)):
+        robot = LatticeRobot(BAR, drives)
+        for measures in (robot.measures, robot.measures_in([Terrain()])):
+            assert ("energy" in [each.name for each in measures]) is has
+    searched = dataclasses.replace(feet, amplitude=Free(0.0, 0.1))
+    with pytest.raises(
+        ValueError, match=r"^objective: 'energy' is unknown; choose one of the measures: speed, distance"
+    ):
+        RobotProblem(LatticeRobot(BAR, (searched,)), objective=("minimise:energy",))
 
 
 def test_payload_is_what_nothing_drives():
