@@ -21,7 +21,7 @@ from robots.quadruped import engine as quadruped_engine
 from taichi_sim import runtime
 from taichi_sim.autodiff import elementary
 from taichi_sim.autodiff.lanes import Real
-from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
+from taichi_sim.lattice import Decision, LatticeBody, LatticeEngine, LatticeProgram, Material, ProgramBuilder, Quantity
 from taichi_sim.lattice.drivers.stepped_kernels import FEWEST_THREADS, threads_for
 from taichi_sim.runtime import ti
 from taichi_sim.signals import warping_distances
@@ -120,6 +120,35 @@ def test_decisions_in_the_loop_and_derivatives_through_them(precision):
     assert apart(result.positions, truth.positions) < NEAR[precision]
     assert apart(found, by_weights) < NEAR_BY_MATERIAL[precision]
     assert apart(gradient.positions, slopes.positions) < NEAR_BY_MATERIAL[precision]
+
+
+class Swelling:
+    """Decides that voxels swell to 2.4 edges, at which they touch where no list would have them."""
+
+    decisions = (Decision(50, 0, np.arange(3)),)
+
+    def decide(self, number, felt):
+        return np.full(3, 2.4), np.zeros(3)
+
+
+@PRECISIONS
+def test_lists_are_made_anew_where_a_decision_lets_voxels_grow(precision):
+    """The memory that tells of it is on the device."""
+    shape = LatticeBody([[0, 0, 0], [40, 0, 0]], (Material(1e5, 1e3),), [0, 0], 0.01)
+    made = ProgramBuilder(1)
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 1.0, step=100, regions=[0])
+    plain = made.build(1500)
+    read = LatticeProgram(plain.lengths, plain.events, np.array([[50]], plain.snapshots.dtype))
+
+    def distance(device, precision):
+        lab = LatticeEngine(shape, 1, driver="stepped", **on(device, precision))
+        lab.set_positions(np.array([[[0, 0, 0], [0.026, 0, 0]]]))
+        lab.run(read, feedback=Swelling())
+        return np.ptp(lab.state().positions[0, :, 0])
+
+    assert distance(DEVICE, precision) == pytest.approx(distance("cpu", "f64"), rel=NEAR[precision])
+    assert distance(DEVICE, precision) > 0.0299
 
 
 RUBBER = Material(youngs_modulus=1e6, density=1e3)
