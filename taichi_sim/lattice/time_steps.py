@@ -6,14 +6,15 @@ stable while k dt^2 + 2 c dt <= 4 (Jury's criterion). Bounds below solve that, o
 
 import math
 
-from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
-from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_mass
+from taichi_sim.lattice import materials
+from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxel_constants, voxel_mass
 
 # Largest eigenvalue of all links around a voxel, in stiffnesses of one link over its mass, for which the published step
 # 1 / (2 pi w) is stable at damping ratio 1; divided into 4. A block needs up to 15: hence the safety of 1.3 of robots.
 _QUARTER = (1 + 1 / (2 * math.pi)) ** 2 - 1
 # Sum of the squared cosines to the vertical of the four voxels between which another one rests, as spheres do.
-_PIT = 4 * (1 - 0.5 / (2 * SPHERE_RADIUS) ** 2)
+_PIT = 4 * (1 - 0.5 / (2 * contact.SPHERE_RADIUS) ** 2)
 
 
 def link_step(minus: Material, plus: Material, edge: float) -> float:
@@ -35,9 +36,9 @@ def link_step(minus: Material, plus: Material, edge: float) -> float:
 
 def floor_step(material: Material, edge: float) -> float:
     """Largest time step in which the floor throws no voxel without links back faster than it came [s]."""
-    mass, root = voxel_mass(material, edge), _root(material, edge)
-    damping = 2 * (material.collision_damping + material.global_damping) * root
-    return _bounce_step(_stiffness(material, edge) / mass, damping / mass)
+    row = voxel_constants(material, edge)
+    damping = row[materials.CONTACT_DAMPING] + material.global_damping * row[materials.CRITICAL_TRANSLATION]
+    return _bounce_step(row[materials.STIFFNESS] * row[materials.INVERSE_MASS], damping * row[materials.INVERSE_MASS])
 
 
 def contact_step(first: Material, second: Material, edge: float, held: tuple[bool, bool] = (False, False)) -> float:
@@ -46,24 +47,13 @@ def contact_step(first: Material, second: Material, edge: float, held: tuple[boo
     Of the force law, ``laws.contact.repulsion``, the mean damping is what matters: beside a heavy, stiff voxel it stops
     a light one many times over. The lighter voxel may lie between four of the other kind, each of which has it alone.
     """
-    masses = (voxel_mass(each, edge) for each in (first, second))
-    lighter, heavier = sorted(
-        (0.0 if fixed else 1 / mass for mass, fixed in zip(masses, held, strict=True)), reverse=True
-    )
-    k1, k2 = _stiffness(first, edge), _stiffness(second, edge)
+    rows = [voxel_constants(each, edge) for each in (first, second)]
+    inverses = (0.0 if fixed else row[materials.INVERSE_MASS] for row, fixed in zip(rows, held, strict=True))
+    lighter, heavier = sorted(inverses, reverse=True)
     inverse = _PIT * lighter + heavier
-    damping = first.collision_damping * _root(first, edge) + second.collision_damping * _root(second, edge)
-    return _bounce_step(2 * k1 * k2 / (k1 + k2) * inverse, damping * inverse)
-
-
-def _stiffness(material: Material, edge: float) -> float:
-    """2 E h [N/m], of a voxel in contact."""
-    return 2 * material.youngs_modulus * edge
-
-
-def _root(material: Material, edge: float) -> float:
-    """sqrt(m E h) [kg/s], half the critical damping of a voxel."""
-    return math.sqrt(voxel_mass(material, edge) * material.youngs_modulus * edge)
+    columns = materials.STIFFNESS, materials.CONTACT_DAMPING
+    stiffness, damping = contact.of_both(*(row[column] for column in columns for row in rows))
+    return _bounce_step(stiffness * inverse, damping * inverse)
 
 
 def _bounce_step(stiffness: float, damping: float) -> float:
@@ -74,4 +64,4 @@ def _bounce_step(stiffness: float, damping: float) -> float:
     """
     if stiffness == 0:
         return math.inf
-    return 4 / (damping + math.sqrt(damping * damping + 8 * stiffness))
+    return float(4 / (damping + math.sqrt(damping * damping + 8 * stiffness)))

@@ -60,6 +60,12 @@ class Driver(ABC):
         """Radius [edges] of lists of voxels that grow so far."""
         return list_radius(extremes.largest(self.tables.constant)) if self.lists_grow else contact.NEIGHBOUR_RADIUS
 
+    def fit_lists(self, extremes: Extremes) -> None:
+        """Have lists reach as far as a run needs that begins with what is in the memory."""
+        if (radius := self.radius_for(extremes)) > self.radius:  # lists may lack pairs that will touch
+            self.forget_neighbours(self.memory)
+        self.radius = radius
+
     def zeros(self, slots: int) -> np.ndarray:
         """Memory of so many slots a robot, shape (blocks, slots, lanes)."""
         return aligned((self.blocks, slots, self.robot.shape[1]), self.real.numpy)
@@ -139,13 +145,7 @@ class Driver(ABC):
 
     def begin(self, program: PackedProgram, alive: np.ndarray, dt: float, edge: float, gravity: float) -> "Run":
         """Start a program at its step 0; robots that are not alive do nothing."""
-        channels = self.read(memory.CHANNEL).reshape(self.batch, -1, memory.CHANNEL_WIDTH)
-        extremes = Extremes(channels, program)
-        radius = self.radius_for(extremes)
-        if radius > self.radius:  # lists may lack pairs that will touch
-            self.forget_neighbours(self.memory)
-        self.radius = radius
-        return self.run_type(self, program, alive, (dt, edge, gravity), extremes)
+        return self.run_type(self, program, alive, (dt, edge, gravity))
 
 
 class Run(ABC):
@@ -154,15 +154,13 @@ class Run(ABC):
     reverse_type: type["Reverse"]
 
     def __init__(
-        self,
-        driver: Any,
-        program: PackedProgram,
-        alive: np.ndarray,
-        constants: tuple[float, float, float],
-        extremes: Extremes,
+        self, driver: Any, program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
-        self.driver, self.program, self.edge, self._extremes = driver, program, constants[1], extremes
+        self.driver, self.program, self.edge = driver, program, constants[1]
+        channels = driver.read(memory.CHANNEL).reshape(driver.batch, -1, memory.CHANNEL_WIDTH)
+        self._extremes = Extremes(channels, program)
+        driver.fit_lists(self._extremes)
         tables, dtype, put = driver.tables, driver.real.numpy, driver.put
         runs = alive[driver.robot] & driver.has_robot
         lanes = marking.lane_table(program, driver.robot, np.where(runs, marking.ACTIVE, marking.DIVERGED))

@@ -9,12 +9,14 @@ lets voxels grow more, the radius grows with them.
 import numpy as np
 
 from taichi_sim.lattice.laws import contact
+from taichi_sim.lattice.laws.group import grown_scales
 from taichi_sim.lattice.materials import EXPANSION
-from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
-from taichi_sim.lattice.stages.memory import AGE, BASE, RATE
+from taichi_sim.lattice.program import QUANTITY_COUNT
+from taichi_sim.lattice.stages.columns import SIZING
+from taichi_sim.lattice.stages.memory import AGE, BASE, CHANNEL_WIDTH, RATE
 from taichi_sim.lattice.stages.tables import PackedProgram
 
-SIZES = np.array([*(Quantity.SCALE + axis for axis in range(3)), Quantity.TEMPERATURE])  # channels that sizes follow
+SIZES = np.sort(SIZING) // CHANNEL_WIDTH  # quantities that sizes follow: scale along x, y and z, and temperature
 
 
 class Extremes:
@@ -74,10 +76,10 @@ class Extremes:
 
     def largest(self, constants: np.ndarray) -> float:
         """The largest mean size [edges] of a voxel; ``constants`` are those of groups, shape (B, G, columns)."""
-        expansion = constants[..., EXPANSION]
-        warmth = 1.0 + np.maximum(expansion * self.least[..., 3], expansion * self.most[..., 3])
-        scale = np.maximum(np.abs(self.least[..., :3]), np.abs(self.most[..., :3])).mean(axis=2)
-        sizes = np.abs(warmth) * scale
+        scales = np.moveaxis(np.maximum(np.abs(self.least[..., :3]), np.abs(self.most[..., :3])), -1, 0)
+        coldest, warmest = (each[..., 3] for each in (self.least, self.most))
+        grown = [grown_scales(constants[..., EXPANSION], each, *scales) for each in (coldest, warmest)]
+        sizes = np.abs(grown).mean(axis=1)
         return float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
 
 

@@ -12,7 +12,6 @@ from taichi_sim.lattice.drivers import packed_kernel as kernel
 from taichi_sim.lattice.drivers import packed_reverse_kernel as backwards
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
 from taichi_sim.lattice.drivers.marks import NOWHERE, Recordings
-from taichi_sim.lattice.drivers.neighbourhood import Extremes
 from taichi_sim.lattice.drivers.packed_contact import Pairs, Record
 from taichi_sim.lattice.drivers.packed_lanes import SPREAD_ROW
 from taichi_sim.lattice.drivers.packed_reverse_kernel import BACK_WIDTH
@@ -91,15 +90,10 @@ class PackedRun(Run):
     reverse_type = PackedReverse
 
     def __init__(
-        self,
-        driver: "PackedDriver",
-        program: PackedProgram,
-        alive: np.ndarray,
-        constants: tuple[float, float, float],
-        extremes: Extremes,
+        self, driver: "PackedDriver", program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
-        super().__init__(driver, program, alive, constants, extremes)
+        super().__init__(driver, program, alive, constants)
         info, tables, dtype = driver.pairs.info, driver.packed, driver.real.numpy
         info[:, [contacts.STEP, contacts.NEXT_MARK]] = 0
         info[:, contacts.STATE] = np.where(alive, contacts.RUNNING, contacts.FINISHED)

@@ -9,7 +9,6 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers.driver import CONTACTS_PER_STEP, Checkpoint, Driver, Reverse, Run
 from taichi_sim.lattice.drivers.marks import Recordings
-from taichi_sim.lattice.drivers.neighbourhood import Extremes
 from taichi_sim.lattice.drivers.snapshots import snapshot_kernels
 from taichi_sim.lattice.drivers.stepped_kernels import Has, Near, Record, stepped_kernels, threads_for
 from taichi_sim.lattice.drivers.stepped_reverse_kernels import reverse_kernels
@@ -59,15 +58,10 @@ class SteppedRun(Run):
     reverse_type = SteppedReverse
 
     def __init__(
-        self,
-        driver: "SteppedDriver",
-        program: PackedProgram,
-        alive: np.ndarray,
-        constants: tuple[float, float, float],
-        extremes: Extremes,
+        self, driver: "SteppedDriver", program: PackedProgram, alive: np.ndarray, constants: tuple[float, float, float]
     ) -> None:
         """Put every robot at the start of the program; the constants are time step, edge and gravity."""
-        super().__init__(driver, program, alive, constants, extremes)
+        super().__init__(driver, program, alive, constants)
         self._kernels = stepped_kernels(*driver.kind())
         self._at = 0
         self._aside: tuple[Any, Any] | None = None

@@ -18,10 +18,15 @@ def reach(mean_size_1, mean_size_2):
 
 
 @law
+def of_both(stiffness_1, stiffness_2, damping_1, damping_2):
+    """Stiffness and damping of the contact of two voxels: springs in series, mean damping."""
+    return 2.0 * stiffness_1 * stiffness_2 / (stiffness_1 + stiffness_2), 0.5 * (damping_1 + damping_2)
+
+
+@law
 def repulsion(overlap, approach, stiffness_1, stiffness_2, damping_1, damping_2):
-    """Force [N] along the line of centres: springs in series, mean damping; zero without overlap."""
-    stiffness = 2.0 * stiffness_1 * stiffness_2 / (stiffness_1 + stiffness_2)
-    damping = 0.5 * (damping_1 + damping_2)
+    """Force [N] along the line of centres; zero without overlap."""
+    stiffness, damping = of_both(stiffness_1, stiffness_2, damping_1, damping_2)
     return select(overlap > 0.0, stiffness * overlap + damping * approach, 0.0)
 
 
