@@ -285,8 +285,7 @@ class Goals(RobotObjective):
         """Names of the measures of all goals."""
         if self.word == "each" or (len(self.parts) > 1 and not self.summed):
             raise ValueError("objective: several have no single gradient; choose a method for one objective")
-        every = (*self.parts, *self.limits)
-        needed = [name for part in every for name in part.scored.differentiated(part.about(measure))]
+        needed = [name for part in self.terms for name in part.scored.differentiated(part.about(measure))]
         return tuple(dict.fromkeys(needed))
 
     def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
@@ -311,14 +310,18 @@ class Goals(RobotObjective):
 
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of the sum."""
-        every = (*self.parts, *self.limits)
-        return np.asarray(np.sum([part.gradients(outcomes, measure) for part in every], axis=0))
+        return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.terms], axis=0))
 
     def sum_of(self, each: Sequence[Objective]) -> Objective:
         """What the sum of objectives is called, such as ``speed minus 0.1*energy where mass <= 0.1``."""
         units = {one.unit for one in each}
         name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
         return Objective(name + self._where, units.pop() if len(units) == 1 else "")
+
+    @property
+    def terms(self) -> tuple[Part, ...]:
+        """All that adds up to a sum: the goals, and what limits cost."""
+        return *self.parts, *self.limits
 
     @property
     def bounds(self) -> tuple[Success, ...]:
@@ -352,7 +355,6 @@ def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
     told = objective.sum_of([part.goal.told(part.scored.objective(part.about(measure))) for part in parts])
 
     def summed(outcome: Outcome) -> Floats:
-        every = (*parts, *objective.limits)
-        return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in every], axis=0))
+        return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in objective.terms], axis=0))
 
     return Score(told.name, told.unit, summed)
