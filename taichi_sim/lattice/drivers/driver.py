@@ -12,7 +12,7 @@ import numpy as np
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import Marks, Recordings
-from taichi_sim.lattice.drivers.neighbourhood import Extremes, list_radius, sizing
+from taichi_sim.lattice.drivers.neighbourhood import Extremes, list_radius
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
@@ -178,10 +178,9 @@ class Run(ABC):
 
     def sizes_among(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Which of some marks set sizes, where their channels are in the run's extremes, and for how many steps."""
-        program, targets = self.program, self.program.marks[rows, 1]
-        chosen = sizing(targets)
-        robots = np.searchsorted(program.first, rows[chosen], side="right") - 1
-        return chosen, self._extremes.places(robots, targets[chosen]), self._extremes.lasting[rows[chosen]]
+        places = self._extremes.places[rows]
+        chosen = np.flatnonzero(places >= 0)
+        return chosen, places[chosen], self._extremes.lasting[rows[chosen]]
 
     def decide(self, rows: np.ndarray, values: np.ndarray, sizes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
         """Set value and rate, shape (N, 2), of events by their marks, of which :meth:`sizes_among` tells ``sizes``."""
@@ -189,7 +188,7 @@ class Run(ABC):
         decided = driver.host(self.marks.value)
         decided[rows] = values
         self.marks = self.marks._replace(value=driver.put(decided))
-        if not (len(chosen) and self._extremes.include(places, values[chosen], steps)):
+        if not (driver.lists_grow and len(chosen) and self._extremes.include(places, values[chosen], steps)):
             return
         if (radius := driver.radius_for(self._extremes)) > driver.radius:
             driver.radius, held = radius, driver.host_memory(self.memory)

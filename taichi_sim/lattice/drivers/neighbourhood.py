@@ -17,6 +17,8 @@ from taichi_sim.lattice.stages.memory import AGE, BASE, CHANNEL_WIDTH, RATE
 from taichi_sim.lattice.stages.tables import PackedProgram
 
 SIZES = np.sort(SIZING) // CHANNEL_WIDTH  # quantities that sizes follow: scale along x, y and z, and temperature
+PLACES = np.full(QUANTITY_COUNT, -1)  # of each quantity among these
+PLACES[SIZES] = np.arange(len(SIZES))
 
 
 class Extremes:
@@ -24,39 +26,36 @@ class Extremes:
 
     Attributes:
         least, most: scale along x, y and z, and temperature, shape (B, G, 4).
-        lasting: for how many steps each mark that sets one of them does, until the next one or the end; else 0.
+        places: where the channel that a mark of the program sets is in them, made flat; -1 if in none.
+        lasting: for how many steps it does, until the next mark of that channel or the end.
     """
 
     def __init__(self, channels: np.ndarray, program: PackedProgram) -> None:
         """Those of a program, with channels as they are at its beginning, shape (B, 25 G, 4)."""
-        batch, count = channels.shape[:2]
-        self._groups = count // QUANTITY_COUNT
-        start = channels.reshape(batch, self._groups, QUANTITY_COUNT, -1)[:, :, SIZES].astype(float)
+        batch, groups = len(channels), channels.shape[1] // QUANTITY_COUNT
+        start = channels.reshape(batch, groups, QUANTITY_COUNT, -1)[:, :, SIZES].astype(float)
         self.least = start[..., BASE] + start[..., RATE] * start[..., AGE]
         self.most = self.least.copy()
         robot = np.repeat(np.arange(batch), np.diff(program.first))
         step, target = program.marks[: len(robot)].T
-        chosen = sizing(target)
-        chosen = chosen[np.lexsort((step[chosen], target[chosen], robot[chosen]))]
-        rows, channel = robot[chosen], target[chosen]
-        follows = np.zeros(len(chosen), bool)
-        follows[:-1] = (rows[1:] == rows[:-1]) & (channel[1:] == channel[:-1])
+        place, lasting = PLACES[target % QUANTITY_COUNT], np.zeros(len(robot))
+        sets = (target >= 0) & (place >= 0)
+        place = np.where(sets, (robot * groups + target // QUANTITY_COUNT) * len(SIZES) + place, -1)
+        chosen = np.flatnonzero(sets)
+        chosen = chosen[np.lexsort((step[chosen], place[chosen]))]
+        rows, places = robot[chosen], place[chosen]
+        follows = np.append(places[1:] == places[:-1], False)[: len(chosen)]
         ends = program.lengths[rows].astype(float)
         ends[follows] = step[chosen][1:][follows[:-1]]
-        self.lasting = np.zeros(len(robot))
-        self.lasting[chosen] = np.maximum(ends - step[chosen], 0.0)
+        lasting[chosen] = np.maximum(ends - step[chosen], 0.0)
+        self.places, self.lasting = place, lasting
         # A channel that goes on from the run before does so until its first event.
         until = np.tile(program.lengths[:, None, None].astype(float), (1, *start.shape[1:3]))
         first = np.flatnonzero(np.append(True, ~follows[:-1])) if len(chosen) else chosen
-        until.reshape(-1)[self.places(rows[first], channel[first])] = step[chosen][first]
+        until.reshape(-1)[places[first]] = step[chosen][first]
         onwards = self.least + start[..., RATE] * until
         self.least, self.most = np.fmin(self.least, onwards), np.fmax(self.most, onwards)
-        self.include(self.places(rows, channel), program.values[chosen], self.lasting[chosen])
-
-    def places(self, robots: np.ndarray, targets: np.ndarray) -> np.ndarray:
-        """Where channels of sizes are in the arrays, made flat."""
-        quantity = np.searchsorted(SIZES, targets % QUANTITY_COUNT)
-        return (robots * self._groups + targets // QUANTITY_COUNT) * len(SIZES) + quantity
+        self.include(places, program.values[chosen], self.lasting[chosen])
 
     def include(self, places: np.ndarray, values: np.ndarray, steps: np.ndarray | float) -> bool:
         """Take in events of some channels, by value and rate, shape (N, 2), and how many steps they hold at most.
@@ -81,11 +80,6 @@ class Extremes:
         grown = [grown_scales(constants[..., EXPANSION], each, *scales) for each in (coldest, warmest)]
         sizes = np.abs(grown).mean(axis=1)
         return float(np.max(sizes, where=np.isfinite(sizes), initial=0.0))
-
-
-def sizing(targets: np.ndarray) -> np.ndarray:
-    """Which marks of a program, by their targets, set a channel that sizes follow."""
-    return np.flatnonzero((targets >= 0) & np.isin(targets % QUANTITY_COUNT, SIZES))
 
 
 def list_radius(largest: float) -> float:
