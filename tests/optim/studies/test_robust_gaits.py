@@ -10,8 +10,10 @@ import pytest
 
 from optim.experiments.data import Data
 from optim.experiments.tables import read_records, write_records
-from optim.studies.beyond import robust_gaits
-from optim.studies.beyond.robust_gaits import RobustGaits, study, waves
+from optim.studies.beyond.robust_gaits import judgement, report, search
+from optim.studies.beyond.robust_gaits.search import best_start, waves
+from optim.studies.beyond.robust_gaits.settings import RobustGaits
+from optim.studies.beyond.robust_gaits.study import study
 from robots.inflatable.design import load_design
 
 DATA = Path(__file__).parents[3] / "docs/data/robust-gaits"
@@ -39,7 +41,7 @@ def test_settings_are_checked():
 
 def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(tmp_path):
     """Of committed draws, of which some are of gaits that were not played without draws."""
-    robust_gaits.tell(Data(DATA), tmp_path)
+    report.tell(Data(DATA), tmp_path)
     table = (tmp_path / "table.md").read_text()
     assert table.startswith("Speeds with bladders that weigh, under 64 draws that no search has seen")
     assert "| robust 9° | f64 | – | 0.3138 |" in table  # without a nominal speed
@@ -53,7 +55,7 @@ def test_a_gait_without_held_out_draws_is_told(tmp_path):
     draws = read_records(DATA / "draws.csv")
     write_records(tmp_path / "draws.csv", [*draws, {**draws[0], "gait": "still", "draw": -1}])
     with pytest.raises(ValueError, match=r"draws\.csv: gait still has no held-out draw"):
-        robust_gaits.tell(Data(tmp_path), tmp_path / "out")
+        report.tell(Data(tmp_path), tmp_path / "out")
 
 
 def test_a_search_begins_with_the_better_of_a_wave_and_the_gait_of_the_slope_below(monkeypatch):
@@ -61,12 +63,12 @@ def test_a_search_begins_with_the_better_of_a_wave_and_the_gait_of_the_slope_bel
     problem = RobustGaits(geometry="small").problem(11.0, True, 1)
     wave = {"levels": "00100111", "shift": 1, "settling": 0.0}
     below = load_design(DATA / "gaits/robust-9.json")
-    alone = robust_gaits._start(problem, wave, [])
+    alone = best_start(problem, wave, [])
     assert [alone[f"level_{n}"] for n in range(1, 9)] == [0, 0, 1, 0, 0, 1, 1, 1] and alone["shift"] == 1
     for scores, begins in (([0.2, 0.3], problem.start_values(below)), ([0.2, 0.1], alone), ([0.2, np.nan], alone)):
         found = SimpleNamespace(objectives=np.array(scores)[:, None])
-        monkeypatch.setattr(robust_gaits, "judge", lambda problem, request, found=found: found)
-        assert robust_gaits._start(problem, wave, [below]) == begins
+        monkeypatch.setattr(search, "judge", lambda problem, request, found=found: found)
+        assert best_start(problem, wave, [below]) == begins
 
 
 @pytest.mark.slow
@@ -96,11 +98,11 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     assert load_design(tmp_path / "gaits" / "flat-body-0.json").pressure == 0
     table = (tmp_path / "table.md").read_text()
     (tmp_path / "again").mkdir()
-    robust_gaits.tell(Data(tmp_path), tmp_path / "again")
+    report.tell(Data(tmp_path), tmp_path / "again")
     for path in (tmp_path / "again").iterdir():
         assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
     shutil.rmtree(tmp_path / "again")
-    monkeypatch.setattr(robust_gaits, "judge", None)
-    monkeypatch.setattr(robust_gaits, "InflatableRobot", None)
+    monkeypatch.setattr(search, "judge", None)
+    monkeypatch.setattr(judgement, "InflatableRobot", None)
     study(tmp_path, settings, threads=2)
     assert (tmp_path / "table.md").read_text() == table

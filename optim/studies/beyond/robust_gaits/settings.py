@@ -1,0 +1,74 @@
+"""How large the study of gaits for a real floor is, and the problems that its searches solve."""
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Annotated, Any
+
+from optim.experiments.study import Count, Settings, Whole
+from optim.problems.inflatable.problem import GaitProblem
+from robots.inflatable.schedule import BLADDERS
+from robots.uncertainty import Uncertainty
+from robots.world import FLOORS, STEEPEST, Terrain
+from taichi_sim.base import checks
+
+NAME = "robust-gaits"
+PRESSURE = 12e3  # of the core [Pa]
+BATCH = 8  # gaits, or draws, of a part whose results are kept
+
+
+def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
+    if not isinstance(value, list | tuple) or not value or len(set(value)) < len(value):
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more different slopes")
+    return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
+
+
+@dataclass(frozen=True)
+class RobustGaits(Settings):
+    """How large the study is."""
+
+    slopes: Annotated[tuple[float, ...], _slopes] = (0.0, 9.0, 11.0, 12.0, 13.0, 14.0)  # [degrees]
+    floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
+    geometry: str = "published"
+    uncertain: str = "friction=20%,slope=1,levels=5%,timing=5%"
+    draws: Count = 4  # that a search sees
+    held_out: Count = 64  # by which gaits are judged
+    most_full: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = 4  # bladders at a time, of waves
+    settling: tuple[float, ...] = (0.0,)  # of screened waves, time steps after each column
+    steps: Count = 60_000  # of gaits in searches
+    warm_up: Whole = 15_000  # of these, before what counts
+    budget: float = 10e6  # of each search [robot-steps]
+    population: Count = 12
+    seed: Whole = 0
+    steeper: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)  # than the steepest slope, on which its gait is tried [degrees]
+    precision: str = "f64"  # of the judgement
+
+    @cached_property
+    def told(self) -> Uncertainty:
+        """What is not known exactly."""
+        return Uncertainty.parse(self.uncertain)
+
+    def terrain(self, slope: float) -> Terrain:
+        """The floor, tilted."""
+        low, high = FLOORS[self.floor]
+        return Terrain(slope, high, low)
+
+    def problem(self, slope: float, robust: bool, threads: int | None = None, rolls: bool = True) -> GaitProblem:
+        """The problem of a search on a slope, over draws or without, for waves that roll or a flat body."""
+        own: dict[str, Any] = {"uncertain": self.told.text, "draws": self.draws, "risk": "worst"} if robust else {}
+        return GaitProblem(
+            (self.terrain(slope),),
+            orientation=0.0 if rolls else None,
+            pressure=PRESSURE if rolls else 0.0,
+            encoding="graded-wave" if rolls else "graded",
+            steps=self.steps,
+            warm_up=self.warm_up,
+            geometry=self.geometry,
+            weight="physical",
+            threads=threads,
+            **own,
+        )
+
+
+def file_of(gait: str) -> str:
+    """The name of the file of a gait, without its ending."""
+    return gait.replace(" ", "-").replace("°", "")

@@ -1,0 +1,87 @@
+"""Gaits for a real floor: measured friction, bladders that weigh, and what is not known exactly.
+
+On each slope the lab searches for a gait whose *worst* draw is fast. A draw scales the friction of the floor, how far
+every bladder goes and how long strokes last, and tilts the ground. First, every wave around the ring of bladders, with
+at most so many full ones at a time, is played once, in both directions (*screen*). The best, or the gait of the slope
+below if that is better here, begins a genetic search of levels, shift, feet and settling under draws (*robust*), and
+one of the same cost without (*nominal*): so gaits are led up. All that is found, and the gaits that were made by hand,
+are then played in double precision under the same draws, which no search has seen. Speeds are of the time simulated,
+without pneumatic lag.
+"""
+
+from itertools import product
+from pathlib import Path
+
+from optim.experiments.results import Progress, part_of
+from optim.experiments.study import Study
+from optim.experiments.tables import write_records
+from optim.studies.beyond.robust_gaits.judgement import judged
+from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, SCREEN, report, tell
+from optim.studies.beyond.robust_gaits.search import best_start, flat_walk, refined, screened
+from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits, file_of
+from optim.studies.chapter5.gaits import repeated
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, load_design, save_design
+from taichi_sim.base.results_folder import ResultsFolder
+
+HAND_MADE = {"inching": repeated(INCHING, 1), "rolling": repeated(ROLLING, 1)}
+FILES = ("table.md", SCREEN, "speeds.csv", DRAWS, "robust.png", "summary.json", GAITS, "runs")
+
+
+def study(folder: Path, settings: RobustGaits, progress: Progress = None, threads: int | None = None) -> None:
+    """Write screened waves, gaits, speeds of all draws, the page and the figure."""
+    parts = ResultsFolder(folder, NAME, settings.describe())
+    screen = screened(settings, parts, threads, part_of(progress, 0, 10, 3))
+    write_records(folder / SCREEN, screen)
+    found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal")}
+    tasks = list(product(sorted(settings.slopes), (True, False)))
+    for number, (slope, robust) in enumerate(tasks):
+        best = max((row for row in screen if row["slope"] == slope), key=lambda row: row["speed"])
+        share = part_of(part_of(progress, 3, 10, 3), number, len(tasks))
+        own = found["robust" if robust else "nominal"]
+        problem, below = settings.problem(slope, robust, threads), list(own.values())[-1:]
+        start = best_start(problem, best, below)
+        path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
+        own[slope] = refined(problem, settings, start, path, share)
+    if 0.0 in settings.slopes:
+        share = part_of(progress, 64, 100, 6)
+        found["flat body"] = {0.0: flat_walk(folder, settings, threads, share)}
+    gaits = {f"{name} {slope:g}°": (design, slope) for name, each in found.items() for slope, design in each.items()}
+    gaits |= {f"{name} {s:g}°": (design, s) for name, design in HAND_MADE.items() for s in settings.slopes}
+    steepest = max(settings.slopes)
+    gaits |= {
+        f"robust {steepest:g}° on {steepest + more:g}°": (found["robust"][steepest], steepest + more)
+        for more in settings.steeper
+    }
+    (folder / GAITS).mkdir(exist_ok=True)
+    for name, (design, _) in gaits.items():
+        save_design(design, folder / GAITS / f"{file_of(name)}.json")
+    saved = {name: (load_design(folder / GAITS / f"{file_of(name)}.json"), slope) for name, (_, slope) in gaits.items()}
+    draws = judged(settings, parts, saved, threads, part_of(progress, 7, 10, 3))
+    write_records(folder / DRAWS, draws)
+    report(folder, settings.describe(), screen, draws, {name: design for name, (design, _) in saved.items()})
+    if progress:
+        progress(1.0)
+
+
+STUDY = Study(
+    title="gaits for a real floor: fast on wood in the worst of draws of friction, slope, levels and timing",
+    source="chapter 5, transferring to a physical robot",
+    scales={
+        "small": RobustGaits(
+            (0.0,), geometry="small", draws=2, held_out=4, most_full=1, settling=(0.0,), steeper=(), budget=0.5e6
+        ),
+        "medium": RobustGaits(),
+        "full": RobustGaits(
+            (0.0, 5.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0),
+            settling=(0.0, 1000.0),
+            draws=8,
+            most_full=5,
+            budget=600e6,
+            population=24,
+        ),
+    },
+    run=study,
+    tell=tell,
+    writes=FILES,
+    cost="40 h of CPU time",
+)
