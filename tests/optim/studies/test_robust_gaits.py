@@ -11,10 +11,11 @@ import pytest
 from optim.experiments.data import Data
 from optim.experiments.tables import read_records, write_records
 from optim.studies.beyond.robust_gaits import judgement, report, search
-from optim.studies.beyond.robust_gaits.search import best_start, waves
+from optim.studies.beyond.robust_gaits.search import best_start, starts_of, waves
 from optim.studies.beyond.robust_gaits.settings import RobustGaits
 from optim.studies.beyond.robust_gaits.study import study
 from robots.inflatable.design import load_design
+from taichi_sim.base.results_folder import ResultsFolder
 
 DATA = Path(__file__).parents[3] / "docs/data/robust-gaits"
 
@@ -58,17 +59,36 @@ def test_a_gait_without_held_out_draws_is_told(tmp_path):
         report.tell(Data(tmp_path), tmp_path / "out")
 
 
-def test_a_search_begins_with_the_better_of_a_wave_and_the_gait_of_the_slope_below(monkeypatch):
-    """By the score of its own problem; a gait that fails is no better than any."""
+def test_a_search_may_begin_with_a_wave_and_the_gait_of_the_slope_below_from_any_column():
+    """The same cycle, turned; what does not depend on columns stays."""
+    settings = RobustGaits(geometry="small")
+    problem = settings.problem(11.0, True, 1)
+    wave = {"levels": "00100111", "shift": 1, "settling": 100.0}
+    below = load_design(DATA / "gaits/robust-13.json")
+    starts = starts_of(problem, settings, wave, [below])
+    gaits = [problem.design(problem.space.from_dict(start)).schedule for start in starts]
+    assert len(starts) == 16 and all(start["shift"] == 1 for start in starts) and starts[3]["settle"] == 100.0
+    for first, known in ((gaits[0], gaits[:8]), (gaits[8], gaits[8:])):
+        for column, gait in enumerate(known):
+            np.testing.assert_array_equal(gait.inflation, np.roll(first.inflation, -column, axis=1))
+            np.testing.assert_array_equal(gait.grip, np.roll(first.grip, -column, axis=1))
+    np.testing.assert_array_equal(gaits[8].inflation, below.schedule.inflation)
+    assert gaits[8].grip.sum() == 1
+    assert starts_of(problem, RobustGaits(begins=1), wave, []) == starts[:1]
+
+
+def test_a_search_begins_with_the_start_that_is_best_in_its_own_problem(monkeypatch, tmp_path):
+    """One that fails is no better than any; scores are kept, and not computed again."""
     problem = RobustGaits(geometry="small").problem(11.0, True, 1)
-    wave = {"levels": "00100111", "shift": 1, "settling": 0.0}
-    below = load_design(DATA / "gaits/robust-9.json")
-    alone = best_start(problem, wave, [])
-    assert [alone[f"level_{n}"] for n in range(1, 9)] == [0, 0, 1, 0, 0, 1, 1, 1] and alone["shift"] == 1
-    for scores, begins in (([0.2, 0.3], problem.start_values(below)), ([0.2, 0.1], alone), ([0.2, np.nan], alone)):
+    starts = starts_of(problem, RobustGaits(), {"levels": "00100111", "shift": 1, "settling": 0.0}, [])[:2]
+    for scores, best in (([0.2, 0.3], 1), ([0.2, 0.1], 0), ([0.2, np.nan], 0)):
         found = SimpleNamespace(objectives=np.array(scores)[:, None])
+        parts = ResultsFolder(tmp_path / f"{scores}", "starts", {})
         monkeypatch.setattr(search, "judge", lambda problem, request, found=found: found)
-        assert best_start(problem, wave, [below]) == begins
+        assert best_start(problem, starts, parts, "robust-11") == starts[best]
+        monkeypatch.setattr(search, "judge", None)
+        assert best_start(problem, starts, parts, "robust-11") == starts[best]
+        assert best_start(problem, starts[:1], parts, "robust-11") == starts[0]
 
 
 @pytest.mark.slow
@@ -96,7 +116,13 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     draws = read_records(tmp_path / "draws.csv")
     assert len(draws) == 6 * 3 and np.isfinite([row["speed"] for row in draws]).all()
     assert load_design(tmp_path / "gaits" / "flat-body-0.json").pressure == 0
+    rig = read_records(tmp_path / "rig.csv")
+    assert [(row["gait"], row["rig"]) for row in rig] == [
+        (f"{name} 0°", "dissertation-lag") for name in ("robust", "nominal")
+    ]
+    assert np.isfinite([[row["without_lag"], row["with_lag"]] for row in rig]).all()
     table = (tmp_path / "table.md").read_text()
+    assert "| gait | precision | designed | without lag | with lag |" in table
     (tmp_path / "again").mkdir()
     report.tell(Data(tmp_path), tmp_path / "again")
     for path in (tmp_path / "again").iterdir():
@@ -104,5 +130,6 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     shutil.rmtree(tmp_path / "again")
     monkeypatch.setattr(search, "judge", None)
     monkeypatch.setattr(judgement, "InflatableRobot", None)
+    monkeypatch.setattr(judgement, "play_tables", None)
     study(tmp_path, settings, threads=2)
     assert (tmp_path / "table.md").read_text() == table

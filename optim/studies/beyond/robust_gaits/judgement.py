@@ -1,6 +1,7 @@
-"""Gaits are judged here, in double precision under draws that no search has seen."""
+"""Gaits are judged here, in double precision: under draws that no search has seen, and as a rig plays them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -8,6 +9,10 @@ import numpy as np
 
 from optim.experiments.results import Progress, computed_arrays
 from optim.studies.beyond.robust_gaits.settings import BATCH, RobustGaits, file_of
+from robots.hardware import gait_table
+from robots.hardware.rig import PRESETS
+from robots.hardware.rig_play import Play, play_tables
+from robots.hardware.rig_response import WHOLE_RESPONSE
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robot import InflatableRobot
 from robots.inflatable.schedule import BLADDERS
@@ -48,3 +53,40 @@ def judged(
                 about = {"gait": name, "slope": slope, "precision": settings.precision}
                 rows.append({**about, "draw": first + number, "speed": float(speed)})
     return rows
+
+
+def on_rig(
+    settings: RobustGaits,
+    parts: ResultsFolder,
+    gaits: Mapping[str, tuple[InflatableDesign, float]],
+    threads: int | None,
+    progress: Progress,
+) -> list[dict[str, Any]]:
+    """Speeds of gaits as the rig plays them where nothing is uncertain: without the lag of its lines, and with it."""
+    rig, responses = PRESETS[settings.rig], (replace(WHOLE_RESPONSE, lag=False), WHOLE_RESPONSE)
+
+    def speeds(name: str, told: Progress) -> Floats:
+        design, slope = gaits[name]
+        robot = InflatableRobot(design, settings.geometry, "physical")
+        geometry, drive = robot.parts
+        table = gait_table(design, rig, on_violation="clip")
+        plays = [Play(table, rig, settings.terrain(slope), response) for response in responses]
+        played = play_tables(
+            plays, geometry=geometry, actuation=drive, precision=settings.precision, threads=threads, progress=told
+        )
+        return np.asarray(played.speed_simulated, float)
+
+    found = computed_arrays(
+        parts, "speeds", {f"rig_{file_of(name)}": partial(speeds, name) for name in gaits}, progress
+    )
+    return [
+        {
+            "gait": name,
+            "slope": slope,
+            "precision": settings.precision,
+            "rig": settings.rig,
+            "without_lag": float(without),
+            "with_lag": float(lagged),
+        }
+        for (name, (_, slope)), (without, lagged) in zip(gaits.items(), found, strict=True)
+    ]

@@ -16,7 +16,7 @@ from robots.inflatable.design import InflatableDesign, load_design
 from robots.uncertainty import summary
 from taichi_sim.base.files import write_text
 
-SCREEN, DRAWS, GAITS = "screen.csv", "draws.csv", "gaits"
+SCREEN, DRAWS, RIG, GAITS = "screen.csv", "draws.csv", "rig.csv", "gaits"
 SCREENED: dict[str, Kind] = {
     "slope": float,
     "levels": str,
@@ -30,6 +30,14 @@ DRAWN: dict[str, Kind] = {
     "precision": str,
     "draw": int,
     "speed": float,
+}
+PLAYED: dict[str, Kind] = {
+    "gait": str,
+    "slope": float,
+    "precision": str,
+    "rig": str,
+    "without_lag": float,
+    "with_lag": float,
 }
 
 
@@ -47,7 +55,8 @@ def tell(data: Data, folder: Path) -> None:
     files = {name: data.folder / GAITS / f"{file_of(name)}.json" for name in distinct(draws, "gait")}
     settings = data.kept(NAME, dict) if data.has(f"{NAME}.json") else {}
     designs = {name: load_design(path) for name, path in files.items() if path.exists()}
-    report(folder, settings, screened, draws, designs)
+    rig = data.records(RIG, PLAYED) if data.has(RIG) else []
+    report(folder, settings, screened, draws, designs, rig)
 
 
 def report(
@@ -56,6 +65,7 @@ def report(
     screened: Sequence[Record],
     draws: Sequence[Record],
     designs: Mapping[str, InflatableDesign],
+    rig: Sequence[Record] = (),
 ) -> None:
     """Write what follows from the records: table, page, figure and summary.
 
@@ -70,7 +80,7 @@ def report(
         if (mine := where(screened, slope=slope, full=full))
     ]
     write_json(folder / "summary.json", {**settings, "rows": rows, "screened": best})
-    write_text(folder / "table.md", text_of(settings, rows, best))
+    write_text(folder / "table.md", text_of(settings, rows, best, rig))
     draw(rows, draws, folder / "robust.png")
 
 
@@ -90,8 +100,8 @@ def _row(mine: Sequence[Record], design: InflatableDesign | None) -> dict[str, A
     }
 
 
-def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[Record]) -> str:
-    """The page: every gait under the held-out draws, and the best waves by how many bladders are full at a time."""
+def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[Record], rig: Sequence[Record]) -> str:
+    """The page: every gait under the held-out draws, on the rig, and the best waves by how many bladders are full."""
     header = ("gait", "precision", "nominal", "mean", "95 % interval", "worst", "climb", "full bladders", "n")
     table = [
         (
@@ -116,9 +126,25 @@ def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[
         "at the same cost without. Climb: the share of draws that go forward. Full bladders: the sum of levels, at "
         "most.",
         markdown(header, "llrrrrrrr", table),
+        *_rig_text(rig, {row["gait"]: row["nominal"] for row in rows}),
         "Best waves without draws, by how many bladders are full at a time; levels of a bladder in 8 columns.",
         markdown(("slope", "full", "levels", "settling", "speed"), "rrlrr", waved),
     )
+
+
+def _rig_text(rig: Sequence[Record], nominal: Mapping[str, float | None]) -> list[str | list[str]]:
+    """What the page says of gaits on the rig, if any were played on it."""
+    if not rig:
+        return []
+    played = [
+        (r["gait"], r["precision"], cell(nominal.get(r["gait"])), cell(r["without_lag"]), cell(r["with_lag"]))
+        for r in rig
+    ]
+    return [
+        f"As the rig {rig[0]['rig']} plays them where nothing is uncertain: designed, in the rig's own time without "
+        "the lag of its lines, and with it.",
+        markdown(("gait", "precision", "designed", "without lag", "with lag"), "llrrr", played),
+    ]
 
 
 def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:

@@ -21,6 +21,8 @@ from robots.inflatable.schedule import BLADDERS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 
+CYCLIC = ("level", "foot1", "foot2")  # kinds of variables of a wave, of which every column has one
+
 
 def waves(most_full: int) -> list[tuple[int, ...]]:
     """All that a bladder can do, full (1) or empty, in the columns of a wave, of which none is another one shifted."""
@@ -68,15 +70,41 @@ def screened(
     return [{**row, "speed": float(speed)} for row, speed in zip(rows, found, strict=True)]
 
 
-def best_start(problem: GaitProblem, wave: Mapping[str, Any], below: Sequence[InflatableDesign]) -> dict[str, Any]:
-    """Where a search begins: a wave, or the gait found on the slope below, whichever is better in the problem."""
-    starts = [dict(zip(problem.space.names, _points(problem, [wave])[0].tolist(), strict=True))]
-    starts += [problem.start_values(design) for design in below]
+def begun_at(wave: Mapping[str, Any], column: int) -> dict[str, Any]:
+    """The values of a wave whose cycle begins with another one of its columns, counted from 0."""
+    columns = {f"{kind}_{n + 1}": f"{kind}_{(n + column) % BLADDERS + 1}" for kind in CYCLIC for n in range(BLADDERS)}
+    return {name: wave[columns.get(name, name)] for name in wave}
+
+
+def starts_of(
+    problem: GaitProblem, settings: RobustGaits, wave: Mapping[str, Any], below: Sequence[InflatableDesign]
+) -> list[dict[str, Any]]:
+    """Where a search may begin: with a wave, or with the gait found on the slope below, from any of their columns.
+
+    A gait that goes round is the same from any column; but on the steepest slopes only some columns get it going.
+    """
+    known = [dict(zip(problem.space.names, _points(problem, [wave])[0].tolist(), strict=True))]
+    known += [problem.start_values(design) for design in below]
+    return [begun_at(each, column) for each in known for column in range(settings.begins)]
+
+
+def best_start(
+    problem: GaitProblem,
+    starts: Sequence[dict[str, Any]],
+    parts: ResultsFolder,
+    name: str,
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """The start that is best in the problem itself: under its draws, if it has some."""
     if len(starts) == 1:
         return starts[0]
-    points = np.stack([problem.space.from_dict(each) for each in starts])
-    scores = judge(problem, Request(points, "points")).objectives[:, 0]
-    return starts[int(np.argmax(np.nan_to_num(scores, nan=-np.inf)))]
+
+    def scores(told: Progress) -> Floats:
+        points = np.stack([problem.space.from_dict(each) for each in starts])
+        return judge(problem, Request(points, "points")).objectives[:, 0]
+
+    (found,) = computed_arrays(parts, "scores", {f"starts_{name}": scores}, progress)
+    return starts[int(np.argmax(np.nan_to_num(found, nan=-np.inf)))]
 
 
 def refined(

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from optim.experiments.study import Count, Settings, Whole
 from optim.problems.inflatable.problem import GaitProblem
+from robots.hardware.rig import PRESETS
 from robots.inflatable.schedule import BLADDERS
 from robots.uncertainty import Uncertainty
 from robots.world import FLOORS, STEEPEST, Terrain
@@ -37,10 +38,12 @@ class RobustGaits(Settings):
     steps: Count = 60_000  # of gaits in searches
     warm_up: Whole = 15_000  # of these, before what counts
     budget: float = 10e6  # of each search [robot-steps]
+    begins: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = BLADDERS  # columns a start is tried from
     population: Count = 12
     seed: Whole = 0
     steeper: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)  # than the steepest slope, on which its gait is tried [degrees]
     precision: str = "f64"  # of the judgement
+    rig: Annotated[str, partial(checks.choice, names=tuple(PRESETS))] = "dissertation-lag"  # that plays what is found
 
     @cached_property
     def told(self) -> Uncertainty:

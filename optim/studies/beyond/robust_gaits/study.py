@@ -9,22 +9,24 @@ are then played in double precision under the same draws, which no search has se
 without pneumatic lag.
 """
 
+from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 from optim.experiments.results import Progress, part_of
 from optim.experiments.study import Study
 from optim.experiments.tables import write_records
-from optim.studies.beyond.robust_gaits.judgement import judged
-from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, SCREEN, report, tell
-from optim.studies.beyond.robust_gaits.search import best_start, flat_walk, refined, screened
+from optim.studies.beyond.robust_gaits.judgement import judged, on_rig
+from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, RIG, SCREEN, report, tell
+from optim.studies.beyond.robust_gaits.search import best_start, flat_walk, refined, screened, starts_of
 from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits, file_of
 from optim.studies.chapter5.gaits import repeated
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, load_design, save_design
 from taichi_sim.base.results_folder import ResultsFolder
 
 HAND_MADE = {"inching": repeated(INCHING, 1), "rolling": repeated(ROLLING, 1)}
-FILES = ("table.md", SCREEN, "speeds.csv", DRAWS, "robust.png", "summary.json", GAITS, "runs")
+FILES = ("table.md", SCREEN, "speeds.csv", DRAWS, RIG, "robust.png", "summary.json", GAITS, "runs")
 
 
 def study(folder: Path, settings: RobustGaits, progress: Progress = None, threads: int | None = None) -> None:
@@ -32,16 +34,7 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
     parts = ResultsFolder(folder, NAME, settings.describe())
     screen = screened(settings, parts, threads, part_of(progress, 0, 10, 3))
     write_records(folder / SCREEN, screen)
-    found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal")}
-    tasks = list(product(sorted(settings.slopes), (True, False)))
-    for number, (slope, robust) in enumerate(tasks):
-        best = max((row for row in screen if row["slope"] == slope), key=lambda row: row["speed"])
-        share = part_of(part_of(progress, 3, 10, 3), number, len(tasks))
-        own = found["robust" if robust else "nominal"]
-        problem, below = settings.problem(slope, robust, threads), list(own.values())[-1:]
-        start = best_start(problem, best, below)
-        path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
-        own[slope] = refined(problem, settings, start, path, share)
+    found = _searched(folder, settings, parts, screen, threads, part_of(progress, 3, 10, 3))
     if 0.0 in settings.slopes:
         share = part_of(progress, 64, 100, 6)
         found["flat body"] = {0.0: flat_walk(folder, settings, threads, share)}
@@ -56,11 +49,38 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
     for name, (design, _) in gaits.items():
         save_design(design, folder / GAITS / f"{file_of(name)}.json")
     saved = {name: (load_design(folder / GAITS / f"{file_of(name)}.json"), slope) for name, (_, slope) in gaits.items()}
-    draws = judged(settings, parts, saved, threads, part_of(progress, 7, 10, 3))
+    draws = judged(settings, parts, saved, threads, part_of(progress, 70, 100, 25))
     write_records(folder / DRAWS, draws)
-    report(folder, settings.describe(), screen, draws, {name: design for name, (design, _) in saved.items()})
+    searched = {name: saved[name] for name in gaits if name.startswith(("robust", "nominal")) and " on " not in name}
+    rig = on_rig(settings, parts, searched, threads, part_of(progress, 95, 100, 5))
+    write_records(folder / RIG, rig)
+    designs = {name: design for name, (design, _) in saved.items()}
+    report(folder, settings.describe(), screen, draws, designs, rig)
     if progress:
         progress(1.0)
+
+
+def _searched(
+    folder: Path,
+    settings: RobustGaits,
+    parts: ResultsFolder,
+    screen: Sequence[Mapping[str, Any]],
+    threads: int | None,
+    progress: Progress,
+) -> dict[str, dict[float, InflatableDesign]]:
+    """The gaits of searches over draws and without, by slope, each led up from the slope below."""
+    found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal")}
+    tasks = list(product(sorted(settings.slopes), (True, False)))
+    for number, (slope, robust) in enumerate(tasks):
+        best = max((row for row in screen if row["slope"] == slope), key=lambda row: row["speed"])
+        share = part_of(progress, number, len(tasks))
+        own = found["robust" if robust else "nominal"]
+        problem, below = settings.problem(slope, robust, threads), list(own.values())[-1:]
+        path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
+        starts = starts_of(problem, settings, best, below)
+        start = best_start(problem, starts, parts, path.name, part_of(share, 0, 10, 3))
+        own[slope] = refined(problem, settings, start, path, part_of(share, 3, 10, 7))
+    return found
 
 
 STUDY = Study(
@@ -68,7 +88,15 @@ STUDY = Study(
     source="chapter 5, transferring to a physical robot",
     scales={
         "small": RobustGaits(
-            (0.0,), geometry="small", draws=2, held_out=4, most_full=1, settling=(0.0,), steeper=(), budget=0.5e6
+            (0.0,),
+            geometry="small",
+            draws=2,
+            held_out=4,
+            most_full=1,
+            settling=(0.0,),
+            steeper=(),
+            budget=0.5e6,
+            begins=1,
         ),
         "medium": RobustGaits(),
         "full": RobustGaits(
