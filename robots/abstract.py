@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.abilities import Abilities
 from robots.kind import KINDS
 from robots.outcome import (
     Facts,
-    Judgement,
     Measure,
     Outcome,
     Picture,
@@ -45,7 +45,7 @@ def counted(count: int, one: str) -> str:
     return f"{count} {one}" if count == 1 else f"{count} {one}s"
 
 
-class Robot(ShortText):
+class Robot(Abilities, ShortText):
     """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
 
     Points are arrays of shape (N, P): N designs, each a value for every parameter. A robot of which nothing is free
@@ -310,55 +310,9 @@ class Robot(ShortText):
         """What a command tells people of the first design of an outcome that is ok."""
         return ", ".join(measure.value(float(outcome.measures[measure.name][0])) for measure in self.measures)
 
-    def judge(
-        self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
-    ) -> Judgement:
-        """Tell how far the measures of a robot, of which nothing is free, can be trusted.
-
-        Raises:
-            ValueError: if robots of this kind have no such check.
-        """
-        raise ValueError(f"judge: {KINDS[self.kind].title} has no such check; leave it out")
-
     def caution(self, point: ArrayLike) -> str:
         """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
         return ""
-
-    def table(self, **settings: Any) -> Any:
-        """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
-
-        Raises:
-            ValueError: if no hardware plays robots of this kind.
-        """
-        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
-
-    def rig_report(self, rig: Any) -> tuple[Any, float]:
-        """What a robot, of which nothing is free, asks of a rig, and the time that it takes in the simulation [s].
-
-        Raises:
-            ValueError: if no hardware plays it.
-        """
-        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
-
-    def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
-        """Write closed surfaces for printers [mm]: a ``.3mf`` or ``.stl`` file, or a folder; tells what it wrote.
-
-        Args:
-            path: of the file or folder.
-            mould: settings of a mould to cast the robot in, to be written instead, such as ``"draft=2,wall=3"``.
-
-        Raises:
-            ValueError: if robots of this kind have no such surfaces.
-        """
-        raise ValueError(f"parts: {KINDS[self.kind].title} has no surfaces to print; leave it out")
-
-    def save_voxels(self, path: Path) -> None:
-        """Write the robot as a file of voxels for other simulators, ``.vxa`` or ``.vxl.json``.
-
-        Raises:
-            ValueError: if robots of this kind have no voxels, or the file cannot hold them.
-        """
-        raise ValueError(f"voxels: {KINDS[self.kind].title} has no such file; leave it out")
 
     def save_picture(self, world: World, path: Path) -> None:
         """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.
@@ -380,14 +334,6 @@ class Robot(ShortText):
         for name in options:
             raise ValueError(f"{name}: {self.name} has its own; leave it out")
         return self
-
-    def at_horizon(self, length: int) -> tuple[str, "Robot"]:
-        """The robot in trials of another length, in a unit of its kind, and what that length is called.
-
-        Raises:
-            ValueError: if trials of this kind have one length only.
-        """
-        raise ValueError(f"horizons: trials of {KINDS[self.kind].title} have one length; leave it out")
 
 
 class FixedRobot(Robot):

@@ -37,8 +37,7 @@ from robots.trial import part_of as part_of
 from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
 from taichi_sim.base.options import Option as Option
-
-BEST = "best.json"  # where runs keep their best design
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 
 def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
@@ -94,7 +93,7 @@ def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotK
 def _check_no_folder(field: str, text: str) -> None:
     """Refuse a folder, such as that of a run, with the design in it."""
     if (path := Path(text)).is_dir():
-        best = path / BEST
+        best = path / BEST_DESIGN
         raise ValueError(
             f"{field}: {text} is a folder; give {best if best.is_file() else 'a file of a robot or a design'}"
         )

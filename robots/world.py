@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
@@ -14,10 +14,8 @@ from robots.ground import level as level_ground
 from robots.ground_kinds import WATER_DENSITY as WATER_DENSITY
 from robots.ground_kinds import ways
 from robots.props import LIGHT, Prop, split_name
-from robots.robot import Option, RobotKind, World
+from robots.robot import World
 from taichi_sim.base.checks import NotNegative, check_fields, number
-from taichi_sim.base.options import checked
-from taichi_sim.base.options import number as number_type
 from taichi_sim.base.options import value_of as number_of
 
 if TYPE_CHECKING:
@@ -123,8 +121,15 @@ class Terrain:
     def document(self) -> dict[str, Any]:
         """All fields, but those that came later only where they are given: as earlier versions wrote terrains."""
         later = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground", "light", "props")
-        fields = _plain(self)
+        fields = self.fields
         return {name: fields[name] for name in fields if name not in later or fields[name] is not None}
+
+    @property
+    def fields(self) -> dict[str, Any]:
+        """All fields as values that fit JSON: the light as a list, props by their names."""
+        found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        light, props = self.light and list(self.light), self.props and [prop.name for prop in self.props]
+        return {**found, "light": light, "props": props}
 
     @property
     def is_fluid(self) -> bool:
@@ -258,56 +263,6 @@ def _prop(given: Any) -> Prop:
     if not isinstance(given, Prop):
         raise ValueError(f"props: {given!r} is not allowed; give a Prop, or its name")
     return given
-
-
-def _plain(terrain: Terrain) -> dict[str, Any]:
-    """All fields of a terrain as values that fit JSON: the light as a list, props by their names."""
-    found = {each.name: getattr(terrain, each.name) for each in dataclasses.fields(terrain)}
-    light, props = terrain.light and list(terrain.light), terrain.props and [prop.name for prop in terrain.props]
-    return {**found, "light": light, "props": props}
-
-
-class TerrainKind(RobotKind):
-    """A kind of robot whose worlds are terrains."""
-
-    world_option = "terrain"
-    world_type = staticmethod(checked(Terrain.parse, "terrain"))
-    world_hint = (
-        "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own); with a light for "
-        "robots that feel it, flat+light:X,Y, or a box, ball or wall, flat+box:LX,LY,LZ,X,Y[,Z]"
-    )
-    view_precision = "f32"
-
-    @property
-    def world_options(self) -> tuple[Option, ...]:
-        """A terrain by its name, or by its slope."""
-        slope = number_type(-STEEPEST, STEEPEST, "degrees")
-        told = "of the ground, uphill is positive; instead of --terrain"
-        return (*super().world_options, Option("slope", told, slope, "DEGREES"))
-
-    def chosen_world(self, options: Mapping[str, Any]) -> World | None:
-        """The terrain of a name or a slope.
-
-        Raises:
-            ValueError: for both of them.
-        """
-        terrain, slope = options.get("terrain"), options.get("slope")
-        if terrain is not None and slope is not None:
-            raise ValueError(f"slope: {slope:g} is not allowed beside --terrain {terrain.name}; give one of them")
-        return terrain if slope is None else Terrain(slope)
-
-    def world(self, text: Any) -> Terrain:
-        """The terrain of a name."""
-        return text if isinstance(text, Terrain) else Terrain.parse(text)
-
-    def world_record(self, world: World) -> dict[str, Any]:
-        """A terrain's fields, without those that are None."""
-        assert isinstance(world, Terrain)
-        return {name: value for name, value in _plain(world).items() if value is not None}
-
-    def world_of(self, record: Any) -> Terrain:
-        """The terrain of a record."""
-        return Terrain(**record)
 
 
 @dataclass(frozen=True)

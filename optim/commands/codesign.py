@@ -20,6 +20,7 @@ from optim.problem import Objective
 from optim.problems.designer import options_of
 from optim.progress import shown_progress
 from optim.wording import counted, spoken_duration
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -137,9 +138,9 @@ def _write_best(problem: "Problem", last: "Generation", folder: "RunFolder") -> 
     if last.best_point is None:
         return []
     if not isinstance(problem, RobotDesigning):
-        return ["best.json"]
+        return [BEST_DESIGN]
     robot = problem.robot_of(problem.space.from_dict(last.best_point))
-    written = ["best.json"]
+    written = [BEST_DESIGN]
     if robot.exportable:
         make_product(folder, TABLE_FILE, functools.partial(_write_table, robot, folder.config["method"]["seed"]))
         written.append(TABLE_FILE)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
 from robots.robot import Option, RobotKind, World, make_robot
-from robots.world import TerrainKind
+from robots.terrain_kind import TerrainKind
 from taichi_sim.base.options import count
 
 COMPUTE = ("precision", "device", "threads")

@@ -41,6 +41,7 @@ from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 MOST_ROWS = 60  # of the table of generations
 FILES = {
@@ -50,7 +51,7 @@ FILES = {
     "timing.jsonl": "a line a generation: how long it took",
     "checkpoint.npz": "where the run goes on",
     "checkpoint.previous.npz": "the checkpoint before",
-    "best.json": "the best design",
+    BEST_DESIGN: "the best design",
     "front.json": "the designs of the front, or the elites",
     "gait.csv": "pressures of the best gait, for the rig",
     "robust.json": "the best design over draws that the search never saw",
@@ -139,8 +140,8 @@ class OneRun:
         if best is not None and not history.running:  # else it may be newer than what was read
             only_its_file_saves = contextlib.suppress(NotImplementedError)  # a problem of the user's own
             with tempfile.TemporaryDirectory() as folder, only_its_file_saves:
-                problem.save(best, Path(folder) / "best.json")
-                if _content(history.path / "best.json") != _content(Path(folder) / "best.json"):
+                problem.save(best, Path(folder) / BEST_DESIGN)
+                if _content(history.path / BEST_DESIGN) != _content(Path(folder) / BEST_DESIGN):
                     told.append("best.json is not the best design of the log; the log's is shown here")
         return told
 

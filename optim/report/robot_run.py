@@ -34,6 +34,7 @@ from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.options import flag_of, spelled
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ class RobotSubject(Subject):
 
     def commands(self, folder: Path, best: Floats | None = None) -> list[tuple[str, str]]:
         """What can be done with the run, and with its best point: words, and a command."""
-        problem, (where, file) = self.problem, (shlex.quote(str(path)) for path in (folder, folder / "best.json"))
+        problem, (where, file) = self.problem, (shlex.quote(str(path)) for path in (folder, folder / BEST_DESIGN))
         found = [("Go on with the run, if it was interrupted", f"morpholab codesign --resume --out {where}")]
         named = {**problem.command_options(folder), "precision": problem.precision, "device": problem.device}
         options = " ".join(f"--{name} {shlex.quote(str(value))}" for name, value in named.items() if value is not None)

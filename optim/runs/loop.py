@@ -14,6 +14,7 @@ from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
 from optim.search.method import Method, SearchResult, next_request
 from taichi_sim.base.foreign import blamed_package
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 
 class FolderSearch:
@@ -112,7 +113,7 @@ def run_search(
 def _write_designs(problem: Problem, result: SearchResult, folder: RunFolder) -> None:
     """Write the files of the best design, and of the front or the elites if the method keeps any."""
     if not np.isnan(result.score):
-        folder.update("best.json", functools.partial(problem.save, result.point))
+        folder.update(BEST_DESIGN, functools.partial(problem.save, result.point))
     if result.kind in ("front", "elites"):
         document = {
             "kind": result.kind,

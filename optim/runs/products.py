@@ -13,6 +13,7 @@ from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_json
 from taichi_sim.base.records import checked
+from taichi_sim.base.results_folder import BEST_DESIGN
 
 PRODUCTS = "products.json"  # checksums of design and file, by the file's name
 
@@ -32,7 +33,7 @@ def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> 
     """
     known, path = _known(run.path), run.path / name
     with run.writing():
-        design = files.sha256((run.path / "best.json").read_bytes())
+        design = files.sha256((run.path / BEST_DESIGN).read_bytes())
         if path.is_file() and known.get(name) == [design, files.sha256(path.read_bytes())]:
             return
         with files.replacing(path) as aside:

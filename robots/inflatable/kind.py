@@ -23,7 +23,8 @@ from robots.robot import (
     Robot,
     World,
 )
-from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, TerrainKind, friction_of_parts, terrain_of
+from robots.terrain_kind import TerrainKind
+from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, friction_of_parts, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.options import checked, number, numbers, spelled, value_of, whole
 

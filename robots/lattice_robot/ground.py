@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from robots.robot import Option, World
-from robots.world import FRICTION_OF_PARTS, MATERIAL_FRICTION, Terrain, TerrainKind, terrain_of
+from robots.terrain_kind import TerrainKind
+from robots.world import FRICTION_OF_PARTS, MATERIAL_FRICTION, Terrain, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.options import numbers
 

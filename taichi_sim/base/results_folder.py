@@ -27,6 +27,8 @@ from taichi_sim.base.files import (
     write_text,
 )
 
+BEST_DESIGN = "best.json"  # of a search, in its folder
+
 Made = TypeVar("Made")
 
 
