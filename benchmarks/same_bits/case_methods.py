@@ -11,7 +11,12 @@ from cases import Arrays, case, plain
 GENERATIONS = 15
 SEVERAL, CLIMBING = {"population": 12, "seed": 3}, {"climbers": 4, "seed": 3}
 # Settings of a method that version 1.0 did not have.
-LATER = {"hill-climb": ("bounds", "streams"), "genetic": ("patches",), "nes": ("minibatch_size", "judging")}
+LATER = {
+    "hill-climb": ("bounds", "streams"),
+    "genetic": ("patches",),
+    "nes": ("minibatch_size", "judging"),
+    "race": ("lengthening",),
+}
 # Name of a case: method, settings, space, number of objectives.
 SEARCHES: dict[str, tuple[str, dict[str, Any], str, int]] = {
     "borg": ("borg", SEVERAL, "mixed", 2),

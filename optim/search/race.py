@@ -13,6 +13,8 @@ from optim.search.independent import IndependentSearches
 from optim.search.step_rules import Adam, free_variables
 from taichi_sim.base.arrays import Arrays, Floats, Indices
 
+LONGEST_ROUND = 10**9  # moves; more than any search makes
+
 
 @dataclass(eq=False, kw_only=True)
 class GradientRace(IndependentSearches):
@@ -31,7 +33,9 @@ class GradientRace(IndependentSearches):
         climbers: C, at the start of a round.
         seed: of all random numbers.
         start: values by name with which every climber starts; the others are random.
-        moves: of a round.
+        moves: of the first round.
+        lengthening: moves of a round over those of the round before. A long search gains more by rounds that climb for
+            longer than by more of the same length.
         halving: moves between two halvings; the last climber goes on alone.
         learning_rate: typical step at the start of a round [ranges of the variables].
         settling: part of the learning rate that is left at the end of a round.
@@ -46,6 +50,7 @@ class GradientRace(IndependentSearches):
 
     climbers: int = whole(8, 1, method.MOST_POINTS)
     moves: int = whole(100, 2)
+    lengthening: float = number(1.0, 1.0, 10.0)
     halving: int = whole(6, 1)
     learning_rate: float = positive(0.05, 1.0)
     settling: float = number(0.2, 0.0, 1.0)
@@ -57,7 +62,6 @@ class GradientRace(IndependentSearches):
         super().__post_init__()
         method.refuse_integers(self.space)
         self.relaxed = self.space.relaxed()
-        self.between = round(self.mixed * self.moves) if self.space.mixes else 0  # moves through mixtures
         shape = (self.climbers, self.space.size)
         self.steps = Adam(*shape, 1.0, self.clip)
         self.here, self.anchor, self.step = np.empty((3, *shape))
@@ -65,6 +69,16 @@ class GradientRace(IndependentSearches):
         self.racing = np.zeros(self.climbers, bool)
         self.move, self.round, self.judging = 0, 0, False
         self._begin()
+
+    @property
+    def length(self) -> int:
+        """Moves of this round."""
+        return min(round(self.moves * self.lengthening**self.round), LONGEST_ROUND)
+
+    @property
+    def between(self) -> int:
+        """Moves of this round through mixtures."""
+        return round(self.mixed * self.length) if self.space.mixes else 0
 
     @property
     def wants(self) -> method.Wants:
@@ -142,7 +156,7 @@ class GradientRace(IndependentSearches):
         free = free_variables(self.relaxed, self.here, gradients)
         if self.move >= self.between:  # what makes no difference stays, whatever led there before
             free &= gradients != 0
-        rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.moves)
+        rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.length)
         steps = rate * self.steps.steps(moved, gradients, free)
         self.anchor[moved], self.step[moved] = self.here[moved], steps[moved]
         self.scale = np.where(moved, np.minimum(1.0, 2 * self.scale), self.scale / 2)
@@ -154,7 +168,7 @@ class GradientRace(IndependentSearches):
     def _next_move(self) -> bool:
         """Count the move; whether true points shall be judged next."""
         self.move += 1
-        if self.move == self.moves:
+        if self.move == self.length:
             self.move, self.round = 0, self.round + 1
             self._begin()
             return self.judging

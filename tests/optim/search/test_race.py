@@ -67,6 +67,19 @@ def test_the_worse_half_gives_up_until_one_is_left():
     assert method.racing[best]
 
 
+def test_rounds_may_be_longer_than_the_one_before():
+    """The steps of each settle over its own length, and mixtures take their part of it."""
+    method = GradientRace(CUBE, climbers=4, moves=10, halving=2, lengthening=2.0)
+    asked = [count for _, _, count in run(method, hill, 10 + 20 + 40 + 1)]
+    for first, length in ((0, 10), (10, 20), (30, 40)):
+        assert asked[first : first + length] == [4, 4, 2, 2] + [1] * (length - 4)
+    assert asked[70] == 4 and method.round == 3 and method.length == 80
+    mixed = GradientRace(MIXED, climbers=1, moves=10, halving=10, mixed=0.5, sharpest=16.0, lengthening=1.5)
+    sharp = [sharp for wants, sharp, _ in run(mixed, bits, 10 + 15 + 5) if wants == "gradients"]
+    assert [each < np.inf for each in sharp[10:25]] == [True] * 8 + [False] * 7
+    assert sharp[10] == 1 and sharp[17] == pytest.approx(16)
+
+
 def test_designs_become_sharper_and_then_true():
     method = GradientRace(MIXED, climbers=4, moves=20, halving=4, mixed=0.5, sharpest=16.0)
     asked = run(method, bits, 23)
@@ -98,10 +111,13 @@ def test_failures_are_taken_back_and_never_win():
 
 
 def test_a_round_goes_on_exactly_where_it_was_interrupted():
-    whole, first = (build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5}) for _ in "ab")
+    whole, first = (
+        build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5, "lengthening": 1.5})
+        for _ in "ab"
+    )
     run(whole, bits, 25)
     run(first, bits, 11)
-    again = build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5})
+    again = build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5, "lengthening": 1.5})
     again.restore({name: array.copy() for name, array in first.state().items()})
     run(again, bits, 14)
     for name, array in whole.state().items():
