@@ -41,13 +41,20 @@ def test_settings_are_checked():
 
 
 def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(tmp_path):
-    """Of committed draws, of which some are of gaits that were not played without draws."""
+    """Of committed draws, and of those without what was played without draws, or on the rig."""
     report.tell(Data(DATA), tmp_path)
     table = (tmp_path / "table.md").read_text()
     assert table.startswith("Speeds with bladders that weigh, under 64 draws that no search has seen")
-    assert "| robust 9° | f64 | – | 0.3138 |" in table  # without a nominal speed
+    assert "| robust 9° | f64 | 0.3156 | 0.3138 |" in table
     assert "| robust 9°, played twice as long | f64 | 0.3446 | 0.3432 |" in table and "100 % | – | 64 |" in table
     assert "| nominal 9° | f64 | 0.3327 | 0.2388 |" in table and "89 % | 3.9 | 64 |" in table
+    assert "| robust 9° | f64 | 0.3156 | 0.1209 | -0.1523 |" in table  # designed, without lag and with it
+    shutil.copy(DATA / "screen.csv", tmp_path)
+    write_records(tmp_path / "draws.csv", [row for row in read_records(DATA / "draws.csv") if int(row["draw"]) >= 0])
+    (tmp_path / "out").mkdir()
+    report.tell(Data(tmp_path), tmp_path / "out")
+    table = (tmp_path / "out" / "table.md").read_text()
+    assert "| robust 9° | f64 | – | 0.3138 |" in table and "lag |" not in table
 
 
 def test_a_gait_without_held_out_draws_is_told(tmp_path):

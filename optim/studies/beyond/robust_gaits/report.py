@@ -148,18 +148,22 @@ def _rig_text(rig: Sequence[Record], nominal: Mapping[str, float | None]) -> lis
 
 
 def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:
-    """Draw the speed of every gait in every draw."""
+    """Draw the speed of every gait in every draw, a panel a slope; a gait's kind has its colour on every slope."""
     rows = [row for row in rows if " on " not in row["gait"]]
     slopes = sorted({row["slope"] for row in rows})
-    with figure(path, PAGE, 2.6, ncols=len(slopes), sharey=True) as (_, panels):
+    kinds = {row["gait"]: row["gait"].replace(f" {row['slope']:g}°", "") for row in rows}
+    colours = {kind: COLOURS[n % len(COLOURS)] for n, kind in enumerate(dict.fromkeys(kinds.values()))}
+    most = max(sum(row["slope"] == slope for row in rows) for slope in slopes)
+    with figure(path, PAGE, 3.0, ncols=len(slopes), sharey=True) as (_, panels):
         for axes, slope in zip(panels[0], slopes, strict=True):
-            here = [row for row in rows if row["slope"] == slope]
-            for place, row in enumerate(here):
+            here = [kinds[row["gait"]] for row in rows if row["slope"] == slope]
+            for place, row in enumerate(row for row in rows if row["slope"] == slope):
                 each = [d["speed"] for d in draws if d["gait"] == row["gait"] and d["draw"] >= 0]
                 spread = place + 0.3 * (np.arange(len(each)) / max(len(each) - 1, 1) - 0.5)
-                axes.plot(spread, each, ".", markersize=2, color=COLOURS[place % len(COLOURS)])
+                axes.plot(spread, each, ".", markersize=2, color=colours[kinds[row["gait"]]])
             axes.axhline(0, color="0.7", linewidth=0.6, zorder=0)
-            names = [row["gait"].replace(f" {slope:g}°", "").replace(", ", ",\n") for row in here]
-            axes.set_xticks(range(len(here)), names, rotation=40, ha="right")
+            middle = (len(here) - 1) / 2
+            axes.set_xlim(middle - most / 2, middle + most / 2)
+            axes.set_xticks(range(len(here)), [kind.replace(", ", ",\n") for kind in here], rotation=90)
             axes.set_title(f"{slope:g}°")
         panels[0, 0].set_ylabel("speed [BL/s]")
