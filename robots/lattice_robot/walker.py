@@ -21,13 +21,12 @@ from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.simulation import LatticeRobotResult, assembled
-from robots.lattice_robot.simulation import simulate as simulate_lattice_robot
-from robots.robot import Progress, part_of
-from robots.world import Terrain, without_props
+from robots.lattice_robot.simulation import LatticeRobotResult, assembled, try_variants
+from robots.robot import Progress, Trial, World, part_of
+from robots.world import Terrain, terrain_of, without_props
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.base.compute import ComputeOptions
+from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice import LatticeBody, Material
 
@@ -202,27 +201,59 @@ def simulate(
     Raises:
         ValueError: that names the argument, the value and what is allowed.
     """
+    trial = Trial(terrain or Terrain(), Compute.given(compute), record_every, progress)
+    return simulate_in(designs, [trial.world], trial, tissue, actuation)[0]
+
+
+def simulate_in(
+    designs: Sequence[WalkerDesign] | WalkerDesign,
+    worlds: Sequence[World],
+    trial: Trial,
+    tissue: WalkerTissue | None = None,
+    actuation: WalkerActuation | None = None,
+) -> list[LatticeRobotResult]:
+    """Let designs walk in several worlds; those with the same voxels run as one batch, in all that can share it.
+
+    Args:
+        designs: as of :func:`simulate`.
+        worlds: terrains.
+        trial: computation, recording and progress.
+        tissue: of all voxels.
+        actuation: of the active ones.
+
+    Returns:
+        A result as :func:`simulate` gives it for each world.
+
+    Raises:
+        ValueError: that names the argument, the value and what is allowed.
+    """
     designs = [designs] if isinstance(designs, WalkerDesign) else list(designs)
     if not designs or not all(isinstance(d, WalkerDesign) for d in designs):
         raise ValueError("designs: give at least one WalkerDesign")
     tissue, drive = tissue or WalkerTissue(), actuation or WalkerActuation()
-    check_terrain(terrain := terrain or Terrain())
-    record_every = None if record_every is None else whole_number("record_every", record_every, 1)
+    for world in worlds:
+        check_terrain(terrain_of(world))
+    if trial.record_every is not None:
+        whole_number("record_every", trial.record_every, 1)
     reason = np.array([design.fault for design in designs])
     groups: dict[bytes, list[int]] = {}
     for i in np.flatnonzero(reason == "").tolist():
         groups.setdefault(designs[i].connected[0].tobytes(), []).append(i)
-    parts = []
+    parts: list[list[tuple[Ints, LatticeRobotResult]]] = [[] for _ in worlds]
     for done, members in enumerate(groups.values()):
         robot, points = _batch([designs[i] for i in members], tissue, drive)
-        tick = part_of(progress, done, len(groups))
-        found = simulate_lattice_robot(robot, points, terrain, record_every=record_every, progress=tick, **compute)
-        parts.append((np.array(members), found))
-    names = [m.name for m in measures_of(False)]
-    result = assembled(parts, reason, walker_cycle(drive, tissue).time_step, names, {})
+        told = replace(trial, progress=part_of(trial.progress, done, len(groups)))
+        outcomes = try_variants([robot] * len(worlds), points, worlds, told)
+        for mine, outcome in zip(parts, outcomes, strict=True):
+            mine.append((np.array(members), outcome.result))
+    names, time_step = [m.name for m in measures_of(False)], walker_cycle(drive, tissue).time_step
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
-    speed = result.distance / lengths * drive.frequency / drive.cycles
-    return replace(result, measures={**result.measures, "speed": speed})
+    results = [assembled(mine, reason, time_step, names, {}) for mine in parts]
+    speeds = [result.distance / lengths * drive.frequency / drive.cycles for result in results]
+    return [
+        replace(result, measures={**result.measures, "speed": speed})
+        for result, speed in zip(results, speeds, strict=True)
+    ]
 
 
 def _batch(

@@ -94,18 +94,28 @@ class WalkerRobot(Robot):
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the bodies of N points walk."""
+        return self.run_in(points, (trial.world,), trial)[0]
+
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[WalkerRobot]" = ()
+    ) -> list[Outcome]:
+        """Let the bodies of N points walk in several worlds; each body is one batch in all that can share it."""
+        if variants:
+            return super().run_in(points, worlds, trial, variants)
         designs = self.bodies(points)
-        found = walker.simulate(
-            designs,
-            terrain_of(trial.world),
-            actuation=self.actuation,
-            record_every=trial.record_every,
-            progress=trial.progress,
-            **trial.compute.options,
-        )
         voxels = np.array([len(design.connected[1]) for design in designs], float)
-        measures = {"speed": found.speed, "distance": found.distance, "voxels": voxels}
-        return Outcome(measures, found.status, found.reason, found.steps, {}, recorded(found.frames[0]), found)
+        return [
+            Outcome(
+                {"speed": found.speed, "distance": found.distance, "voxels": voxels},
+                found.status,
+                found.reason,
+                found.steps,
+                {},
+                recorded(found.frames[0]),
+                found,
+            )
+            for found in walker.simulate_in(designs, worlds, trial, actuation=self.actuation)
+        ]
 
     @property
     def steps(self) -> int:

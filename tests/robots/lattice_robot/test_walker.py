@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,10 @@ from robots.lattice_robot.walker import (
     simulate,
 )
 from robots.lattice_robot.walker_offered import WalkerRobot
+from robots.robot import Trial
 from robots.world import Terrain
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice import LatticeEngine
 from taichi_sim.lattice.faces import corners
 
 QUICK = WalkerActuation(settling=0.05, cycles=1)
@@ -63,6 +67,27 @@ def test_results_depend_neither_on_the_batch_nor_on_order_or_place():
     alone = [simulate(design, actuation=QUICK, threads=1).distance[0] for design in designs]
     assert np.array_equal(together.distance, alone)
     assert together.distance[1] == together.distance[10]
+
+
+@pytest.mark.kernels
+def test_bodies_walk_in_several_worlds_as_in_each_alone(monkeypatch):
+    """Each body once in all worlds of a kind; a fault stays one everywhere."""
+    designs = [*random_designs(3), WalkerDesign(np.zeros((3, 3, 2), int))]
+    points = np.stack([design.materials.ravel() for design in designs]).astype(float)
+    robot = WalkerRobot((3, 3, 2), actuation=QUICK)
+    worlds = [Terrain(), Terrain(10.0), Terrain(-5.0, static_friction=0.9, kinetic_friction=0.4), Terrain.water()]
+    trial = Trial(worlds[0], Compute(threads=1))
+    alone = [robot.run(points, replace(trial, world=world)) for world in worlds]
+    batches, construct = [], LatticeEngine.__init__
+    monkeypatch.setattr(LatticeEngine, "__init__", lambda *a, **k: batches.append(1) or construct(*a, **k))
+    together = robot.run_in(points, worlds, trial)
+    assert len(batches) == 2 * len({design.connected[0].tobytes() for design in designs[:3]})  # on land, and in water
+    for one, other in zip(together, alone, strict=True):
+        for name in one.measures:
+            np.testing.assert_array_equal(one.measures[name], other.measures[name], err_msg=name)
+        assert one.status.tolist() == other.status.tolist() and one.reason.tolist() == other.reason.tolist()
+    assert [bool(reason) for reason in together[1].reason] == [False, False, False, True]
+    assert together[0].measures["distance"][0] != together[1].measures["distance"][0]
 
 
 @pytest.mark.kernels
