@@ -22,8 +22,7 @@ from robots.view.motion import Motion
 from robots.view.scene import GROUND
 from robots.view.uneven import around, nodes, tints, triangles
 from taichi_sim.base.arrays import Bytes, Floats
-from taichi_sim.base.claims import undone_if_it_fails
-from taichi_sim.base.files import write_bytes, write_text
+from taichi_sim.base.files import new_folder, write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
 # The corners of a box, 4 i + 2 j + k at the signs (i, j, k), in VTK's order: around the bottom, around the top.
@@ -77,16 +76,15 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
     if folder.exists():
         raise ValueError(f"folder: {folder} exists; name a new one")
     try:
-        (folder / "frames").mkdir(parents=True)
+        with new_folder(folder) as inside:
+            return _fill(motion, inside)
     except OSError as error:
         raise ValueError(f"folder: {folder} cannot be made ({error.strerror})") from None
-    with undone_if_it_fails() as made:
-        made.append(folder)
-        return _fill(motion, folder)
 
 
 def _fill(motion: Motion, folder: Path) -> int:
     """Write all files of a folder; the bytes."""
+    (folder / "frames").mkdir()
     colours, total, entries = colouring(motion), 0, []
     ground = _ground(motion)
     if ground is not None:

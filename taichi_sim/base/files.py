@@ -9,6 +9,7 @@ import json
 import math
 import os
 import platform
+import shutil
 import stat
 import threading
 import tokenize
@@ -48,7 +49,7 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
     Raises:
         OSError: if the disk refuses; ``path`` is then as it was.
     """
-    aside = path.with_name(f"{ASIDE}{os.getpid()}-{_machine()}-{threading.get_native_id()}-{path.name}")
+    aside = _aside(path)
     try:
         yield aside
         if not (if_changed and path.is_file() and path.read_bytes() == aside.read_bytes()):
@@ -60,14 +61,47 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
             aside.unlink(missing_ok=True)
 
 
+@contextlib.contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Give an empty folder to fill; once all is in it, it becomes ``path``, which must not exist.
+
+    So a kill leaves all of a folder or none of it, and aside what the next folder made beside it removes.
+
+    Raises:
+        OSError: if the disk refuses.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for left in path.parent.glob(f"{ASIDE}*-{_machine()}-*"):
+        _remove_if_cut_off(left)
+    aside = _aside(path)
+    aside.mkdir()
+    try:
+        yield aside
+        _sync(aside)
+        os.rename(aside, path)
+        _sync(path.parent)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
 def remove_cut_off(folder: Path) -> None:
     """Remove unfinished files below a folder whose processes were of this machine and have ended, if the disk lets."""
     with contextlib.suppress(OSError):
         for aside in folder.rglob(f"{ASIDE}*-{_machine()}-*"):
-            writer = aside.name.removeprefix(ASIDE).partition("-")[0]
-            if writer.isdecimal() and not _runs(int(writer)):
-                with contextlib.suppress(OSError):
-                    aside.unlink(missing_ok=True)
+            _remove_if_cut_off(aside)
+
+
+def _aside(path: Path) -> Path:
+    """Where this thread writes what will be at a path."""
+    return path.with_name(f"{ASIDE}{os.getpid()}-{_machine()}-{threading.get_native_id()}-{path.name}")
+
+
+def _remove_if_cut_off(aside: Path) -> None:
+    """Remove an unfinished file or folder of this machine if its process has ended, if the disk lets."""
+    writer = aside.name.removeprefix(ASIDE).partition("-")[0]
+    if writer.isdecimal() and not _runs(int(writer)):
+        with contextlib.suppress(OSError):
+            shutil.rmtree(aside) if aside.is_dir() and not aside.is_symlink() else aside.unlink(missing_ok=True)
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:

@@ -1,10 +1,15 @@
 """Each command that takes long, killed again and again: what it then leaves is what it leaves when nothing kills it."""
 
+import random
+import shutil
+import signal
+import subprocess
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 
 import pytest
-from kills import SHORTENED, killed_again_and_again, lasting, start
+from kills import SHORTENED, kill, killed_again_and_again, lasting, start
 from measurements import GRIPPING
 from small_pipeline import SEARCHES, write_task
 
@@ -52,6 +57,7 @@ COMMANDS = {
     ),
     "body-and-learning": Command("reproduce body-and-learning --budget small --quiet --out out", SHORTENED),
     "forgetting": Command("reproduce forgetting --budget small --quiet --out out", SHORTENED),
+    "jobs": Command("reproduce forgetting --budget small --jobs 2 --quiet --out out", SHORTENED),
 }
 
 
@@ -77,3 +83,32 @@ def test_25_kills_at_random_instants_change_nothing(tmp_path, name):
         left = lasting(folder, command.differ)
         assert sorted(left) == sorted(whole)
         assert [path for path in whole if left[path] != whole[path]] == []
+
+
+def _ended(process):
+    """Wait until it has ended well."""
+    said = process.communicate()[1]
+    assert process.returncode == 0, said
+
+
+def test_25_kills_leave_a_folder_for_paraview_whole_or_none(tmp_path):
+    """It has no part to go on with; what a kill leaves beside it, the next command removes."""
+    line = "view inching --columns 1 --repeats 1 --frames 300 --quiet --paraview out"
+    begun = time.monotonic()
+    _ended(start(line, folder=tmp_path))
+    seconds, whole = time.monotonic() - begun, lasting(tmp_path / "out")
+    rng, met, left = random.Random(1), 0, 0
+    for _ in range(KILLS):
+        shutil.rmtree(tmp_path / "out", ignore_errors=True)
+        process = start(line, folder=tmp_path)
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(rng.uniform(0.6 * seconds, seconds))
+        assert kill(process) == ""
+        met += process.returncode == -signal.SIGKILL
+        left += any(tmp_path.glob(".aside-*"))
+        assert not (tmp_path / "out").exists() or lasting(tmp_path / "out") == whole
+    print(f"{met} kills met a command of {seconds:.1f} s, {left} of them while it wrote")
+    assert left
+    shutil.rmtree(tmp_path / "out", ignore_errors=True)
+    _ended(start(line, folder=tmp_path))
+    assert lasting(tmp_path / "out") == whole and [path.name for path in tmp_path.iterdir()] == ["out"]

@@ -1,0 +1,53 @@
+"""Files and folders that are written whole or not at all."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from taichi_sim.base.files import ASIDE, _aside, new_folder, remove_cut_off
+
+
+def cut_off(path):
+    """What a process that has ended wrote aside for a path."""
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    return path.with_name(_aside(path).name.replace(str(os.getpid()), str(ended.pid), 1))
+
+
+def test_a_new_folder_takes_its_name_when_it_is_whole(tmp_path):
+    path = tmp_path / "above" / "new"
+    with new_folder(path) as inside:
+        (inside / "deep").mkdir()
+        (inside / "deep" / "file").write_text("content")
+        assert not path.exists() and inside.name.startswith(ASIDE)
+    assert (path / "deep" / "file").read_text() == "content"
+    assert [each.name for each in path.parent.iterdir()] == ["new"]
+
+
+def test_a_new_folder_that_fails_leaves_nothing(tmp_path):
+    with pytest.raises(KeyError), new_folder(tmp_path / "new") as inside:
+        (inside / "file").write_text("content")
+        raise KeyError
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_folder_that_has_come_meanwhile_is_not_replaced(tmp_path):
+    with pytest.raises(OSError, match="not empty"), new_folder(tmp_path / "new") as inside:
+        (inside / "file").write_text("mine")
+        (tmp_path / "new").mkdir()
+        (tmp_path / "new" / "file").write_text("theirs")
+    assert (tmp_path / "new" / "file").read_text() == "theirs"
+    assert [each.name for each in tmp_path.iterdir()] == ["new"]
+
+
+@pytest.mark.parametrize("remove", [remove_cut_off, lambda folder: new_folder(folder / "other").__enter__()])
+def test_folders_and_files_that_a_kill_cut_off_are_removed_and_others_are_not(tmp_path, remove):
+    folder, file, living = cut_off(tmp_path / "folder"), cut_off(tmp_path / "file"), _aside(tmp_path / "living")
+    (folder / "deep").mkdir(parents=True)
+    (folder / "deep" / "part").write_text("half")
+    file.write_text("half")
+    living.mkdir()
+    remove(tmp_path)
+    assert not folder.exists() and not file.exists() and living.exists()
