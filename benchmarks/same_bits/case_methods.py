@@ -15,7 +15,7 @@ LATER = {
     "hill-climb": ("bounds", "streams"),
     "genetic": ("patches",),
     "nes": ("minibatch_size", "judging"),
-    "race": ("lengthening",),
+    "race": ("returning",),
 }
 # Name of a case: method, settings, space, number of objectives.
 SEARCHES: dict[str, tuple[str, dict[str, Any], str, int]] = {

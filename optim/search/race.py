@@ -13,7 +13,7 @@ from optim.search.independent import IndependentSearches
 from optim.search.step_rules import Adam, free_variables
 from taichi_sim.base.arrays import Arrays, Floats, Indices
 
-LONGEST_ROUND = 10**9  # moves; more than any search makes
+NEAR = 0.05  # of the range of a variable: deviation of where climbers return
 
 
 @dataclass(eq=False, kw_only=True)
@@ -33,9 +33,10 @@ class GradientRace(IndependentSearches):
         climbers: C, at the start of a round.
         seed: of all random numbers.
         start: values by name with which every climber starts; the others are random.
-        moves: of the first round.
-        lengthening: moves of a round over those of the round before. A long search gains more by rounds that climb for
-            longer than by more of the same length.
+        moves: of a round.
+        returning: share of the climbers of later rounds that begin about the best design so far, within some ``NEAR``
+            of the ranges; the first of them at it. Steps are long again there (warm restarts: Loshchilov & Hutter,
+            ICLR 2017).
         halving: moves between two halvings; the last climber goes on alone.
         learning_rate: typical step at the start of a round [ranges of the variables].
         settling: part of the learning rate that is left at the end of a round.
@@ -50,7 +51,7 @@ class GradientRace(IndependentSearches):
 
     climbers: int = whole(8, 1, method.MOST_POINTS)
     moves: int = whole(100, 2)
-    lengthening: float = number(1.0, 1.0, 10.0)
+    returning: float = number(0.0, 0.0, 1.0)
     halving: int = whole(6, 1)
     learning_rate: float = positive(0.05, 1.0)
     settling: float = number(0.2, 0.0, 1.0)
@@ -62,6 +63,7 @@ class GradientRace(IndependentSearches):
         super().__post_init__()
         method.refuse_integers(self.space)
         self.relaxed = self.space.relaxed()
+        self.between = round(self.mixed * self.moves) if self.space.mixes else 0  # moves through mixtures
         shape = (self.climbers, self.space.size)
         self.steps = Adam(*shape, 1.0, self.clip)
         self.here, self.anchor, self.step = np.empty((3, *shape))
@@ -69,16 +71,6 @@ class GradientRace(IndependentSearches):
         self.racing = np.zeros(self.climbers, bool)
         self.move, self.round, self.judging = 0, 0, False
         self._begin()
-
-    @property
-    def length(self) -> int:
-        """Moves of this round."""
-        return min(round(self.moves * self.lengthening**self.round), LONGEST_ROUND)
-
-    @property
-    def between(self) -> int:
-        """Moves of this round through mixtures."""
-        return round(self.mixed * self.length) if self.space.mixes else 0
 
     @property
     def wants(self) -> method.Wants:
@@ -127,8 +119,10 @@ class GradientRace(IndependentSearches):
         return replace(super().result(), numbers=numbers)
 
     def _begin(self) -> None:
-        """Begin a round with climbers at random points."""
+        """Begin a round with climbers at random points, or about the best design."""
         self._start_anew(range(self.climbers))
+        if self.round and np.isfinite(self.scores).any():
+            self._return(range(round(self.returning * self.climbers)))
         self.racing[:], self.judging = True, self.between > 0
         self.steps.forget(np.ones(self.climbers, bool))
         self._leave()
@@ -139,6 +133,15 @@ class GradientRace(IndependentSearches):
         starts = np.reshape([self.relaxed.sample(rng, 1) for rng in rngs], (-1, self.space.size))
         starts = method.with_values(self.relaxed, starts, self.start)
         self.here[list(climbers)] = self.space.round(starts) if self.move >= self.between else starts
+
+    def _return(self, climbers: range) -> None:
+        """Put the first of some climbers at the best design so far, and the others about it."""
+        noises = [method.generator(self.seed, self.generation, c).normal(0.0, NEAR, self.space.size) for c in climbers]
+        noise = np.reshape(noises, (-1, self.space.size))
+        noise[:1] = 0.0
+        places = self.relaxed.bound(super().result().point + noise * self.space.span)
+        places = method.with_values(self.relaxed, places, self.start)
+        self.here[list(climbers)] = self.space.round(places) if self.move >= self.between else places
 
     def _leave(self) -> None:
         """Never go back to where climbers have been, as they are judged otherwise now."""
@@ -156,7 +159,7 @@ class GradientRace(IndependentSearches):
         free = free_variables(self.relaxed, self.here, gradients)
         if self.move >= self.between:  # what makes no difference stays, whatever led there before
             free &= gradients != 0
-        rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.length)
+        rate = self.learning_rate * (1 - (1 - self.settling) * self.move / self.moves)
         steps = rate * self.steps.steps(moved, gradients, free)
         self.anchor[moved], self.step[moved] = self.here[moved], steps[moved]
         self.scale = np.where(moved, np.minimum(1.0, 2 * self.scale), self.scale / 2)
@@ -168,7 +171,7 @@ class GradientRace(IndependentSearches):
     def _next_move(self) -> bool:
         """Count the move; whether true points shall be judged next."""
         self.move += 1
-        if self.move == self.length:
+        if self.move == self.moves:
             self.move, self.round = 0, self.round + 1
             self._begin()
             return self.judging

@@ -94,10 +94,10 @@ PROBLEMS = {
 # Where cells may be missing, and few gradients fit into the time; chosen on 12 x 8 x 4 cells of one tissue.
 QUICK: Mapping[str, Any] = {"climbers": 2, "halving": 4, "moves": 40, "mixed": 0.5, "learning_rate": 0.1}
 WHOLE: Mapping[str, Any] = {"climbers": 16, "halving": 4, "moves": 100}
-LONG: Mapping[str, Any] = {**WHOLE, "lengthening": 2.0}
+RETURNING: Mapping[str, Any] = {**WHOLE, "returning": 0.5}
 ARMS = {
     "race": Arm("gradient race", "race", WHOLE, True),
-    "race-long": Arm("gradient race, rounds that double", "race", LONG, True),
+    "race-back": Arm("gradient race, returning", "race", RETURNING, True),
     "race-quick": Arm("gradient race, short rounds", "race", QUICK, True),
     "genetic": Arm("genetic", "genetic", {"population": 32, "mutation": 0.1}),
     "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 1}),
@@ -122,7 +122,7 @@ class Comparison(Settings):
     times: tuple[float, ...] = (1.0, 4.0)
     seeds: Count = 5
     problems: tuple[str, ...] = ("ground-288", "ground-960", "water-288")
-    arms: tuple[str, ...] = tuple(name for name in ARMS if name != "race-long")
+    arms: tuple[str, ...] = tuple(name for name in ARMS if name != "race-back")
 
     @property
     def runs(self) -> list[tuple[str, str, int]]:

@@ -5,6 +5,7 @@ import pytest
 
 from optim.problem import Evaluation
 from optim.search import GradientRace, build_method
+from optim.search.race import NEAR
 from optim.space import Space, Variable
 
 CUBE = Space(tuple(Variable(f"x{i}", -1.0, 3.0) for i in range(6)))
@@ -67,17 +68,28 @@ def test_the_worse_half_gives_up_until_one_is_left():
     assert method.racing[best]
 
 
-def test_rounds_may_be_longer_than_the_one_before():
-    """The steps of each settle over its own length, and mixtures take their part of it."""
-    method = GradientRace(CUBE, climbers=4, moves=10, halving=2, lengthening=2.0)
-    asked = [count for _, _, count in run(method, hill, 10 + 20 + 40 + 1)]
-    for first, length in ((0, 10), (10, 20), (30, 40)):
-        assert asked[first : first + length] == [4, 4, 2, 2] + [1] * (length - 4)
-    assert asked[70] == 4 and method.round == 3 and method.length == 80
-    mixed = GradientRace(MIXED, climbers=1, moves=10, halving=10, mixed=0.5, sharpest=16.0, lengthening=1.5)
-    sharp = [sharp for wants, sharp, _ in run(mixed, bits, 10 + 15 + 5) if wants == "gradients"]
-    assert [each < np.inf for each in sharp[10:25]] == [True] * 8 + [False] * 7
-    assert sharp[10] == 1 and sharp[17] == pytest.approx(16)
+def test_later_rounds_may_return_to_the_best_design():
+    """The first climber to it, a share of the others about it, the rest anywhere; what is given stays."""
+    method = GradientRace(CUBE, climbers=8, moves=6, halving=2, returning=0.5, start={"x1": 0.25})
+    first = method.ask()
+    run(method, hill, 6)
+    best, places = method.result().point, method.ask()
+    assert method.round == 1 and len(places) == 8
+    best[1] = 0.25
+    np.testing.assert_array_equal(places[0], best)
+    away = np.abs(places - best).max(axis=1)
+    assert (away[1:4] > 0).all() and (away[1:4] < 4 * 5 * NEAR).all() and away[4:].min() > 4 * 5 * NEAR
+    assert (places[:, 1] == 0.25).all() and (first[:, 1] == 0.25).all()
+    usual = GradientRace(CUBE, climbers=8, moves=6, halving=2, start={"x1": 0.25})
+    run(usual, hill, 6)
+    np.testing.assert_array_equal(usual.ask()[4:], places[4:])
+    mixed = GradientRace(MIXED, climbers=2, moves=4, halving=2, returning=1.0)
+    while mixed.round == 0:
+        run(mixed, bits, 1)
+    assert np.array_equal(mixed.result().point, mixed.here[0]) and mixed.wants == "points"
+    lost = GradientRace(CUBE, climbers=2, moves=2, halving=2, returning=1.0)
+    run(lost, hill, 2, fails=lambda p: np.ones(len(p), bool))  # there is no best
+    assert np.isfinite(lost.ask()).all()
 
 
 def test_designs_become_sharper_and_then_true():
@@ -112,12 +124,12 @@ def test_failures_are_taken_back_and_never_win():
 
 def test_a_round_goes_on_exactly_where_it_was_interrupted():
     whole, first = (
-        build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5, "lengthening": 1.5})
+        build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5, "returning": 0.5})
         for _ in "ab"
     )
     run(whole, bits, 25)
     run(first, bits, 11)
-    again = build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5, "lengthening": 1.5})
+    again = build_method("race", MIXED, {"moves": 14, "halving": 3, "climbers": 4, "seed": 5, "returning": 0.5})
     again.restore({name: array.copy() for name, array in first.state().items()})
     run(again, bits, 14)
     for name, array in whole.state().items():
