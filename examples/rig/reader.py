@@ -23,27 +23,40 @@ def vent(why):
 
 
 def read(descriptor, answer):
-    """Follow a stream until it stops; vent, whatever ends it."""
-    rest, units, expected = b"", None, 0
+    """Follow a stream until it stops; vent, whatever ends it: also a fault of this program, or Ctrl-C."""
+    why = "the reader failed"
+    try:
+        why = follow(descriptor, answer)
+    finally:
+        vent(why)
+
+
+def follow(descriptor, answer):
+    """Set what a stream tells until it stops, is silent or makes no sense; returns why it ended."""
+    rest, units, lines_of_rig, expected = b"", None, 0, 0
     while True:
         if not select.select([descriptor], [], [], SILENCE)[0]:
-            return vent("silence")
+            return "silence"
         got = os.read(descriptor, 4096)
         if not got:
-            return vent("closed")
+            return "closed"
         *lines, rest = (rest + got).split(b"\n")
         for line in lines:
             try:
                 told = json.loads(line)
             except ValueError:
                 continue  # a line that was cut, or noise
+            if not isinstance(told, dict):
+                continue  # noise that happens to be JSON, such as a digit
             if "stop" in told:
-                return vent(told["stop"])
+                return told["stop"]
             if "stream" in told:
-                units, expected = told["units"], 0
+                units, lines_of_rig, expected = told["units"], len(told["channels"]), 0
             if "n" in told:
                 if units is None or told["n"] != expected:
-                    return vent(f"sample {expected} is missing")
+                    return f"sample {expected} is missing"
+                if len(told["p"]) != lines_of_rig:
+                    return f"sample {expected} has other lines"
                 set_pressures(told["p"], units)
                 answer(f"ok {told['n']}\n".encode())
                 expected += 1

@@ -34,9 +34,9 @@ COMMAND = Command(
         Option("units", "(default: kpa)", choices=("kpa", "psi"), default="kpa"),
         Option(
             "rig",
-            "dissertation, dissertation-gentle, or a TOML file with channels and limits (default: dissertation)",
+            "dissertation, dissertation-gentle, or a TOML file with channels and limits (default: that of a gait table "
+            "which is for a preset, else dissertation)",
             metavar="RIG",
-            default="dissertation",
         ),
         Option(
             "rate",
@@ -134,7 +134,7 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
     from robots.hardware import PneumaticRig, RigViolation, write_csv
     from robots.hardware.plain_files import write_c_header, write_plain
 
-    rig = PneumaticRig.load(args.rig)
+    rig = PneumaticRig.load(args.rig or _rig_of(args.source))
     settings: dict[str, Any] = {"rig": rig, "units": args.units, "on_violation": args.on_violation}
     if args.full_scale is not None:
         settings["full_scale"] = args.full_scale
@@ -160,6 +160,23 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
 
         save_gait_chart(table, args.plot)
     return _report(args, table, unsampled)
+
+
+def _rig_of(source: Path) -> str:
+    """The name of the rig that a table is for, whose pressures mean what they do there; else the usual one.
+
+    Raises:
+        ValueError: for a table of a rig that is no preset.
+    """
+    from robots.hardware import read_csv
+    from robots.hardware.rig import PRESETS
+
+    if source.suffix.lower() != ".csv":
+        return "dissertation"
+    name = read_csv(source).rig
+    if name not in PRESETS:
+        raise ValueError(f"rig: the table is for {name!r}, whose limits are not known; give its .toml file")
+    return name
 
 
 def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None) -> Report:

@@ -19,6 +19,7 @@ from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, number
 
+ABSOLUTE_VACUUM = -101.325  # gauge pressure of empty space below one atmosphere [kPa]
 RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
 PRESSURE_DECIMALS = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 LEVEL_DECIMALS = 6  # and of a level
@@ -53,7 +54,7 @@ class LineMap:
 
     simulated_pa: Positive = 12e3
     core_kpa: Positive = 50.0
-    flat_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
+    flat_kpa: Annotated[float, partial(number, low=ABSOLUTE_VACUUM, high=0.0)] = -80.0
     on_kpa: Actuators = (20.0,) * BLADDERS + (50.0,) * FEET
     off_kpa: Actuators = (0.0,) * BLADDERS + (-80.0,) * FEET
     ramp_pa: NotNegative = 0.0

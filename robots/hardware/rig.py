@@ -16,13 +16,14 @@ from typing import Annotated, Any, TypeVar
 
 import tomli_w
 
-from robots.hardware.line_map import RAMP_PA, LineMap
+from robots.hardware.line_map import ABSOLUTE_VACUUM, RAMP_PA, LineMap
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
 Described = TypeVar("Described", "Channel", LineMap)
 CHANNELS = ("core", *GaitSchedule.row_names)
+LONGEST_LAG = 3600.0  # [s]
 MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
 KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}
 UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
@@ -56,7 +57,7 @@ class Channel:
     maximum_kpa: Finite
     slew_kpa_per_s: Positive
     valve_delay_s: NotNegative = 0.0
-    lag_s: NotNegative = 0.0
+    lag_s: Annotated[float, partial(number, low=0.0, high=LONGEST_LAG, unit="s")] = 0.0
     resolution_kpa: NotNegative = 0.0
 
     def __post_init__(self) -> None:
@@ -85,7 +86,8 @@ class PneumaticRig:
     Attributes:
         name: for people.
         supply_kpa: pressure of the supply; no line can exceed it [kPa].
-        vacuum_kpa: pressure of the vacuum, negative, or 0 without one; no line can fall below it [kPa].
+        vacuum_kpa: pressure of the vacuum, negative, or 0 without one; no line can fall below it, nor it below
+            that of empty space [kPa].
         channels: in the order of :attr:`channel_names`: core, or several cores, bladders 1 to 8, feet 1 and 2.
         shortest_state_s: duration of a state in which nothing changes [s].
         line_map: pressures that lines take for what is simulated.
@@ -94,7 +96,7 @@ class PneumaticRig:
 
     name: str = "dissertation"
     supply_kpa: Positive = 50.0
-    vacuum_kpa: Annotated[float, partial(number, high=0.0)] = -80.0
+    vacuum_kpa: Annotated[float, partial(number, low=ABSOLUTE_VACUUM, high=0.0)] = -80.0
     channels: tuple[Channel, ...] = (_CORE,) + (_BLADDER,) * BLADDERS + (_FOOT,) * FEET
     shortest_state_s: Positive = 0.1
     line_map: LineMap = _MAP
@@ -147,6 +149,9 @@ class PneumaticRig:
         In a file ``[channels.bladder]`` is all bladders, ``[channels.bladder3]`` what differs in the third.
         With ``cores = 2`` it has two lines for cores: ``[channels.core]`` is both, ``[channels.core1]`` the first.
 
+        A file that gives no name is named as it is called, and none may take that of a preset with other values: tables
+        know their rig by its name.
+
         Raises:
             ValueError: for an unreadable file, an unknown name or a value that is not allowed.
         """
@@ -156,7 +161,10 @@ class PneumaticRig:
             raise ValueError(f"rig: '{source}' is neither a preset ({', '.join(PRESETS)}) nor a .toml file")
         text = read_text(source)
         try:
-            return _rig(tomllib.loads(text))
+            rig = _rig({"name": Path(source).stem} | tomllib.loads(text))
+            if PRESETS.get(rig.name, rig) != rig:
+                raise ValueError(f"name: {rig.name!r} is not allowed; it is a preset with other values, give another")
+            return rig
         except ValueError as error:  # syntax errors too
             raise ValueError(f"{source}: {error}") from None
 

@@ -157,13 +157,13 @@ def read_bytes(path: str | os.PathLike[str], largest: int = LARGEST) -> bytes:
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """Read a text in UTF-8.
+    """Read a text in UTF-8, without the mark of byte order that some editors and spreadsheets put before it.
 
     Raises:
         ValueError: if the file cannot be read or is no text.
     """
     try:
-        return content_of(path).decode()
+        return content_of(path).decode("utf-8-sig")
     except OSError as error:
         raise ValueError(f"{path}: cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:

@@ -47,6 +47,21 @@ def test_a_gait_table_is_a_gait(morpholab, folder, simulator):
     )
 
 
+def test_a_table_stays_one_for_its_rig(morpholab, folder):
+    """What has 35 kPa in its core has no more in other units or forms; a rig that is not known is asked for."""
+    assert morpholab("export rolling --rig dissertation-gentle --csv gentle.csv")[0] == 0
+    assert morpholab("export gentle.csv --csv again.csv --plain again.txt")[0] == 0
+    assert (folder / "again.csv").read_bytes() == (folder / "gentle.csv").read_bytes()
+    assert np.loadtxt(folder / "again.txt", delimiter=",")[:, 1].max() == 35
+    assert morpholab("export gentle.csv --rig dissertation --plain other.txt")[0] == 0
+    assert np.loadtxt(folder / "other.txt", delimiter=",")[:, 1].max() == 50
+    (folder / "mine.toml").write_text("supply_kpa = 60\n")
+    assert morpholab("export rolling --rig mine.toml --csv mine.csv")[0] == 0
+    code, _, error = morpholab("export mine.csv --plain mine.txt")
+    assert code == 2 and "rig: the table is for 'mine', whose limits are not known; give its .toml file" in error
+    assert morpholab("export mine.csv --rig mine.toml --plain mine.txt")[0] == 0
+
+
 def test_a_damaged_table_is_no_gait(morpholab, folder):
     export_csv(ROLLING, folder / "gait.csv")
     text = (folder / "gait.csv").read_text()

@@ -207,13 +207,24 @@ def test_the_python_reader_follows_and_vents(morpholab, folder):
     assert morpholab("play quick.csv --rig quick.toml --to s.jsonl --no-wait")[0] == 0
     lines = (folder / "s.jsonl").read_text().splitlines()
 
-    def read(text):
-        return subprocess.run([sys.executable, reader], input=text, capture_output=True, text=True, check=True).stdout
+    def read(text, check=True):
+        return subprocess.run([sys.executable, reader], input=text, capture_output=True, text=True, check=check).stdout
 
     said = read("\n".join(lines) + "\n").splitlines()
     assert said[-1] == "vent: end" and len(said) == len(lines) - 1 and said[5].startswith("kpa ")
     assert read("\n".join([*lines[:3], *lines[4:]]) + "\n").splitlines()[-1] == "vent: sample 2 is missing"
     assert read("\n".join(lines[:3]) + "\n" + lines[3][:9] + "?\n").splitlines()[-1] == "vent: closed"
+    noisy = "\n".join([*lines[:2], "7", "null", '"stop"', *lines[2:]]) + "\n"
+    assert read(noisy).splitlines() == said  # noise that is JSON
+    assert read("\n".join([*lines[:2], '{"n": 1}']) + "\n", check=False).splitlines()[-1] == "vent: the reader failed"
+    fewer = json.dumps({**json.loads(lines[2]), "p": [1.0]})
+    assert read("\n".join([*lines[:2], fewer]) + "\n").splitlines()[-1] == "vent: sample 1 has other lines"
+    process = subprocess.Popen([sys.executable, reader], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    process.stdin.write("\n".join(lines[:3]) + "\n")
+    process.stdin.flush()
+    assert process.stdout.readline().startswith("kpa ")
+    process.send_signal(signal.SIGINT)
+    assert process.communicate()[0].splitlines()[-1] == "vent: the reader failed"
 
 
 ARDUINO = """

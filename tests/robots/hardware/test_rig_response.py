@@ -98,8 +98,9 @@ def test_a_negative_lag_is_refused():
 
 
 def test_a_lag_survives_a_rigs_file(tmp_path):
-    rig_with(lag_s=0.25).save(tmp_path / "rig.toml")
-    assert PneumaticRig.load(tmp_path / "rig.toml").channels == rig_with(lag_s=0.25).channels
+    rig = replace(rig_with(lag_s=0.25), name="mine")
+    rig.save(tmp_path / "rig.toml")
+    assert PneumaticRig.load(tmp_path / "rig.toml") == rig
 
 
 @pytest.mark.kernels
