@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from optim.commands import (
     FAILED,
+    HungUp,
     Terminated,
     bench,
     calibrate,
@@ -127,7 +128,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _unprinted("", error)
     stdout = _stdout_to_stderr() if args.json else contextlib.nullcontext()
     try:
-        with _ended_by_sigterm(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
+        with _ended_by_signals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
             report = args.run(args)
         text = json.dumps(report.document, allow_nan=False) if args.json else report.text
     except KeyboardInterrupt as interrupt:
@@ -202,20 +203,23 @@ def _open_streams() -> None:
 
 
 @contextlib.contextmanager
-def _ended_by_sigterm() -> Iterator[None]:
-    """Let SIGTERM end a command as Ctrl-C does."""
+def _ended_by_signals() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, but for a SIGHUP that ``nohup`` lets it ignore."""
+    kinds = {signal.SIGTERM: Terminated, signal.SIGHUP: HungUp}
 
-    def end(*_: object) -> NoReturn:
-        raise Terminated
+    def end(number: int, _: object) -> NoReturn:
+        raise kinds[signal.Signals(number)]
 
     if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
         yield
         return
-    before = signal.signal(signal.SIGTERM, end)
+    heeded = [number for number in kinds if signal.getsignal(number) != signal.SIG_IGN]
+    before = {number: signal.signal(number, end) for number in heeded}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

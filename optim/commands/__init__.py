@@ -5,16 +5,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-FAILED, INTERRUPTED, TERMINATED = 1, 130, 143  # exit codes; the last two as shells report signals
+FAILED, HUNG_UP, INTERRUPTED, TERMINATED = 1, 129, 130, 143  # exit codes; the last three as shells report signals
+STOPPED = (HUNG_UP, INTERRUPTED, TERMINATED)
 
 
 class Terminated(KeyboardInterrupt):
     """The process was asked to end (SIGTERM), as clusters do before they kill; work ends as by Ctrl-C."""
 
 
+class HungUp(KeyboardInterrupt):
+    """The terminal was closed, or its connection lost (SIGHUP); work ends as by Ctrl-C."""
+
+
 def stopped_by(interrupt: KeyboardInterrupt) -> int:
     """The exit code of an interrupted command."""
-    return TERMINATED if isinstance(interrupt, Terminated) else INTERRUPTED
+    codes = {Terminated: TERMINATED, HungUp: HUNG_UP}
+    return next((code for kind, code in codes.items() if isinstance(interrupt, kind)), INTERRUPTED)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from optim.commands import INTERRUPTED, TERMINATED, Report
+from optim.commands import STOPPED, Report
 from optim.commands.options import Option, checked
 from optim.runs.config import folder_of_seed, folders_of_seeds, has_run
 
@@ -94,6 +94,6 @@ def search_each(args: argparse.Namespace, search: Callable[[argparse.Namespace],
         documents.append({"seed": seed, **(report.document if isinstance(report.document, dict) else {})})
         texts.append(report.text)
         code = max(code, report.code)
-        if report.code in (INTERRUPTED, TERMINATED):
+        if report.code in STOPPED:
             break
     return Report({"folder": str(args.out), "runs": documents}, "\n".join(texts), code)

@@ -75,7 +75,9 @@ class Link:
 
 @contextlib.contextmanager
 def serial_link(path: str, baud: int, ready: float = 0.0) -> Iterator[Link]:
-    """A serial device, set to eight bits without parity at a speed; its settings come back at the end.
+    """A serial device for this process alone, at a speed: eight bits, no parity, one stop bit, no flow control.
+
+    Its settings come back at the end.
 
     Args:
         path: of the device.
@@ -83,7 +85,7 @@ def serial_link(path: str, baud: int, ready: float = 0.0) -> Iterator[Link]:
         ready: how long the controller takes to start after the device was opened [s].
 
     Raises:
-        ValueError: if it cannot be opened or is no serial device.
+        ValueError: if it cannot be opened, is no serial device, or another player has it.
     """
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -92,10 +94,15 @@ def serial_link(path: str, baud: int, ready: float = 0.0) -> Iterator[Link]:
     try:
         if not os.isatty(descriptor):
             raise ValueError(f"port: {path} is no serial device; give --to for a file")
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)  # the system frees it when the process ends
+        except OSError:
+            raise ValueError(f"port: {path} is in use by another player; two would mix their lines") from None
         before = termios.tcgetattr(descriptor)
         tty.setraw(descriptor)
         settings = termios.tcgetattr(descriptor)
         settings[4] = settings[5] = getattr(termios, f"B{baud}")
+        settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS | termios.PARODD)  # whatever used the port before
         settings[2] |= termios.CLOCAL | termios.CREAD
         termios.tcsetattr(descriptor, termios.TCSANOW, settings)
         try:

@@ -23,6 +23,8 @@ from taichi_sim.base.files import read_text
 
 VERSION = "morpholab-stream-1"
 USUAL_RATE = 20.0  # of tables whose rows are corners [Hz]
+SLOWEST_VENTING = 5.0  # samples per second [Hz]
+_DIGIT = 1e-8  # of a number in a file, as part of it: nine digits are written
 _EXCESS = 1e-3  # of limits, as part of them: rounding of the file
 
 
@@ -91,7 +93,7 @@ class CommaLines:
 
     def sample(self, sample: Sample) -> str:
         """The line of a sample."""
-        values = [f"{_rounded(value):g}" for value in sample.pressures]
+        values = [np.format_float_positional(_rounded(value), trim="-") for value in sample.pressures]
         return ",".join(["S", str(sample.number), f"{sample.time_s:.6f}", sample.section, *values])
 
     def heartbeat(self, number: int) -> str:
@@ -167,18 +169,21 @@ class Stream:
         return Sample(number, time, section, tuple(float(np.interp(place, times, line)) for line in lines))
 
     def venting(self, last: Sample) -> Iterator[Sample]:
-        """Samples from a last one to lines without pressure, each line as fast as it and its limit of rate allow."""
+        """Samples from a last one to lines without pressure, each line as fast as it and its limit of rate allow.
+
+        They come at the stream's rate, but at least at ``SLOWEST_VENTING``: nobody waits for the next slow sample.
+        """
         kpa = np.array(last.pressures) * KPA_PER_UNIT[self.table.units]
         strokes = [
             max(channel.fall_s if value > 0 else channel.rise_s, abs(value) / channel.slew_kpa_per_s) if value else 0.0
             for value, channel in zip(kpa, self.rig.channels, strict=False)
         ]
-        lasting = np.array(strokes)
-        steps = int(np.ceil(max(lasting.max(), 0.0) * self.rate - 1e-9))
+        lasting, rate = np.array(strokes), max(self.rate, SLOWEST_VENTING)
+        steps = int(np.ceil(max(lasting.max(), 0.0) * rate - 1e-9))
         for step in range(1, steps + 1):
-            left = np.clip(1 - step / self.rate / np.maximum(lasting, 1e-9), 0.0, 1.0)
+            left = np.clip(1 - step / rate / np.maximum(lasting, 1e-9), 0.0, 1.0)
             pressures = tuple((np.array(last.pressures) * left).tolist())
-            yield Sample(last.number + step, last.time_s + step / self.rate, "vent", pressures)
+            yield Sample(last.number + step, last.time_s + step / rate, "vent", pressures)
 
     def extremes(self) -> list[tuple[str, float, float, float, float]]:
         """Of every channel its name, lowest and highest pressure, and the rig's lowest and highest, in its units."""
@@ -242,10 +247,12 @@ def _check_limits(stream: Stream) -> None:
         _refuse_beyond(line < least - slack, line, table.times, f"{name}: {{}} {unit}", f"{least:.6g} {unit}")
         limit = stream.rig.channels[column].slew_kpa_per_s / KPA_PER_UNIT[table.units]
         lasting = np.diff(table.times)
-        slopes = np.abs(np.diff(line)) / np.maximum(lasting, 1e-9)
-        jumps = np.abs(np.diff(line)) > slack
-        told = f"{name}: {{}} {unit}/s"
-        _refuse_beyond(jumps & (slopes > limit * (1 + _EXCESS)), slopes, table.times, told, f"{limit:.6g} {unit}/s")
+        steps = np.abs(np.diff(line))
+        slopes, told = steps / np.maximum(lasting, 1e-9), f"{name}: {{}} {unit}/s"
+        rounded = _DIGIT * (2 * np.abs(line).max() + limit * 2 * np.abs(table.times).max())
+        _refuse_beyond(
+            steps > limit * lasting * (1 + _EXCESS) + rounded, slopes, table.times, told, f"{limit:.6g} {unit}/s"
+        )
 
 
 def _refuse_beyond(beyond: np.ndarray, values: Floats, times: Floats, told: str, limit: str) -> None:

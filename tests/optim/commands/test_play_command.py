@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import termios
 import threading
 import time
 from pathlib import Path
@@ -16,8 +17,8 @@ import pytest
 from worker_checks import heed_interrupts
 
 from robots.hardware import PneumaticRig, export_csv, read_csv
-from robots.hardware.controller import check_baud
-from robots.hardware.stream import JsonLines, stream_of
+from robots.hardware.controller import check_baud, serial_link
+from robots.hardware.stream import CommaLines, JsonLines, Sample, stream_of
 from robots.inflatable import ROLLING
 
 ROOT = Path(__file__).parents[3]
@@ -124,7 +125,9 @@ def test_samples_lie_on_the_rows(folder):
 
 
 @pytest.mark.long
-def test_an_interruption_vents(folder):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGHUP, 129)])
+def test_an_interruption_vents(folder, number, code):
+    """Ctrl-C, and a terminal that is closed."""
     controller = Controller()
     command = [sys.executable, "-m", "optim.cli", "play", "quick.csv", "--port", controller.path, "--ready", "0"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -137,9 +140,9 @@ def test_an_interruption_vents(folder):
         preexec_fn=heed_interrupts,
     )
     controller.wait_for('"main"')
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, error = process.communicate(timeout=60)
-    assert process.returncode == 130 and error.count("\n") == 1
+    assert process.returncode == code and error.count("\n") == 1
     controller.wait_for("stop")
     whole = [json.loads(line) for _, line in controller.lines if line.endswith("}")]
     samples = [line for line in whole if "n" in line]
@@ -195,6 +198,54 @@ def test_what_is_refused(morpholab, folder, options, told):
     (folder / "weak.toml").write_text("[channels.bladder]\nmaximum_kpa = 15.0\n")
     code, _, error = morpholab(f"play {options}")
     assert code == 2 and told in error and error.count("\n") == 1
+
+
+def test_a_slow_stream_vents_quickly(folder):
+    """As fast as lines and their limits of rate allow, not at its own next samples."""
+    table = read_csv(folder / "gait.csv")
+    stream = stream_of(table, rate=0.1)
+    last = next(sample for sample in stream if sample.pressures[0] > 40)
+    venting = list(stream.venting(last))
+    fall = PneumaticRig().channels[0].fall_s
+    assert venting[0].time_s - last.time_s == pytest.approx(0.2)
+    assert venting[-1].time_s - last.time_s == pytest.approx(fall, abs=0.2) and not any(venting[-1].pressures)
+    quick = stream_of(table, rate=50.0)
+    assert next(quick.venting(last)).time_s - last.time_s == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("rate", [0.3, 7.0, 50.0, 500.0, 1000.0])
+def test_a_limit_of_rate_holds_at_every_rate_of_samples(folder, rate):
+    """Steps of a table of many samples are small, and as fast; what is written for a rig is not too fast for it."""
+    (folder / "slow.toml").write_text(
+        "[channels.core]\nslew_kpa_per_s = 5.0\n[channels.bladder]\nslew_kpa_per_s = 5.0\n"
+    )
+    slow = PneumaticRig.load(folder / "slow.toml")
+    export_csv(ROLLING, folder / "fast.csv", rate=rate)
+    stream_of(read_csv(folder / "fast.csv"))
+    if rate > 1:
+        with pytest.raises(ValueError, match=r"^core: 10\.6\d* kPa/s at .* the rig's limit is 5 kPa/s"):
+            stream_of(read_csv(folder / "fast.csv"), slow)
+    export_csv(ROLLING, folder / "slow.csv", slow, rate=rate, on_violation="clip")
+    stream_of(read_csv(folder / "slow.csv"), slow)
+
+
+def test_numbers_between_commas_have_four_decimals():
+    sample = Sample(3, 0.15, "main", (123.45678, -101.325, -0.00001, 12.0, 1234.56789))
+    assert CommaLines().sample(sample) == "S,3,0.150000,main,123.4568,-101.325,0,12,1234.5679"
+
+
+def test_a_port_is_set_up_whatever_used_it_and_taken_by_one_player(morpholab, folder):
+    """One stop bit, no flow control; two players would mix their lines."""
+    end, own = pty.openpty()
+    path, settings = os.ttyname(own), termios.tcgetattr(own)
+    settings[2] |= termios.CSTOPB | termios.CRTSCTS | termios.PARODD
+    termios.tcsetattr(own, termios.TCSANOW, settings)
+    with serial_link(path, 115200):
+        assert not termios.tcgetattr(own)[2] & (termios.CSTOPB | termios.CRTSCTS | termios.PARODD | termios.PARENB)
+        code, _, error = morpholab(f"play gait.csv --port {path} --ready 0")
+        assert code == 2 and f"port: {path} is in use by another player" in error and error.count("\n") == 1
+    assert termios.tcgetattr(own)[2] & termios.CSTOPB
+    os.close(end)
 
 
 def test_a_slow_line_is_refused(folder):
