@@ -65,7 +65,7 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
 def new_folder(path: Path) -> Iterator[Path]:
     """Give an empty folder to fill; once all is in it, it becomes ``path``, which must not exist.
 
-    So a kill leaves all of a folder or none of it, and aside what the next folder made beside it removes.
+    A kill leaves all of the folder or none of it. What it leaves aside, the next new folder beside it removes.
 
     Raises:
         OSError: if the disk refuses.
