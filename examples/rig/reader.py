@@ -7,6 +7,7 @@ speed of the device before: stty -F /dev/ttyUSB1 115200 raw).
 import json
 import os
 import select
+import signal
 import sys
 
 SILENCE = 2.0  # after which lines are vented [s]; heartbeats come every half second
@@ -23,10 +24,15 @@ def vent(why):
 
 
 def read(descriptor, answer):
-    """Follow a stream until it stops; vent, whatever ends it: also a fault of this program, or Ctrl-C."""
+    """Follow a stream until it stops; vent, whatever ends it but SIGKILL: a fault of this program and signals, too."""
     why = "the reader failed"
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: sys.exit(1))  # through the vent below
     try:
         why = follow(descriptor, answer)
+    except (KeyboardInterrupt, SystemExit):
+        why = "interrupted"
+        raise
     finally:
         vent(why)
 

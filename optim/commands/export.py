@@ -14,6 +14,7 @@ from optim.wording import counted
 from robots.robot import Robot, robot_to_try
 
 if TYPE_CHECKING:
+    from robots.hardware.rig import PneumaticRig
     from robots.hardware.rig_table import RigTable
 
 REFUSED = 2  # exit code, as of other input that is not allowed
@@ -131,10 +132,10 @@ def _write_bodies(args: argparse.Namespace, robot: Robot) -> tuple[dict[str, Any
 
 def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Report:
     """Write the table and its picture, or tell what would be written."""
-    from robots.hardware import PneumaticRig, RigViolation, write_csv
+    from robots.hardware import RigViolation, write_csv
     from robots.hardware.plain_files import write_c_header, write_plain
 
-    rig = PneumaticRig.load(args.rig or _rig_of(args.source))
+    rig = _rig_of(args)
     settings: dict[str, Any] = {"rig": rig, "units": args.units, "on_violation": args.on_violation}
     if args.full_scale is not None:
         settings["full_scale"] = args.full_scale
@@ -162,21 +163,15 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
     return _report(args, table, unsampled)
 
 
-def _rig_of(source: Path) -> str:
-    """The name of the rig that a table is for, whose pressures mean what they do there; else the usual one.
-
-    Raises:
-        ValueError: for a table of a rig that is no preset.
-    """
+def _rig_of(args: argparse.Namespace) -> "PneumaticRig":
+    """The rig that is asked for; else that of a table, whose pressures mean what they do there; else the usual one."""
     from robots.hardware import read_csv
-    from robots.hardware.rig import PRESETS
+    from robots.hardware.rig import PneumaticRig
+    from robots.hardware.stream import rig_of_table
 
-    if source.suffix.lower() != ".csv":
-        return "dissertation"
-    name = read_csv(source).rig
-    if name not in PRESETS:
-        raise ValueError(f"rig: the table is for {name!r}, whose limits are not known; give its .toml file")
-    return name
+    if args.rig is None and args.source.suffix.lower() == ".csv":
+        return rig_of_table(read_csv(args.source))
+    return PneumaticRig.load(args.rig or "dissertation")
 
 
 def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None) -> Report:

@@ -63,7 +63,7 @@ def read_table(path: Path) -> tuple[list[str], list[list[str]]]:
     """
     try:
         content = content_of(path)
-        text = (unzipped(content) if path.suffix == ".gz" else content).decode()
+        text = (unzipped(content) if path.suffix == ".gz" else content).decode("utf-8-sig")
     except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or "it is damaged"
         raise ValueError(f"{path}: cannot be read ({reason})") from None

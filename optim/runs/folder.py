@@ -194,8 +194,10 @@ def open_run(
         try:
             path.mkdir(parents=True, exist_ok=True)
             stack.enter_context(locked(path))
-            for aside in path.glob(f"{files.ASIDE}*"):  # of writes that were cut off
-                aside.unlink()
+            for aside in path.glob(f"{files.ASIDE}*"):  # of writes that were cut off; folders are not the run's
+                if not aside.is_dir():
+                    aside.unlink()
+            files.remove_cut_off(path)
             resolved = _settle(path, config, resume, environment or {})
         except OSError as error:
             raise ValueError(f"out: {path} cannot be written ({error.strerror})") from None

@@ -1,5 +1,6 @@
 """Gradient ascent for many variables: a race of climbers that ends in one, through ever truer designs."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -21,9 +22,10 @@ class GradientRace(IndependentSearches):
     """Rounds of C climbers that follow gradients; every few moves the worse half of them gives up.
 
     So most gradients are spent on starts that turned out well (successive halving: Jamieson & Talwalkar, AISTATS 2016).
-    A round begins at random points. Where variables are binary, or say that they mix designs, the climbers go through
-    mixtures that become ever sharper, from 1 to ``sharpest``; then they are rounded and go on as true
-    designs, whose binary variables stay (continuation: Wang, Lazarov & Sigmund, Struct. Multidisc. Optim. 43, 2011).
+    A round begins at random points, later ones partly about the best design (``returning``). Where variables are
+    binary, or say that they mix designs, the climbers go through mixtures that become ever sharper, from 1 to
+    ``sharpest``; then they are rounded and go on as true designs, whose binary variables stay (continuation: Wang,
+    Lazarov & Sigmund, Struct. Multidisc. Optim. 43, 2011).
     Only true designs are results: also those next to the climbers, judged at the start and every few moves.
 
     A point that failed, or whose gradient did, is taken back half way to the last that did not; without such a point,
@@ -34,9 +36,9 @@ class GradientRace(IndependentSearches):
         seed: of all random numbers.
         start: values by name with which every climber starts; the others are random.
         moves: of a round.
-        returning: share of the climbers of later rounds that begin about the best design so far, within some ``NEAR``
-            of the ranges; the first of them at it. Steps are long again there (warm restarts: Loshchilov & Hutter,
-            ICLR 2017).
+        returning: share of the climbers of later rounds, rounded up, that begin about the best design so far, with a
+            standard deviation of ``NEAR`` of each range; the first of them at it. Steps are long again there (warm
+            restarts: Loshchilov & Hutter, ICLR 2017).
         halving: moves between two halvings; the last climber goes on alone.
         learning_rate: typical step at the start of a round [ranges of the variables].
         settling: part of the learning rate that is left at the end of a round.
@@ -122,7 +124,7 @@ class GradientRace(IndependentSearches):
         """Begin a round with climbers at random points, or about the best design."""
         self._start_anew(range(self.climbers))
         if self.round and np.isfinite(self.scores).any():
-            self._return(range(round(self.returning * self.climbers)))
+            self._return(range(math.ceil(self.returning * self.climbers)))
         self.racing[:], self.judging = True, self.between > 0
         self.steps.forget(np.ones(self.climbers, bool))
         self._leave()

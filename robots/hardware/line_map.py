@@ -19,7 +19,7 @@ from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, number
 
-ABSOLUTE_VACUUM = -101.325  # gauge pressure of empty space below one atmosphere [kPa]
+ABSOLUTE_VACUUM = -101.4  # a little below the gauge pressure of empty space, which people round: -14.7 psi [kPa]
 RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
 PRESSURE_DECIMALS = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 LEVEL_DECIMALS = 6  # and of a level

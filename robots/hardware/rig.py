@@ -163,7 +163,8 @@ class PneumaticRig:
         try:
             rig = _rig({"name": Path(source).stem} | tomllib.loads(text))
             if PRESETS.get(rig.name, rig) != rig:
-                raise ValueError(f"name: {rig.name!r} is not allowed; it is a preset with other values, give another")
+                told = "it is a preset with other values, write another name = into the file"
+                raise ValueError(f"name: {rig.name!r} is not allowed; {told}")
             return rig
         except ValueError as error:  # syntax errors too
             raise ValueError(f"{source}: {error}") from None
@@ -222,7 +223,7 @@ def _built(data: dict[str, Any], units: str) -> PneumaticRig:
         for name in several.get(table, (table,)):
             channels[name] = _changed(channels[name], table, tables[table])
     line_map = _changed(LineMap(), "map", data.pop("map", {}))  # files that say no ramp have none
-    simple = {"name": "unnamed", **{name: value for name, value in data.items() if name != "units"}}
+    simple = {name: value for name, value in data.items() if name != "units"}
     return replace(default, channels=tuple(channels.values()), line_map=line_map, units=units, **simple)
 
 

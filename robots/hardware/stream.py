@@ -202,6 +202,17 @@ class Stream:
         return {name: (self.table.times[rows], self.table.pressures[rows].T) for name, rows in found.items()}
 
 
+def rig_of_table(table: RigTable) -> PneumaticRig:
+    """The preset that a table is for.
+
+    Raises:
+        ValueError: for a table of a rig that is no preset.
+    """
+    if table.rig not in PRESETS:
+        raise ValueError(f"rig: the table is for {table.rig!r}, whose limits are not known; give its .toml file")
+    return PRESETS[table.rig]
+
+
 def stream_of(
     table: RigTable, rig: PneumaticRig | None = None, *, loops: int | None = None, rate: float | None = None
 ) -> Stream:
@@ -216,10 +227,7 @@ def stream_of(
     Raises:
         ValueError: if the table exceeds limits of the rig, in the table's units, or names a rig that is not known.
     """
-    if rig is None:
-        if table.rig not in PRESETS:
-            raise ValueError(f"rig: the table is for {table.rig!r}, whose limits are not known; give its .toml file")
-        rig = PRESETS[table.rig]
+    rig = rig or rig_of_table(table)
     if (lines := table.pressures.shape[1]) != len(rig.channels):
         raise ValueError(f"rig: {rig.name} has {len(rig.channels)} lines, the table has {lines}")
     stream = Stream(table, rig, table.loops if loops is None else loops, rate or table.rate or USUAL_RATE)

@@ -74,6 +74,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     for left in path.parent.glob(f"{ASIDE}*-{_machine()}-*"):
         _remove_if_cut_off(left)
     aside = _aside(path)
+    shutil.rmtree(aside, ignore_errors=True)  # of a killed process that had this one's number
     aside.mkdir()
     try:
         yield aside

@@ -83,8 +83,9 @@ def lives(pid):
 
 
 def heed_interrupts():
-    """Have a child process end at Ctrl-C, also where tests run as a shell's background job, which ignores it."""
+    """Have a child process end at Ctrl-C and SIGHUP, also where tests run in the background or under ``nohup``."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def stopped(folder, backend, how):

@@ -122,7 +122,7 @@ class Comparison(Settings):
     times: tuple[float, ...] = (1.0, 4.0)
     seeds: Count = 5
     problems: tuple[str, ...] = ("ground-288", "ground-960", "water-288")
-    arms: tuple[str, ...] = tuple(name for name in ARMS if name != "race-back")
+    arms: tuple[str, ...] = ("race", "race-quick", "genetic", "hill-climb", "nes", "cma")
 
     @property
     def runs(self) -> list[tuple[str, str, int]]:

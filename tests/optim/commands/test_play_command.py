@@ -270,12 +270,16 @@ def test_the_python_reader_follows_and_vents(morpholab, folder):
     assert read("\n".join([*lines[:2], '{"n": 1}']) + "\n", check=False).splitlines()[-1] == "vent: the reader failed"
     fewer = json.dumps({**json.loads(lines[2]), "p": [1.0]})
     assert read("\n".join([*lines[:2], fewer]) + "\n").splitlines()[-1] == "vent: sample 1 has other lines"
-    process = subprocess.Popen([sys.executable, reader], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    process.stdin.write("\n".join(lines[:3]) + "\n")
-    process.stdin.flush()
-    assert process.stdout.readline().startswith("kpa ")
-    process.send_signal(signal.SIGINT)
-    assert process.communicate()[0].splitlines()[-1] == "vent: the reader failed"
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+        environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+        process = subprocess.Popen([sys.executable, reader], **streams, text=True, env=environment)
+        process.stdin.write("\n".join(lines[:3]) + "\n")
+        process.stdin.flush()
+        assert process.stdout.readline().startswith("kpa ")
+        process.send_signal(number)
+        assert process.stdout.read().splitlines()[-1] == "vent: interrupted"  # before its input is closed
+        process.communicate()
 
 
 ARDUINO = """

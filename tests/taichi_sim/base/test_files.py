@@ -33,6 +33,16 @@ def test_a_new_folder_that_fails_leaves_nothing(tmp_path):
     assert not any(tmp_path.iterdir())
 
 
+def test_what_a_killed_process_of_the_same_number_left_is_no_hindrance(tmp_path):
+    """As in a container that starts again, in which a command has always the same number."""
+    left = _aside(tmp_path / "new")
+    left.mkdir()
+    (left / "half").write_text("old")
+    with new_folder(tmp_path / "new") as inside:
+        (inside / "file").write_text("content")
+    assert [path.name for path in (tmp_path / "new").iterdir()] == ["file"]
+
+
 def test_a_folder_that_has_come_meanwhile_is_not_replaced(tmp_path):
     with pytest.raises(OSError, match="not empty"), new_folder(tmp_path / "new") as inside:
         (inside / "file").write_text("mine")
@@ -51,3 +61,18 @@ def test_folders_and_files_that_a_kill_cut_off_are_removed_and_others_are_not(tm
     living.mkdir()
     remove(tmp_path)
     assert not folder.exists() and not file.exists() and living.exists()
+
+
+def test_a_run_goes_on_beside_a_folder_that_is_being_written_in_it(tmp_path):
+    """Such as one for ParaView; that of a killed process goes."""
+    from optim.runs.folder import open_run
+
+    config = {"problem": {"name": "any"}, "method": {"name": "genetic"}, "generations": 2}
+    for _ in "ab":
+        with open_run(tmp_path / "run", config, resume=True):
+            pass
+        living, left = _aside(tmp_path / "run" / "view"), cut_off(tmp_path / "run" / "view")
+        living.mkdir(exist_ok=True)
+        left.mkdir()
+    with open_run(tmp_path / "run", config, resume=True):
+        assert living.exists() and not left.exists()

@@ -85,7 +85,8 @@ def starts_of(
     """
     known = [dict(zip(problem.space.names, _points(problem, [wave])[0].tolist(), strict=True))]
     known += [problem.start_values(design) for design in below]
-    return [begun_at(each, column) for each in known for column in range(settings.begins)]
+    starts = [begun_at(each, column) for each in known for column in range(settings.begins)]
+    return [start for n, start in enumerate(starts) if start not in starts[:n]]  # waves may repeat themselves
 
 
 def best_start(

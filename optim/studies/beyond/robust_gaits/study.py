@@ -3,10 +3,11 @@
 On each slope the lab searches for a gait whose *worst* draw is fast. A draw scales the friction of the floor, how far
 every bladder goes and how long strokes last, and tilts the ground. First, every wave around the ring of bladders, with
 at most so many full ones at a time, is played once, in both directions (*screen*). The best, or the gait of the slope
-below if that is better here, begins a genetic search of levels, shift, feet and settling under draws (*robust*), and
-one of the same cost without (*nominal*): so gaits are led up. All that is found, and the gaits that were made by hand,
-are then played in double precision under the same draws, which no search has seen. Speeds are of the time simulated,
-without pneumatic lag.
+below, begun at whichever of its columns is best here, begins a genetic search of levels, shift, feet and settling under
+draws (*robust*), and one of the same cost without (*nominal*): so gaits are led up; to choose a start comes on top. All
+that is found, and the gaits that were made by hand, are then played in double precision under the same draws, which no
+search has seen, without pneumatic lag. What the searches of a slope found is played through a rig as well, whose lines
+lag. Speeds are of the time simulated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,7 +52,7 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
     saved = {name: (load_design(folder / GAITS / f"{file_of(name)}.json"), slope) for name, (_, slope) in gaits.items()}
     draws = judged(settings, parts, saved, threads, part_of(progress, 70, 100, 25))
     write_records(folder / DRAWS, draws)
-    searched = {name: saved[name] for name in gaits if name.startswith(("robust", "nominal")) and " on " not in name}
+    searched = {f"{kind} {s:g}°": saved[f"{kind} {s:g}°"] for kind in ("robust", "nominal") for s in found[kind]}
     rig = on_rig(settings, parts, searched, threads, part_of(progress, 95, 100, 5))
     write_records(folder / RIG, rig)
     designs = {name: design for name, (design, _) in saved.items()}
