@@ -16,7 +16,8 @@ of robot join when the command line names the robot: `morpholab codesign --robot
 
 Every command takes `--json`: it then prints one JSON document, and nothing else, on standard output. Exit codes: 0; 2
 for bad input, told in one line before any work; 1 for work that failed; 130 when interrupted; 143 when asked to end
-(SIGTERM); 141 when nobody reads the output any more. `MORPHOLAB_DEBUG=1` shows the traceback of an error.
+(SIGTERM); 129 when the terminal was closed (SIGHUP); 141 when nobody reads the output any more.
+`MORPHOLAB_DEBUG=1` shows the traceback of an error.
 
 | command | does |
 | --- | --- |
