@@ -208,9 +208,8 @@ def _ended_by_signals() -> Iterator[None]:
     kinds = {signal.SIGTERM: Terminated, signal.SIGHUP: HungUp}
 
     def end(number: int, _: object) -> NoReturn:
-        if (
-            number == signal.SIGHUP
-        ):  # shell and kernel may both send one; a second must not cut short what ends the work
+        if number == signal.SIGHUP:
+            # Shell and kernel may both send one; the second must not cut short what ends the work.
             signal.signal(number, signal.SIG_IGN)
         raise kinds[signal.Signals(number)]
 

@@ -12,15 +12,18 @@ STOPPED = (HUNG_UP, INTERRUPTED, TERMINATED)
 class Terminated(KeyboardInterrupt):
     """The process was asked to end (SIGTERM), as clusters do before they kill; work ends as by Ctrl-C."""
 
+    code = TERMINATED
+
 
 class HungUp(KeyboardInterrupt):
     """The terminal was closed, or its connection lost (SIGHUP); work ends as by Ctrl-C."""
 
+    code = HUNG_UP
+
 
 def stopped_by(interrupt: KeyboardInterrupt) -> int:
     """The exit code of an interrupted command."""
-    codes = {Terminated: TERMINATED, HungUp: HUNG_UP}
-    return next((code for kind, code in codes.items() if isinstance(interrupt, kind)), INTERRUPTED)
+    return interrupt.code if isinstance(interrupt, Terminated | HungUp) else INTERRUPTED
 
 
 @dataclass(frozen=True)

@@ -132,16 +132,17 @@ class GradientRace(IndependentSearches):
     def _start_anew(self, climbers: Sequence[int]) -> None:
         """Put some climbers at random points; those that fail there are put elsewhere in the next generation."""
         rngs = [method.generator(self.seed, self.generation, climber) for climber in climbers]
-        starts = np.reshape([self.relaxed.sample(rng, 1) for rng in rngs], (-1, self.space.size))
-        starts = method.with_values(self.relaxed, starts, self.start)
-        self.here[list(climbers)] = self.space.round(starts) if self.move >= self.between else starts
+        self._put(climbers, np.reshape([self.relaxed.sample(rng, 1) for rng in rngs], (-1, self.space.size)))
 
     def _return(self, climbers: range) -> None:
         """Put the first of some climbers at the best design so far, and the others about it."""
         noises = [method.generator(self.seed, self.generation, c).normal(0.0, NEAR, self.space.size) for c in climbers]
         noise = np.reshape(noises, (-1, self.space.size))
         noise[:1] = 0.0
-        places = self.relaxed.bound(super().result().point + noise * self.space.span)
+        self._put(climbers, self.relaxed.bound(super().result().point + noise * self.space.span))
+
+    def _put(self, climbers: Sequence[int], places: Floats) -> None:
+        """Put some climbers at places, one each, with the values that are given; rounded where designs are true."""
         places = method.with_values(self.relaxed, places, self.start)
         self.here[list(climbers)] = self.space.round(places) if self.move >= self.between else places
 

@@ -248,12 +248,14 @@ def simulate_in(
             mine.append((np.array(members), outcome.result))
     names, time_step = [m.name for m in measures_of(False)], walker_cycle(drive, tissue).time_step
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
-    results = [assembled(mine, reason, time_step, names, {}) for mine in parts]
-    speeds = [result.distance / lengths * drive.frequency / drive.cycles for result in results]
-    return [
-        replace(result, measures={**result.measures, "speed": speed})
-        for result, speed in zip(results, speeds, strict=True)
-    ]
+
+    def whole(mine: list[tuple[Ints, LatticeRobotResult]]) -> LatticeRobotResult:
+        """The result in a world, with speeds in lengths of the lattice."""
+        result = assembled(mine, reason, time_step, names, {})
+        speed = result.distance / lengths * drive.frequency / drive.cycles
+        return replace(result, measures={**result.measures, "speed": speed})
+
+    return [whole(mine) for mine in parts]
 
 
 def _batch(

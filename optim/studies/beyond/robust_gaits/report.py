@@ -156,14 +156,14 @@ def draw(rows: Sequence[Record], draws: Sequence[Record], path: Path) -> None:
     most = max(sum(row["slope"] == slope for row in rows) for slope in slopes)
     with figure(path, PAGE, 3.0, ncols=len(slopes), sharey=True) as (_, panels):
         for axes, slope in zip(panels[0], slopes, strict=True):
-            here = [kinds[row["gait"]] for row in rows if row["slope"] == slope]
-            for place, row in enumerate(row for row in rows if row["slope"] == slope):
-                each = [d["speed"] for d in draws if d["gait"] == row["gait"] and d["draw"] >= 0]
+            here = [row["gait"] for row in rows if row["slope"] == slope]
+            for place, gait in enumerate(here):
+                each = [row["speed"] for row in where(draws, gait=gait) if row["draw"] >= 0]
                 spread = place + 0.3 * (np.arange(len(each)) / max(len(each) - 1, 1) - 0.5)
-                axes.plot(spread, each, ".", markersize=2, color=colours[kinds[row["gait"]]])
+                axes.plot(spread, each, ".", markersize=2, color=colours[kinds[gait]])
             axes.axhline(0, color="0.7", linewidth=0.6, zorder=0)
             middle = (len(here) - 1) / 2
             axes.set_xlim(middle - most / 2, middle + most / 2)
-            axes.set_xticks(range(len(here)), [kind.replace(", ", ",\n") for kind in here], rotation=90)
+            axes.set_xticks(range(len(here)), [kinds[gait].replace(", ", ",\n") for gait in here], rotation=90)
             axes.set_title(f"{slope:g}°")
         panels[0, 0].set_ylabel("speed [BL/s]")
