@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 FIRST_LINE, LONGEST_PAUSE = 10.0, 60.0  # seconds to the first line in a pipe, and at most between two
+COUNTING = 2.0  # seconds in which work that is resumed counts what it kept
 PAUSE_GROWS = 1.5  # from line to line
 PAUSE_OF_A_BAR = 0.2  # seconds between pictures of a bar in a notebook
 
@@ -59,19 +60,21 @@ def _lines(
     """Progress as lines: every new text, and between them, ever more seldom, how far the work is."""
     begun = told_at = clock()
     pause, current = FIRST_LINE, text
-    first: tuple[float, float] | None = None  # time and share, after whatever had to be compiled
+    since: tuple[float, float] | None = None  # time and share from which the speed is taken
 
     def show(done: float, text: str | None = None) -> None:
-        nonlocal told_at, pause, current, first
+        nonlocal told_at, pause, current, since
         now, share = clock(), min(done / total, 1.0) if total else 1.0
-        first = first or (now, share)
+        if since is None or now - begun < COUNTING:
+            since = (now, share)
         if text is not None:
             current, told_at = text, now
             console.print(text, highlight=False, soft_wrap=True)
         elif now - told_at >= pause and share < 1:
             told_at, pause = now, min(pause * PAUSE_GROWS, LONGEST_PAUSE)
-            gone = share - first[1]
-            left = f", about {span((now - first[0]) * (1 - share) / gone)} left" if gone > 0 else ""
+            gone = share - since[1]
+            left = f", about {span((now - since[0]) * (1 - share) / gone)} left" if gone > 0 else ""
+            since = (now, share) if gone > 0 else since
             console.print(f"{current}: {share:.0%} after {span(now - begun)}{left}", highlight=False, soft_wrap=True)
 
     yield show

@@ -11,7 +11,7 @@ from optim import progress
 
 
 def test_in_a_pipe_there_is_a_line_now_and_then():
-    """Ever more seldom, with the time left by the pace since the first news; a new text is a line at once."""
+    """Ever more seldom, with the time left by the pace since the line before; a new text is a line at once."""
     now, told = [0.0], io.StringIO()
     with progress._lines("work", 200.0, Console(file=told), lambda: now[0]) as update:
         now[0] = 5.0  # what was compiled does not count in the pace
@@ -24,6 +24,22 @@ def test_in_a_pipe_there_is_a_line_now_and_then():
     assert lines[0] == "work: 2% after 10 s, about 195 s left".replace("195 s", "3 min")
     assert lines[-1] == "other work" and 4 <= len(lines) <= 6
     assert lines[-2].startswith("work: ") and "after" in lines[-2]
+
+
+def test_what_resumed_work_has_kept_says_nothing_of_its_pace():
+    """Of 100 parts 40 were there at once, then a part takes ten seconds: ten minutes are left, not seconds."""
+    now, told = [0.0], io.StringIO()
+    with progress._lines("study", 100.0, Console(file=told), lambda: now[0]) as update:
+        update(0.0)
+        for part in range(1, 41):
+            now[0] = 0.01 * part
+            update(float(part))
+        for part in range(41, 47):
+            now[0] = 10.0 * (part - 40) + 0.4
+            update(float(part))
+    lines = told.getvalue().splitlines()
+    assert lines[0] == "study: 41% after 10 s, about 10 min left"
+    assert lines[1] == "study: 43% after 30 s, about 9 min left"
 
 
 @pytest.mark.parametrize(("seconds", "told"), [(42.4, "42 s"), (420.0, "7 min"), (12600.0, "3.5 h")])
