@@ -17,7 +17,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study
 from optim.experiments.tables import Record, write_records
-from optim.studies.chapter5.gaits import Case, Robot, repeated
+from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.hardware_speeds import (
     AGREES,
     MEASURED,
@@ -91,7 +91,7 @@ class HardwareFriction(Settings):
     pressures: Annotated[tuple[float, ...], _pressures] = (8e3, 12e3)  # of the core while the robot rolls [Pa]
     # by name, fields of the terrain beside the measured friction of feet, or instead of it
     grounds: Annotated[Mapping[str, Mapping[str, float]], _grounds] = field(default_factory=lambda: {MEASURED_FEET: {}})
-    # that play the gaits as tables, once, with the last of these strokes and pressures
+    # that play the gaits as tables, with the last of these strokes and pressures
     rigs: Annotated[tuple[str, ...], _rigs] = ("dissertation", "dissertation-lag")
 
     def describe(self) -> dict[str, Any]:
@@ -171,7 +171,7 @@ class Batch:
             played = replace(robot, actuation=drive).play(cases, threads, progress)
         else:
             plays = [
-                Play(gait_table(repeated(design, 1), rig), rig, terrain, copy=copy)
+                Play(gait_table(design, rig), rig, terrain, copy=copy)
                 for design, terrain, (_, _, name) in zip(designs, terrains, self.cases, strict=True)
                 for rig in [PRESETS[name]]
                 for copy in range(robot.copies)
@@ -203,7 +203,7 @@ def _batches(settings: HardwareFriction) -> list[Batch]:
     if settings.rigs:
         on_rigs = tuple(case for rig in settings.rigs for case in cases(settings.pressures[-1:], rig))
         for number, (weight, ground) in enumerate(product(settings.weights, settings.grounds.items())):
-            batches.append(Batch(f"rigs_{number}", weight, settings.inflations[-1], *ground, on_rigs))
+            batches.append(Batch(f"tables_{number}", weight, settings.inflations[-1], *ground, on_rigs))
     return batches
 
 

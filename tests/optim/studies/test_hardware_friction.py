@@ -68,7 +68,7 @@ def test_the_measured_conditions_are_simulated_on_their_floors_for_all_parameter
     assert hardware_friction.study(tmp_path / "a", FEW) == summary and not simulator.calls
 
 
-def test_rigs_play_the_gaits_once_as_tables(simulator, tmp_path, monkeypatch):
+def test_rigs_play_the_gaits_as_tables_of_as_many_cycles(simulator, tmp_path, monkeypatch):
     calls = []
 
     def play_tables(plays, **settings):
@@ -81,7 +81,7 @@ def test_rigs_play_the_gaits_once_as_tables(simulator, tmp_path, monkeypatch):
     assert [weight for _, weight in calls] == ["published", "physical"]
     plays = calls[0][0]
     assert len(plays) == 2 * 4 * 2 and [play.copy for play in plays[:2]] == [0, 1]
-    assert [play.rig.name for play in plays[::8]] == list(rigs) and {play.table.loops for play in plays} == {0}
+    assert [play.rig.name for play in plays[::8]] == list(rigs) and {play.table.loops for play in plays} == {1}
     assert [(play.terrain.slope, play.terrain.low_friction) for play in plays[:8:2]] == [
         *((0, 0.56), (0, 0.38), (0, 0.56)),
         (14, 0.56),
