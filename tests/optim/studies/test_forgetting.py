@@ -57,11 +57,33 @@ def test_the_pull_of_elastic_weights():
     assert after[0, 0] == pytest.approx(0.9, abs=1e-3) and after[3, 0] == pytest.approx(0.1)
 
 
+def test_the_return_to_what_was_learned_first():
+    """A minds the first coordinate, which B moves only in the plain way: the others are back at the first look.
+
+    Where B undoes A and the plain way has moved farther from it than the start was, nothing is saved.
+    """
+    found = train(Parabolas([[0.1, 0.5], [0.9, 0.9]], [[1.0, 0.0], [0.1, 1.0]]), np.full((3, 2), 0.5), RECIPE)
+    plain, elastic, _, frozen = found["again"]
+    assert (found["first"] > 0.05).all() and (found["first"] < 0.5).all()
+    assert (plain > found["first"]).all() and elastic == pytest.approx(1 / 60) and frozen == pytest.approx(1 / 60)
+
+
+def test_steps_that_are_needed():
+    """Of four looks the second is high enough, or the first, or none."""
+    heights = [
+        np.array([0.0, 2.0, 0.0]),
+        np.array([1.0, 2.0, 0.1]),
+        np.array([2.0, 2.0, 0.2]),
+        np.array([2.0, 3.0, 0.3]),
+    ]
+    assert methods.share_needed(heights, np.array([1.0, 1.5, 5.0])) == pytest.approx([0.5, 0.25, 1.0])
+
+
 def test_all_ways_take_as_many_gradients():
     """As many for each way, of which those that learn A first share its part."""
     task = Parabolas([[0.1, 0.5], [0.9, 0.9]], [[1.0, 0.0], [0.1, 1.0]])
     finals(task, replace(RECIPE, steps=50), count=4)
-    assert sum(task.looks) == 4 * 50 * (1 + 4 + 2)
+    assert sum(task.looks) == 4 * 50 * (1 + 4 + 2 + 4)
 
 
 def test_gradients_are_shortened_whatever_their_length():

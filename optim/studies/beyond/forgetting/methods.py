@@ -4,6 +4,7 @@ Sources: Kirkpatrick et al., Overcoming catastrophic forgetting in neural networ
 Robins, Connection Science 7, 1995 (replay); Mallya & Lazebnik, PackNet, CVPR 2018 (what mattered is frozen).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
@@ -13,6 +14,7 @@ import numpy as np
 from optim.search.step_rules import Adam
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 
+ENOUGH = 0.9  # share of what was gained in A at first: who has it again is back
 STEEPEST = 1.0  # share of the way per range: longer gradients are shortened to it
 SEQUENTIAL = MappingProxyType(
     {"plain": "plain", "elastic": "elastic weights", "replay": "replay", "frozen": "half of the weights frozen"}
@@ -53,11 +55,13 @@ class Climb:
     Attributes:
         points: where they are.
         best: the best so far.
+        heights: how good the best was at every look so far, arrays of shape (R,).
     """
 
     def __init__(self, points: Floats, recipe: Recipe) -> None:
         """Begin at points."""
         self.points, self.best = np.array(points, float), np.array(points, float)
+        self.heights: list[Floats] = []
         self._value = np.full(len(points), -np.inf)
         self._rule, self._left = (
             Adam(len(points), points.shape[1], recipe.rate, STEEPEST),
@@ -70,6 +74,7 @@ class Climb:
         now[rows] = values
         better = now > self._value
         self.best[better], self._value[better] = self.points[better], now[better]
+        self.heights.append(self._value.copy())
 
     def go(self, number: int, slopes: Floats, free: Bools | None = None) -> None:
         """Make the step of this number along slopes, shape (R, D); those not ``free``, if given, stay."""
@@ -80,32 +85,59 @@ class Climb:
 
 
 def train(task: Task, first: Floats, recipe: Recipe) -> Arrays:
-    """Learn A, then B, from N points, shape (N, D), in every way of ``METHODS``; all have as many gradients.
+    """Learn A, then B, then A again, from N points, shape (N, D), in every way of ``METHODS``.
 
-    What was learned is the best point that was looked at on the way: in the environment that is learned, with elastic
-    weights less what their pull costs, with replay and the last look at A, or in both.
+    All have as many gradients in A and B. What was learned is the best point that was looked at on the way: in the
+    environment that is learned, with elastic weights less what their pull costs, with replay and the last look at A,
+    or in both. The return to A is plain, whatever the way in B was.
 
     Returns:
         How good controllers are in A and B: ``start`` and ``learned``, which is after A, where they learn one after
-        the other, shape (N, 2); ``final`` in the order of ``METHODS``, shape (M, N, 2).
+        the other, shape (N, 2); ``final`` in the order of ``METHODS``, shape (M, N, 2). Shares of the steps that they
+        need to be good in A: ``first``, shape (N,), and ``again``, shape (M - 1, N), in the order of ``SEQUENTIAL``.
     """
-    learned, importance = learn_first(task, first, recipe)
+    learned, importance, climbed = learn_first(task, first, recipe)
     after = learn_second(task, learned, importance, recipe)
     final = task.values(np.concatenate([after, learn_both(task, first, recipe)]))
-    shape = (len(METHODS), len(first), 2)
-    return {"start": task.values(first), "learned": task.values(learned), "final": final.reshape(shape)}
+    enough = climbed[0] + ENOUGH * (climbed[-1] - climbed[0])
+    again = share_needed(climb_in_a(task, after, recipe).heights, np.tile(enough, len(SEQUENTIAL)))
+    return {
+        "start": task.values(first),
+        "learned": task.values(learned),
+        "final": final.reshape(len(METHODS), len(first), 2),
+        "first": share_needed(climbed, enough),
+        "again": again.reshape(len(SEQUENTIAL), len(first)),
+    }
 
 
-def learn_first(task: Task, first: Floats, recipe: Recipe) -> tuple[Floats, Floats]:
-    """Learn A: points, and how much every weight mattered, the mean squared gradient, both of shape (N, D)."""
-    climb, importance = Climb(first, recipe), np.zeros(first.shape)
+def climb_in_a(task: Task, points: Floats, recipe: Recipe, importance: Floats | None = None) -> Climb:
+    """Climb in A from points, shape (N, D); mean squared gradients are added to ``importance``, if given."""
+    climb = Climb(points, recipe)
     for step in range(recipe.steps):
         values, slopes = task.look(climb.points, 0)
-        climb.keep(np.ones(len(first), bool), values)
+        climb.keep(np.ones(len(points), bool), values)
         slopes = shortened(slopes)
-        importance += slopes**2 / recipe.steps
+        if importance is not None:
+            importance += slopes**2 / recipe.steps
         climb.go(step, slopes)
-    return climb.best, importance
+    return climb
+
+
+def share_needed(heights: Sequence[Floats], enough: Floats) -> Floats:
+    """Share of the looks, whose heights have shape (N,), after which they are high enough; 1 if they never are."""
+    reached = np.asarray(heights) >= enough
+    looks = np.where(reached.any(axis=0), reached.argmax(axis=0) + 1, len(heights))
+    return np.asarray(looks / len(heights))
+
+
+def learn_first(task: Task, first: Floats, recipe: Recipe) -> tuple[Floats, Floats, list[Floats]]:
+    """Learn A: points, how much every weight mattered, both of shape (N, D), and how good the best was at each look.
+
+    What matters is the mean squared gradient on the way.
+    """
+    importance = np.zeros(first.shape)
+    climb = climb_in_a(task, first, recipe, importance)
+    return climb.best, importance, climb.heights
 
 
 def learn_second(task: Task, learned: Floats, importance: Floats, recipe: Recipe) -> Floats:

@@ -14,7 +14,7 @@ from optim.experiments.tables import Record, cell, column, distinct, markdown, p
 from optim.measures.factorial import TwoWay, two_way
 from optim.measures.statistics import Difference, difference_of_means, holm, mean_interval
 from optim.studies.beyond.forgetting.families import FAMILIES
-from optim.studies.beyond.forgetting.methods import METHODS, SEQUENTIAL
+from optim.studies.beyond.forgetting.methods import ENOUGH, METHODS, SEQUENTIAL
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
@@ -26,6 +26,7 @@ OUTCOMES = MappingProxyType(
         "forgotten": "forgotten of A",
         "gained_b": "gained in B",
         "worse": "the worse of both",
+        "saved": "steps saved on the return to A",
     }
 )
 SOURCES = MappingProxyType({"rows": "body", "columns": "method", "interaction": "both together"})
@@ -39,6 +40,8 @@ def outcome(rows: Sequence[Record], name: str) -> Floats:
         return column(rows, "learned_a") - column(rows, "final_a")
     if name == "gained_b":
         return column(rows, "final_b") - column(rows, "learned_b")
+    if name == "saved":
+        return column(rows, "first") - column(rows, "again")
     return column(rows, name)
 
 
@@ -85,11 +88,19 @@ def write_report(folder: Path, rows: Sequence[Record], measured: Sequence[Record
     ]
     adjusted = dict(zip(keys, holm([_p(found[key[:2]], key[2]) or 0.0 for key in keys]), strict=True))
     compared = {robot: contrasts(of_robot[robot], "worse") for robot in robots}
-    parts = (_bodies(of_robot, measured), _means(of_robot), _analyses(found, adjusted), _compared(compared))
+    parts = (
+        _bodies(of_robot, measured),
+        _means(of_robot),
+        _returns(of_robot),
+        _analyses(found, adjusted),
+        _compared(compared),
+    )
     titles = (
         "Bodies, by M_CI and M_L of drawn controllers in A and B:",
         "Shares of the way to the light that are covered, means over bodies with 95 % intervals over bodies; *both at "
         "once* does not learn one after the other, and is no part of the analysis below:",
+        f"The return to A, the plain way: steps until {ENOUGH:.0%} of what was gained there at first are there again, "
+        "in shares of all steps in A (1 if that never happens), and what that saves, with 95 % intervals over bodies:",
         "What bodies and methods explain, omega squared with 95 % bootstrap intervals; p adjusted by Holm's method for "
         f"{len(keys)} tests:",
         "Differences in the worse of both environments at the end, with 95 % intervals; best is by the mean:",
@@ -152,6 +163,17 @@ def _means(of_robot: Mapping[str, Sequence[Record]]) -> list[str]:
                 lines.append([FAMILIES[robot].title, title, words, cell(start, ".2f"), first, kept, *ends])
     header = ["robot", "bodies", "method", "A before", "A after A", "gain in A kept", "A at the end", "B at the end"]
     return markdown([*header, "the worse of both"], "lllrrrrrr", lines)
+
+
+def _returns(of_robot: Mapping[str, Sequence[Record]]) -> list[str]:
+    lines = []
+    for robot, rows in of_robot.items():
+        for level, title in LEVELS.items():
+            for way, words in SEQUENTIAL.items():
+                some = where(rows, level=level, method=way)
+                steps = [cell(column(some, name).mean(), ".2f") for name in ("first", "again")]
+                lines.append([FAMILIES[robot].title, title, words, *steps, _interval(outcome(some, "saved"))])
+    return markdown(["robot", "bodies", "method in B", "A at first", "A again", "saved"], "lllrrr", lines)
 
 
 def _analyses(

@@ -21,7 +21,7 @@ from optim.experiments.tables import Record, write_records
 from optim.measures.sampled import sampled_metrics
 from optim.space import Space
 from optim.studies.beyond.forgetting.families import FAMILIES, LOST, Learning
-from optim.studies.beyond.forgetting.methods import METHODS, Recipe, train
+from optim.studies.beyond.forgetting.methods import METHODS, SEQUENTIAL, Recipe, train
 from optim.studies.beyond.forgetting.report import LEVELS, TABLE, write_report
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
@@ -96,6 +96,8 @@ def study(folder: Path, settings: Forgetting, progress: Progress = None, jobs: i
 
 # Of a training, in both environments.
 MEASURES = ("start_a", "start_b", "learned_a", "learned_b", "final_a", "final_b", "worse")
+# Shares of the steps in A that were needed, at first and on the return, by those that learn one after the other.
+NEEDED = ("first", "again")
 
 
 def tell(data: Data, folder: Path) -> None:
@@ -103,6 +105,7 @@ def tell(data: Data, folder: Path) -> None:
     metrics = dict.fromkeys(("M_CI", "M_L"), float)
     texts: dict[str, Kind] = {"robot": tuple(FAMILIES), "method": tuple(METHODS), "level": tuple(LEVELS)}
     told: dict[str, Kind] = {"body": int, **texts, **metrics, **dict.fromkeys(MEASURES, float)}
+    told |= dict.fromkeys(NEEDED, float | None)
     rows = data.records(TABLE, told, "level", "method")
     measured = data.records(MEASURED, {"robot": tuple(FAMILIES), "body": int, **metrics})
     settings = data.from_summary(lambda summary: checks.table("settings", summary["settings"]))
@@ -161,10 +164,12 @@ def learn(
     """What controllers of a body learn and forget, means over starts, a row for each method; unless it is known."""
     known = {"starts": effort.starts, "steps": effort.steps}
     kept = ResultsFolder(folder / "learned" / f"{name}-{number}", "body", known)
-    found = cached(kept, "learned", partial(_learned, name, effort, number))
+    found = cached(kept, "trained", partial(_learned, name, effort, number))
     if progress:
         progress(1.0)
     start, learned = found["start"].mean(axis=0), found["learned"].mean(axis=0)
+    first, again = found["first"].mean(), found["again"].mean(axis=1)
+    needed = {way: {"first": first, "again": share} for way, share in zip(SEQUENTIAL, again, strict=True)}
     rows: list[dict[str, Any]] = []
     for method, final in zip(METHODS, found["final"], strict=True):
         shares = {
@@ -176,7 +181,8 @@ def learn(
             "final_b": final[:, 1].mean(),
             "worse": final.min(axis=1).mean(),
         }
-        told = {key: round(float(value), DIGITS) for key, value in shares.items()}
+        shares |= needed.get(method, {})
+        told = {key: round(float(shares[key]), DIGITS) if key in shares else None for key in (*MEASURES, *NEEDED)}
         rows.append({"robot": name, "body": number, "method": method, **told, "failed": int((final == LOST).sum())})
     return rows
 
