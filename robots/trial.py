@@ -30,6 +30,8 @@ class Trial:
         progress: called now and then with the fraction done.
         gradients: names of the measures whose gradients are asked for.
         sharpness: how strongly designs between true ones are pushed towards these; infinite: only true ones count.
+        gradient_horizon: time [s] over which gradients see what a change of shape or speed does, of robots that can
+            tell; see :mod:`taichi_sim.lattice.fading`. None: all the time, they are exact.
     """
 
     world: World
@@ -38,6 +40,7 @@ class Trial:
     progress: Progress | None = None
     gradients: tuple[str, ...] = ()
     sharpness: float = math.inf
+    gradient_horizon: float | None = None
 
     def parts(self, worlds: Sequence[World]) -> "list[Trial]":
         """How they are tried in each of several worlds, one after the other."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from optim.problem import Problem, RelaxableProblem
 from robots.robot import Option, RobotKind, World, make_robot
 from robots.terrain_kind import TerrainKind
-from taichi_sim.base.options import count
+from taichi_sim.base.options import count, number
 
 COMPUTE = ("precision", "device", "threads")
 # Kinds that are designed in another way than by their parameters and measures.
@@ -31,6 +31,13 @@ UNCERTAIN_OPTIONS = (
     ),
     Option("risk", "over these draws: mean, cvar:SHARE of the worst, or worst (default: mean)", metavar="RISK"),
     count("draws", 2, "of what is uncertain (default: 16)"),
+)
+GRADIENT_HORIZON = Option(
+    "gradient_horizon",
+    "time over which gradients see what a change of shape or speed does, of robots of voxels (default: all of a trial; "
+    "those that feel are led farther by a tenth of a cycle)",
+    number(1e-6, 1e6, "s"),
+    "SECONDS",
 )
 VEHICLE_WORDS = {"total": "mean", "environments": "each"}  # what these are of robots of other kinds
 
@@ -112,6 +119,7 @@ class Designer:
                 "the mean of the robot's first measure; each with methods for several objectives",
             ),
             *(UNCERTAIN_OPTIONS if isinstance(self.kind, TerrainKind) else ()),
+            *((GRADIENT_HORIZON,) if isinstance(self.kind, TerrainKind) else ()),
             Option("measure", "of the robot that mean, each and worst are about (default: its first)", metavar="NAME"),
             *self.kind.options_for("codesign"),
         )
@@ -129,7 +137,7 @@ class Designer:
         settings.setdefault("precision", getattr(asked.known, "precision", self.kind.search_precision))
         if worlds := self.worlds(asked):
             settings["worlds"] = worlds
-        settings |= asked.chosen(("measure",)) | uncertain_settings(asked.given, asked.known)
+        settings |= asked.chosen(("measure", "gradient_horizon")) | uncertain_settings(asked.given, asked.known)
         if "objective" in asked.given:
             settings |= self._objectives(asked)
         if asked.known is not None:

@@ -31,6 +31,7 @@ from optim.space import Space
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World
 from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import positive
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
 LOST = "lost_to_limits"  # a detail of points: by how much limits lower their scores, in the draw where it is most
@@ -45,6 +46,7 @@ class JudgedRobot(RobotDesigning):
     uncertain = ""
     risk = "mean"
     draws = 1
+    gradient_horizon: float | None = None
     relaxed_precision: str | None = "f32"  # of mixtures of designs, which only lead to results
 
     @property
@@ -125,7 +127,8 @@ class JudgedRobot(RobotDesigning):
         if gradients:
             self.check_true_gradients()
         measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
-        return self._scored(points, Trial(self.tried_in[0], compute, gradients=measures, sharpness=sharpness))
+        trial = Trial(self.tried_in[0], compute, gradients=measures, sharpness=sharpness)
+        return self._scored(points, dataclasses.replace(trial, gradient_horizon=self.gradient_horizon))
 
     def check_mixtures(self) -> None:
         """Refuse a world that what lies between two robots that can be built does not know, before any work.
@@ -150,14 +153,13 @@ class JudgedRobot(RobotDesigning):
         """Refuse minibatches in which the objective is another one, before any work.
 
         Raises:
-            ValueError: if there is nothing to choose from; and for a single world or draw, of which there is no worst.
+            ValueError: for a single one of several worlds or draws, of which there is no worst.
         """
         word = self.objective if isinstance(self.objective, str) else self.objective[0]
-        option = KINDS[self.robot_kind].world_option
         if self.uncertain:
-            check_part(size, "draws", self.draws, self.risk, option)
+            check_part(size, "draws", self.draws, self.risk)
         else:
-            check_part(size, "worlds", len(self.tried_in), word, option)
+            check_part(size, "worlds", len(self.tried_in), word)
 
     def in_minibatch(self, minibatch: Minibatch) -> "JudgedRobot":
         """The problem in a few of the draws, each in all worlds; or worlds, if nothing is uncertain."""
@@ -321,6 +323,8 @@ class RobotProblem(JudgedRobot):
             design is judged over the same draws. Empty is none.
         risk: how the score over these draws becomes one: ``"mean"``, ``"cvar:SHARE"`` or ``"worst"``.
         draws: how many.
+        gradient_horizon: time [s] over which gradients see what a change of shape or speed does; None is all the time,
+            as long as a trial. What robots that feel do becomes chaotic: shorter gradients lead them farther.
     """
 
     robot: Robot
@@ -332,6 +336,7 @@ class RobotProblem(JudgedRobot):
     uncertain: str = ""
     risk: str = "mean"
     draws: int = 1
+    gradient_horizon: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "objective", named(self.objective))
@@ -341,6 +346,13 @@ class RobotProblem(JudgedRobot):
             raise ValueError(f"{KINDS[self.robot.kind].world_option}: {', '.join(names)}; give none twice")
         object.__setattr__(self, "uncertain", checked_uncertain(self.uncertain, self.risk, self.draws))
         check_drawn(self.robot, self.worlds, self.uncertain, self.draws)
+        if self.gradient_horizon is not None:
+            positive("gradient_horizon", self.gradient_horizon)
+            if not self.robot.fading_gradients:
+                title = KINDS[self.robot.kind].title
+                raise ValueError(
+                    f"gradient_horizon: gradients of {title} are exact, however long a trial; leave it out"
+                )
         _ = self.space, self.compute, self.objective_names
         if self.measure and isinstance(self._objective, Goals) and self._objective.names_all:
             raise ValueError(f"measure: {self.measure!r} is not used; each objective names its own, so leave it out")
@@ -367,6 +379,7 @@ class RobotProblem(JudgedRobot):
             **({} if self.relaxed_precision == "f32" else {"relaxed_precision": self.relaxed_precision}),
             **({"measure": self.measure} if self.measure else {}),
             **({"uncertain": self.uncertain, "risk": self.risk, "draws": self.draws} if self.uncertain else {}),
+            **({} if self.gradient_horizon is None else {"gradient_horizon": self.gradient_horizon}),
             "precision": self.precision,
             "device": self.device,
         }

@@ -61,25 +61,19 @@ def check_drawn(robot: Robot, worlds: Sequence[World], uncertain: str, draws: in
         Uncertainty.parse(uncertain).check(robot, world)
 
 
-def check_part(size: int, what: str, count: int, over: str, option: str) -> None:
-    """Refuse minibatches of a single world of which nothing is drawn, and the worst of a single one.
+def check_part(size: int, what: str, count: int, over: str) -> None:
+    """Refuse minibatches of one of several, of which there is no worst; where there is only one it is all of them.
 
     Args:
         size: of a minibatch.
         what: ``"draws"`` or ``"worlds"``, of which it has some.
         count: how many there are.
         over: how scores in several become one.
-        option: what worlds are called.
 
     Raises:
         ValueError: for these.
     """
-    if count == 1:
-        raise ValueError(
-            f"minibatch_size: {size} is not allowed with one world of which nothing is uncertain; give several "
-            f"{option}s, or uncertain, or choose another method"
-        )
-    if size == 1 and over not in ("mean", "each"):
+    if size == 1 < count and over not in ("mean", "each"):
         raise ValueError(f"minibatch_size: 1 is not allowed with {over} of several {what}; give at least 2")
 
 

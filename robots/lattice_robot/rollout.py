@@ -213,13 +213,20 @@ class Rollout:
         readings = [] if self._loop is None else self._loop.readings
         return np.stack(readings, axis=-1) if readings else np.zeros((len(self.bodies), 0, 0))
 
-    def differentiate(self, names: Sequence[str], memory: float = 1e9, progress: Progress | None = None) -> "Moved":
+    def differentiate(
+        self,
+        names: Sequence[str],
+        memory: float = 1e9,
+        progress: Progress | None = None,
+        horizon: float | None = None,
+    ) -> "Moved":
         """Let the robots move, with the derivatives of some measures.
 
         Args:
             names: of the measures.
             memory: bound for what is kept of the way there [B].
             progress: called now and then with the fraction done.
+            horizon: of the derivatives [s], None for exact ones; see :mod:`taichi_sim.lattice.fading`.
         """
         told = progress or (lambda _: None)
         if self._loop:
@@ -230,12 +237,12 @@ class Rollout:
         found = {}
         for number, name in enumerate(ways):
             done = RECORDING + number * share
-            found[name] = self._back(tape, name, lambda f, done=done: told(done + share * f))  # type: ignore[misc]
+            found[name] = self._back(tape, name, horizon, lambda f, done=done: told(done + share * f))  # type: ignore[misc]
         if "speed" in names:
             found["speed"] = found["distance"].over(self._constants.length * self._constants.duration)
         return self._moved(tape.result, {name: found[name] for name in names})
 
-    def _back(self, tape: Tape, name: str, progress: Progress) -> Slopes:
+    def _back(self, tape: Tape, name: str, horizon: float | None, progress: Progress) -> Slopes:
         """Derivatives of one measure."""
         ok = tape.result.status == "ok"
         fields = [np.where(np.isfinite(each), each, 0.0) for each in Record.of(tape.result).arrays]
@@ -245,7 +252,7 @@ class Rollout:
         for cotangents, seed in zip(zeros, seeds, strict=True):
             cotangents[:, : seed.shape[1]] = seed
         positions, strains, sizes = zeros
-        back = tape.pull_back(positions=positions, strains=strains, sizes=sizes, progress=progress)
+        back = tape.pull_back(positions, strains=strains, sizes=sizes, progress=progress, horizon=horizon)
         (values, _), pull_back = trace(lambda swing: cycle_events(self.cycle, self._channels.rest, swing), self._swing)
         by_events = [each[-values.size :].reshape(values.shape).copy() for each in (back.values, back.rates)]
         weights: Floats = np.zeros((len(self.bodies), 0))

@@ -212,7 +212,7 @@ def _moved(
     rollout = _rollout(scenes, points, swung, trial)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
-    moved = rollout.differentiate(trial.gradients, memory, trial.progress)
+    moved = rollout.differentiate(trial.gradients, memory, trial.progress, trial.gradient_horizon)
     gradients = {}
     for name, slopes in moved.slopes.items():
         gradients[name] = np.array(pull_back(slopes.swing)[0])

@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from taichi_sim import runtime
+from taichi_sim.base import checks
 from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice.checkpoints import FORWARD, make_plan
+from taichi_sim.lattice.fading import fade
 from taichi_sim.lattice.feedback import Feedback
 from taichi_sim.lattice.material_gradient import material_gradients
 from taichi_sim.lattice.program import QUANTITY_COUNT, LatticeProgram
@@ -101,6 +103,7 @@ class Tape:
         sizes: np.ndarray | None = None,
         state: "LatticeState | None" = None,
         progress: Callable[[float], None] | None = None,
+        horizon: float | None = None,
     ) -> LatticeGradient:
         """The derivatives of a cost from its derivatives by what the run gave.
 
@@ -109,11 +112,15 @@ class Tape:
                 costs are functions of recorded poses and sizes.
             state: of the cost by the final ``state``.
             progress: called now and then with the fraction done, 0 to 1.
+            horizon: time [s] after which derivatives have faded to 1 / e, positive; see
+                :mod:`taichi_sim.lattice.fading`. None: they are exact.
 
         Raises:
-            ValueError: for shapes that do not match, numbers that are not finite, or a robot that diverged
-                although the cost depends on it.
+            ValueError: for shapes that do not match, numbers that are not finite, a robot that diverged although the
+                cost depends on it, or derivatives by the final state with a horizon.
         """
+        if horizon is not None and state is not None:
+            raise ValueError(f"horizon: {horizon!r} is not allowed with a final state; give None")
         recorded = self._pose_seeds(positions, orientations), self._strain_seeds(strains), self._size_seeds(sizes)
         for seeds in recorded:
             seeds[self._program.snapshots < 0] = 0.0
@@ -128,6 +135,8 @@ class Tape:
         now = self._run.checkpoint()
         try:
             reverse = self._run.reverse(recorded, finals)
+            if horizon is not None:
+                fade(reverse, self._program, self._engine.time_step, checks.positive("horizon", horizon))
             self._course.take_back(reverse)
             self._undo(reverse, progress)
         finally:

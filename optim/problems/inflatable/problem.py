@@ -251,9 +251,9 @@ class GaitProblem(GaitPoints):
         if self.ladder and not self.uncertain:
             raise ValueError(f"minibatch_size: {size} is not allowed with ladder, which compares terrains")
         if self.uncertain:
-            check_part(size, "draws", self.draws, self.risk, "terrain")
+            check_part(size, "draws", self.draws, self.risk)
         else:
-            check_part(size, "worlds", len(self.terrains), "mean", "terrain")
+            check_part(size, "worlds", len(self.terrains), "mean")
 
     def in_minibatch(self, minibatch: Minibatch) -> "GaitProblem":
         """The problem in a few of the draws, each on all terrains; or terrains, if nothing is uncertain."""

@@ -76,7 +76,11 @@ class Driver(ABC):
 
     def write(self, section: int, values: np.ndarray) -> None:
         """Set a section from values of shape (B, items, components)."""
-        self.section(section)[:, : values.shape[1]] = np.moveaxis(values[self.robot], 1, -1)
+        self.fill(self.section(section), section, values)
+
+    def fill(self, view: np.ndarray, section: int, values: np.ndarray) -> None:
+        """Set the view of a section (blocks, items, components, lanes) from values of shape (B, items, components)."""
+        view[:, : values.shape[1]] = np.moveaxis(values[self.robot], 1, -1)
 
     def read(self, section: int) -> np.ndarray:
         """A copy of a section, shape (B, items, components)."""
@@ -124,6 +128,11 @@ class Driver(ABC):
     def host_memory(self, array: Any) -> np.ndarray:
         """A memory from where the kernels run, in NumPy, shape (blocks, slots, lanes)."""
         return self.host(array).reshape(self.blocks, -1, self.robot.shape[1])
+
+    def put_back(self, whole: np.ndarray, into: Any) -> None:
+        """Copy what :meth:`host_memory` gave to where it came from, if it is not that memory itself."""
+        if not isinstance(into, np.ndarray):
+            into.from_numpy(np.ascontiguousarray(whole.reshape(into.shape)))
 
     @property
     def backward_layout(self) -> memory.Memory:
@@ -270,21 +279,43 @@ class Reverse(ABC):
         given = {"poses": poses, "strains": strains, "sizes": sizes, "finals": ends, "by_value": driver.put(by_value)}
         self.marks = run.marks._replace(lanes=lanes, **given)
         self._contacts = CONTACTS_PER_STEP
-        self._stops: list[int] = []
-        self._at_stop: Callable[[int], None] = lambda step: None
+        self._stops: dict[int, list[Callable[[int], None]]] = {}
 
     def stop_at(self, steps: Iterable[int], called: Callable[[int], None]) -> None:
-        """Have a function called with each of some steps once the way back has come there, and met what is due."""
-        self._stops, self._at_stop = sorted(steps), called
+        """Have a function called with each of some steps once the way back has come there, and met what is due.
+
+        Where there are several, they are called in the order in which they were given.
+        """
+        for step in steps:
+            self._stops.setdefault(step, []).append(called)
 
     def next_stop(self, low: int, high: int) -> int:
         """The last stop before step ``high``, ``low`` if that comes first."""
         return max([low, *(step for step in self._stops if step < high)])
 
     def stop(self, step: int) -> None:
-        """Call the function if it is to be called at a step."""
-        if step in self._stops:
-            self._at_stop(step)
+        """Call what is to be called at a step."""
+        for called in self._stops.get(step, ()):
+            called(step)
+
+    def seeds(self, snapshot: int) -> np.ndarray:
+        """Cotangents of the poses of a recording, shape (B, V, 7)."""
+        return self.driver.snapshot(self.marks.poses, snapshot).astype(float)
+
+    def fade(self, factor: float, towards: np.ndarray) -> None:
+        """Mix the cotangents of the state with others, by positions alone, shape (B, V, 3).
+
+        Args:
+            factor: part of the present ones that stays.
+            towards: the others.
+        """
+        whole = self.driver.host_memory(self.cotangents)
+        view = self.layout.section(whole, memory.VOXEL)
+        motion = factor * self.of_section(memory.VOXEL, view)
+        motion[..., :3] += (1 - factor) * towards
+        self.driver.fill(view, memory.VOXEL, motion)
+        self.layout.section(whole, memory.LINK)[...] *= factor
+        self.driver.put_back(whole, self.cotangents)
 
     def add_seeds(self, snapshot: int, poses: np.ndarray, strains: np.ndarray) -> None:
         """Add to the cotangents of a recording that is still to come, shapes (B, V, 7) and (B, L)."""

@@ -265,13 +265,17 @@ class PackedDriver(Driver):
         items = np.moveaxis(packs, 3, 2).reshape(self.batch, -1, packs.shape[2])[:, :count]
         return items.reshape(self.batch, -1, width)
 
+    def fill(self, view: np.ndarray, section: int, values: np.ndarray) -> None:
+        """Set the view of a section, none of groups, from values of shape (B, items, components)."""
+        self.packed.write(view, section, values)
+
     def write(self, section: int, values: np.ndarray) -> None:
         """Set a section from values of shape (B, items, components)."""
         if section in (memory.VOXEL, memory.LINK, memory.STRAIN, memory.PRINT):
-            self.packed.write(self.section(section), section, values)
+            self.fill(self.section(section), section, values)
             return
         if section in (memory.CONSTANT, memory.BEAM):
-            self.packed.write(self.section(section), section, values)
+            self.fill(self.section(section), section, values)
         if section == memory.BEAM:
             return
         packs, width, count = self.packed.group_packs, self.real.width, len(self.tables.group_region)

@@ -173,8 +173,6 @@ def test_a_search_that_meets_few_draws_at_a_time_resumes_to_the_bit(morpholab, t
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("--method stochastic", "minibatch_size: 1 is not allowed with one world of which nothing is uncertain; give"),
-        ("--set minibatch_size=2 --method nes", "minibatch_size: 2 is not allowed with one world of which nothing"),
         (
             "--uncertain friction=20% --risk worst --method stochastic",
             "minibatch_size: 1 is not allowed with worst of several draws; give at least 2",

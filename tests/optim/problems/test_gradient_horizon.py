@@ -1,0 +1,57 @@
+"""Gradients with a horizon: where they lead, what a problem says of them, and robots that have none."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from optim.problem import Request, judge
+from optim.problems import problem_of_description
+from optim.problems.robot import RobotProblem
+from robots.braitenberg.offered import VehicleRobot
+from robots.lattice_robot.offered import feeling_quadruped
+from robots.world import Terrain
+
+ROUGH = Terrain.parse("rough:0.006,0.05,1")
+
+
+def problem(horizon=None, cycles=4):
+    return RobotProblem(feeling_quadruped(cycles), (ROUGH,), measure="speed", gradient_horizon=horizon, threads=1)
+
+
+def length(given):
+    """Of the gradient of the speed at a drawn point, as if all variables had a range of one."""
+    point = given.space.sample(np.random.default_rng(0), 1)
+    found = judge(given, Request(point, "gradients", np.inf)).gradients
+    return np.linalg.norm(found[0] * given.space.span)
+
+
+@pytest.mark.kernels
+def test_what_grows_without_bound_is_bounded_by_a_horizon():
+    """Of a robot that feels, exact gradients grow with the time of the trial, those with a horizon hardly."""
+    exact = [length(problem(None, cycles)) for cycles in (2, 6)]
+    short = [length(problem(0.03, cycles)) for cycles in (2, 6)]
+    assert exact[1] > 100 * exact[0]
+    assert short[1] < 10 * short[0] and short[1] < exact[1] / 100
+
+
+@pytest.mark.kernels
+def test_a_problem_with_a_horizon_is_described_and_made_again():
+    given = problem(0.03)
+    again = problem_of_description(given.describe())
+    assert given.describe()["gradient_horizon"] == 0.03 and again.describe() == given.describe()
+    assert "gradient_horizon" not in problem().describe()
+    assert dataclasses.replace(again, gradient_horizon=None).describe() == problem().describe()
+
+
+@pytest.mark.parametrize(("horizon", "told"), [(0, "0"), (-1.0, "-1.0"), (float("inf"), "inf"), ("far", "'far'")])
+def test_bad_horizons_are_told(horizon, told):
+    with pytest.raises(ValueError, match=f"^gradient_horizon: {told} is not allowed; give a positive finite number$"):
+        problem(horizon)
+
+
+def test_robots_whose_gradients_are_exact_have_none():
+    with pytest.raises(
+        ValueError, match=r"^gradient_horizon: gradients of .* are exact, however long a trial; leave it"
+    ):
+        RobotProblem(VehicleRobot(), gradient_horizon=0.1)
