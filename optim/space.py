@@ -1,7 +1,7 @@
 """What a search may change: named variables with bounds, and vectors of their values."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -59,9 +59,8 @@ class Space:
 
     @property
     def listed(self) -> str:
-        """Names for a message of one line: of many the first ones and how many more there are."""
-        shown = self.names if self.size <= LISTED else self.names[:SHOWN]
-        return ", ".join(shown) + (f" and {self.size - len(shown)} more" if len(shown) < self.size else "")
+        """Names for a message of one line."""
+        return _listed(self.names)
 
     @cached_property
     def low(self) -> Floats:
@@ -176,14 +175,20 @@ class Space:
         self.check_names("values", values)
         missing = [name for name in self.names if name not in values]
         if missing:
-            raise ValueError(f"values: {', '.join(missing)} missing")
+            raise ValueError(f"values: {_listed(missing)} missing")
         return self.validate([float(values[name]) for name in self.names])
 
     def check_names(self, field: str, values: Mapping[str, Any]) -> None:
         """Raise a ValueError that starts with ``field`` if a key is not a variable of this space."""
         unknown = [name for name in values if name not in self.names]
         if unknown:
-            raise ValueError(f"{field}: {', '.join(unknown)} not free to change; the variables are {self.listed}")
+            raise ValueError(f"{field}: {_listed(unknown)} not free to change; the variables are {self.listed}")
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names for a message of one line: of many the first ones and how many more there are."""
+    shown = names if len(names) <= LISTED else names[:SHOWN]
+    return ", ".join(shown) + (f" and {len(names) - len(shown)} more" if len(shown) < len(names) else "")
 
 
 def _usual_step(variable: Variable) -> float:

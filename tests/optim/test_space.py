@@ -152,6 +152,12 @@ def test_messages_name_the_first_of_very_many_variables():
     assert few.listed == ", ".join(few.names)
     with pytest.raises(ValueError, match=r"z not free to change; the variables are x0, x1, .*, x7 and 992 more$"):
         many.check_names("start", {"z": 1.0})
+    with pytest.raises(
+        ValueError, match=r"^start: x100, .*, x107 and 892 more not free to change; the variables are x0, "
+    ):
+        few.check_names("start", dict.fromkeys(many.names, 0.5))
+    with pytest.raises(ValueError, match=r"^values: x0, x1, .*, x7 and 992 more missing$"):
+        many.from_dict({})
 
 
 def test_parameters_that_name_no_step_get_a_usual_one():

@@ -301,14 +301,17 @@ def test_gaits_of_the_inflatable_robot_are_judged_in_a_few_draws():
     parts = [problem.in_minibatch(Minibatch(2, n, 9)).evaluate(points) for n in range(2)]
     assert (whole.status == "ok").all() and not np.array_equal(parts[0].objectives, parts[1].objectives)
     assert np.mean([part.objectives for part in parts], axis=0) == pytest.approx(whole.objectives, rel=1e-9)
-    with pytest.raises(ValueError, match="minibatch_size: 1 is not allowed with one world of which nothing is uncerta"):
-        GaitProblem((Terrain(),), columns=1).check_minibatch(1)
+    GaitProblem((Terrain(),), columns=1).check_minibatch(1)  # all of it
 
 
-def test_where_there_is_nothing_to_choose_from_it_says_so():
+@pytest.mark.kernels
+def test_the_worst_of_several_takes_several():
+    """Of one world, of which nothing is uncertain, a minibatch is all."""
     robot = crawler()
-    with pytest.raises(ValueError, match="minibatch_size: 1 is not allowed with one world of which nothing is uncerta"):
-        maximise(RobotProblem(robot, (Terrain(),)), "stochastic", progress=False)
+    alone = RobotProblem(robot, (Terrain(),), objective="worst")
+    alone.check_minibatch(1)
+    point = alone.space.sample(np.random.default_rng(0), 1)
+    assert alone.in_minibatch(Minibatch(1)).evaluate(point).objectives == alone.evaluate(point).objectives
     worst = RobotProblem(robot, (Terrain(),), uncertain="friction=20%", draws=4, risk="worst")
     with pytest.raises(ValueError, match="minibatch_size: 1 is not allowed with worst of several draws; give at least"):
         maximise(worst, "stochastic", progress=False)
