@@ -45,13 +45,17 @@ class Trust:
 
     @property
     def kept(self) -> float:
-        """Part of the speed that remains in the median of the changed conditions; 0 for a robot that goes nowhere."""
-        return float(np.median(list(self.changed.values()))) / self.speed if self.speed > 0 else 0.0
+        """Part of the speed, which may be backwards, that remains in the median of the changed conditions.
+
+        It is 0 for a robot that goes nowhere.
+        """
+        return float(np.median(list(self.changed.values()))) / self.speed if self.speed else 0.0
 
     @property
     def broken_by(self) -> tuple[str, ...]:
-        """Conditions under which less than half of the speed remains."""
-        return tuple(name for name, speed in self.changed.items() if speed < ENOUGH * self.speed)
+        """Conditions under which less than half of the speed remains; of one backwards, that much backwards."""
+        way = np.copysign(1.0, self.speed)
+        return tuple(name for name, speed in self.changed.items() if way * speed < ENOUGH * abs(self.speed))
 
     @property
     def judgement(self) -> Judgement:

@@ -145,3 +145,13 @@ def test_trust_names_what_breaks_a_robot():
     assert trust.kept == pytest.approx(0.6) and trust.broken_by == ("ice",)
     assert "less than half with ice" in trust.judgement.text and not trust.judgement.failed
     assert dataclasses.replace(trust, starts=np.zeros(3)).judgement.failed
+
+
+def test_a_robot_that_goes_backwards_is_trusted_as_its_mirror_image_is():
+    forwards = Trust(np.array([1.0, 0.9, 1.1]), {"ice": 0.1, "sand": 0.6, "half the time step": -0.8})
+    backwards = Trust(-forwards.starts, {name: -speed for name, speed in forwards.changed.items()})
+    assert backwards.kept == forwards.kept
+    assert backwards.broken_by == forwards.broken_by == ("ice", "half the time step")
+    assert backwards.judgement.failed is forwards.judgement.failed
+    steady = Trust(np.array([-0.0841]), {"0.5 of the friction": -0.0879, "half the time step": -0.0850})
+    assert steady.kept > 1 and not steady.broken_by and not steady.judgement.failed
