@@ -261,7 +261,7 @@ def _given(
 
 def _place_of(tried: Robot, source: str | PathLike[str] | Robot, name: str) -> str:
     """Where a keyword belongs that is none of a computation."""
-    kind = KINDS[tried.kind]
+    kind = KINDS.of(tried)
     if name in {option.name for option in kind.world_options}:
         return f"the world is told by its name, as where={tried.worlds[0].name!r}"
     if name in {option.name for option in kind.options}:

@@ -61,7 +61,7 @@ def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
         ValueError: for an unknown robot.
     """
     if isinstance(source, Robot):
-        return KINDS[source.kind]
+        return KINDS.of(source)
     if (run := run_in(source)) is not None:
         return kind_of_run(run, read_config(run))
     return find_robot_doing(fspath(source))[0]
@@ -85,7 +85,7 @@ def world(of: Robot, name: "str | int | World | None" = None) -> World:
     Raises:
         ValueError: for a world that robots of its kind do not know, and for several.
     """
-    kind = KINDS[of.kind]
+    kind = KINDS.of(of)
     if name is None:
         return of.worlds[0]
     if isinstance(name, int | np.integer):

@@ -26,7 +26,7 @@ class Abilities:
         Raises:
             ValueError: if robots of this kind have no such check.
         """
-        raise ValueError(f"judge: {KINDS[self.kind].title} has no such check; leave it out")
+        raise ValueError(f"judge: {KINDS.of(self).title} has no such check; leave it out")
 
     def table(self, **settings: Any) -> Any:
         """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
@@ -34,7 +34,7 @@ class Abilities:
         Raises:
             ValueError: if no hardware plays robots of this kind.
         """
-        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+        raise ValueError(f"source: {KINDS.of(self).title} has no gait table; no rig plays it")
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:
         """What a robot, of which nothing is free, asks of a rig, and the time that it takes in the simulation [s].
@@ -42,7 +42,7 @@ class Abilities:
         Raises:
             ValueError: if no hardware plays it.
         """
-        raise ValueError(f"source: {KINDS[self.kind].title} has no gait table; no rig plays it")
+        raise ValueError(f"source: {KINDS.of(self).title} has no gait table; no rig plays it")
 
     def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
         """Write closed surfaces for printers [mm]: a ``.3mf`` or ``.stl`` file, or a folder; tells what it wrote.
@@ -54,7 +54,7 @@ class Abilities:
         Raises:
             ValueError: if robots of this kind have no such surfaces.
         """
-        raise ValueError(f"parts: {KINDS[self.kind].title} has no surfaces to print; leave it out")
+        raise ValueError(f"parts: {KINDS.of(self).title} has no surfaces to print; leave it out")
 
     def save_voxels(self, path: Path) -> None:
         """Write the robot as a file of voxels for other simulators, ``.vxa`` or ``.vxl.json``.
@@ -62,7 +62,7 @@ class Abilities:
         Raises:
             ValueError: if robots of this kind have no voxels, or the file cannot hold them.
         """
-        raise ValueError(f"voxels: {KINDS[self.kind].title} has no such file; leave it out")
+        raise ValueError(f"voxels: {KINDS.of(self).title} has no such file; leave it out")
 
     def at_horizon(self, length: int) -> tuple[str, "Robot"]:
         """The robot in trials of another length, in a unit of its kind, and what that length is called.
@@ -70,4 +70,4 @@ class Abilities:
         Raises:
             ValueError: if trials of this kind have one length only.
         """
-        raise ValueError(f"horizons: trials of {KINDS[self.kind].title} have one length; leave it out")
+        raise ValueError(f"horizons: trials of {KINDS.of(self).title} have one length; leave it out")

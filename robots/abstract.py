@@ -74,7 +74,7 @@ class Robot(Abilities, ShortText):
     @property
     def name(self) -> str:
         """What people call this robot."""
-        return KINDS[self.kind].title
+        return KINDS.of(self).title
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """What N designs do in a trial; what one of them does must not depend on the others.
@@ -185,7 +185,7 @@ class Robot(Abilities, ShortText):
             ValueError: if the robot has no gradients, and for measures that are unknown or have none.
         """
         if not self.differentiable:
-            raise ValueError(f"robot: {KINDS[self.kind].title} has no gradients; choose a method that needs none")
+            raise ValueError(f"robot: {KINDS.of(self).title} has no gradients; choose a method that needs none")
         names = tuple(measures) if measures is not None else (self.measures[0].name,)
         known = [measure.name for measure in self.measures_in([world])]
         if unknown := [name for name in names if name not in known]:
@@ -202,7 +202,7 @@ class Robot(Abilities, ShortText):
         Raises:
             ValueError: if robots of this kind cannot be shown.
         """
-        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
+        raise ValueError(f"robot: {KINDS.of(self).title} cannot be shown")
 
     @property
     def has_motion(self) -> bool:
@@ -216,7 +216,7 @@ class Robot(Abilities, ShortText):
         Raises:
             ValueError: if robots of this kind cannot be shown.
         """
-        raise ValueError(f"robot: {KINDS[self.kind].title} cannot be shown")
+        raise ValueError(f"robot: {KINDS.of(self).title} cannot be shown")
 
     def title_of(self, outcome: Outcome, world: World) -> str:
         """Title of the picture of such a motion; empty for a plain one."""

@@ -17,6 +17,7 @@ from taichi_sim.base.options import Option, spelled
 from taichi_sim.base.registry import Registry
 
 if TYPE_CHECKING:
+    from robots.abilities import Abilities
     from robots.robot import Robot
 
 
@@ -130,6 +131,21 @@ class _Kinds(Registry[RobotKind]):
             found = self._loaded[name] = found()
         found.name = name
         return found
+
+    def of(self, robot: "Abilities") -> RobotKind:
+        """The kind of a robot.
+
+        Raises:
+            ValueError: if its class names none that is built in or added by a package.
+        """
+        named: str = getattr(robot, "kind", "")
+        try:
+            return self[named]
+        except KeyError:
+            raise ValueError(
+                f"robot: the kind {named!r} of {type(robot).__name__} is not registered; add it by an entry point, see "
+                "docs/extending.md"
+            ) from None
 
 
 USUAL = "inflatable"  # the kind, where none is named

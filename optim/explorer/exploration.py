@@ -157,7 +157,7 @@ class Exploration:
         }
         free = {name: given[name] for name in self._parameters if name in given}
         fixed = robot.design(robot.points(named.points_of(robot, free))[0]) if robot.parameters else robot
-        world = KINDS[robot.kind].chosen_world(place) if place else None
+        world = KINDS.of(robot).chosen_world(place) if place else None
         return fixed, world or robot.worlds[0]
 
     def tried(self, values: Mapping[str, Any], progress: Progress | None = None) -> Tried:
@@ -228,7 +228,7 @@ class Exploration:
     def _kind_of(self, robot: Robot) -> RobotKind:
         """The kind whose options make the robot: the one that is named, which may make robots of another."""
         by_name = isinstance(self.source, str) and self.source in named.robots()
-        return named.kind_of(self.source) if by_name else KINDS[robot.kind]  # type: ignore[arg-type]
+        return named.kind_of(self.source) if by_name else KINDS.of(robot)  # type: ignore[arg-type]
 
     def _suggested(self, robot: Robot) -> dict[str, Any]:
         """Pairs and lists for a robot of which nothing was chosen."""

@@ -146,7 +146,7 @@ class JudgedRobot(RobotDesigning):
     def check_true_gradients(self) -> None:
         """Raise a one-line ValueError if the robot has no gradients."""
         if not self.offered.differentiable:
-            title = KINDS[self.robot_kind].title
+            title = KINDS.of(self.offered).title
             raise ValueError(f"robot: {title} has no gradients; choose a method that needs none")
 
     def check_minibatch(self, size: int) -> None:
@@ -287,8 +287,8 @@ class JudgedRobot(RobotDesigning):
         return [
             *self.offered.facts(),
             (
-                f"{KINDS[self.offered.kind].world_option.capitalize()}s",
-                ", ".join(KINDS[self.offered.kind].world_told(world) for world in self.tried_in),
+                f"{KINDS.of(self.offered).world_option.capitalize()}s",
+                ", ".join(KINDS.of(self.offered).world_told(world) for world in self.tried_in),
             ),
             ("Objective", told),
             *([("Uncertain", f"{self.uncertain}: {self.risk} of {self.draws} draws")] if self.uncertain else []),
@@ -343,13 +343,13 @@ class RobotProblem(JudgedRobot):
         object.__setattr__(self, "worlds", tuple(self.worlds) or self.robot.worlds)
         names = [world.name for world in self.worlds]
         if len(set(names)) < len(names):
-            raise ValueError(f"{KINDS[self.robot.kind].world_option}: {', '.join(names)}; give none twice")
+            raise ValueError(f"{KINDS.of(self.robot).world_option}: {', '.join(names)}; give none twice")
         object.__setattr__(self, "uncertain", checked_uncertain(self.uncertain, self.risk, self.draws))
         check_drawn(self.robot, self.worlds, self.uncertain, self.draws)
         if self.gradient_horizon is not None:
             positive("gradient_horizon", self.gradient_horizon)
             if not self.robot.fading_gradients:
-                title = KINDS[self.robot.kind].title
+                title = KINDS.of(self.robot).title
                 raise ValueError(
                     f"gradient_horizon: gradients of {title} are exact, however long a trial; leave it out"
                 )
@@ -369,7 +369,7 @@ class RobotProblem(JudgedRobot):
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on; :meth:`from_description` builds the problem again."""
-        kind = KINDS[self.robot.kind]
+        kind = KINDS.of(self.robot)
         return {
             "kind": self.robot.kind,
             "robot": json.dumps(self.robot.describe(), separators=(",", ":")),

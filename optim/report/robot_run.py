@@ -148,7 +148,7 @@ class RobotSubject(Subject):
     def unshown(self, point: Floats) -> str:
         """Why there is no player of a point; empty if there is one."""
         robot = self.problem.robot_of(point)
-        return "" if robot.has_motion else f"there is no player: {KINDS[robot.kind].title} cannot be shown"
+        return "" if robot.has_motion else f"there is no player: {KINDS.of(robot).title} cannot be shown"
 
     def best(self, last: Generation, point: Floats, replays: Sequence[Replay], rig: PneumaticRig | None) -> Best:
         """The best design, of the last generation."""
@@ -168,7 +168,7 @@ class RobotSubject(Subject):
         self, robot: Robot, point: Floats, last: Generation, replays: Sequence[Replay]
     ) -> tuple[Html, dict[str, Any]]:
         """A row for each world: what the log says, and what came of it here."""
-        worlds, kind = self.problem.tried_in, KINDS[robot.kind]
+        worlds, kind = self.problem.tried_in, KINDS.of(robot)
         logged = self.problem.logged(point, last.best, last.best_details or {})
         known = [measure for measure in robot.measures if any(measure.name in row for row in logged)]
         again = robot.measures if replays else ()

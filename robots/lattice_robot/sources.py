@@ -13,7 +13,7 @@ from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import MESH_SUFFIXES, VOXEL_SUFFIXES
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
-from robots.robot import Robot
+from robots.robot import KINDS, Robot
 from robots.world import STANDARD_GRAVITY
 from taichi_sim.base.foreign import users_code
 from taichi_sim.lattice.files import VoxelFile, load_voxel_file
@@ -90,7 +90,7 @@ def robot_of_voxel_file(
 
 
 def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
-    """The robot that a Python file sets, which must be of a kind; the file is run.
+    """The robot that a Python file sets, which must be of a class, and of a kind in ``KINDS``; the file is run.
 
     Raises:
         ValueError: one line that names the file and what is wrong with it.
@@ -101,4 +101,8 @@ def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
     if not isinstance(robot, kind):
         told = "is missing" if robot is None else f"is a {type(robot).__name__}"
         raise ValueError(f"{path}: robot {told}; set it to a {kind.__name__}")
+    try:
+        KINDS.of(robot)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     return robot

@@ -9,7 +9,10 @@ import pytest
 import trimesh
 
 import morpholab as ml
+from optim import maximise
 from optim.cli import main
+from optim.problems.robot import RobotProblem
+from robots.robot import Measure, Outcome, Parameter, Robot
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -22,6 +25,25 @@ def test_robots_and_worlds_come_by_name():
     assert ml.robot(walker) is walker
     assert ml.robot(ml.robot("rolling"), pressure="9000").gait.pressure == 9000
     assert ml.world(walker, "hill:5").name == "hill:5" and ml.world(walker) == walker.worlds[0]
+
+
+class Pendulum(Robot):
+    """A robot of a kind that no package has registered."""
+
+    kind = "pendulum"
+    parameters = (Parameter("push", 0.0, 4.0),)
+    measures = (Measure("height", "m"),)
+
+    def run(self, points, trial):
+        return Outcome({"height": 4.0 - (points[:, 0] - 3.0) ** 2})
+
+
+def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
+    for call in (ml.simulate, ml.differentiate, ml.view):
+        with pytest.raises(ValueError, match=r"^robot: the kind 'pendulum' of Pendulum is not registered; add it by"):
+            call(Pendulum())
+    best = maximise(RobotProblem(Pendulum()), method="random", generations=1, climbers=8, progress=lambda _: None)
+    assert best.score > 0
 
 
 @pytest.mark.parametrize(

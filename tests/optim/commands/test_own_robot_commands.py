@@ -62,6 +62,38 @@ def test_a_search_is_the_same_with_workers(morpholab, mine):
     assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
 
 
+HOPPER = """
+from robots.robot import Measure, Outcome, Parameter, Robot
+
+class Hopper(Robot):
+    kind = "hopper"
+    parameters = (Parameter("push", 0.0, 40.0),)
+    measures = (Measure("height", "m"),)
+
+    def run(self, points, trial):
+        return Outcome({"height": points[:, 0]})
+
+robot = Hopper()
+"""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "codesign --robot hopper.py --out r",
+        "simulate --robot hopper.py",
+        "measure --robot hopper.py --success 'height >= 1' --out r",
+        "view hopper.py --out h.html",
+        "gradient-check --robot hopper.py",
+    ],
+)
+def test_a_robot_of_a_kind_that_is_not_registered_is_told_where_to_do_so(morpholab, tmp_path, command):
+    (tmp_path / "hopper.py").write_text(HOPPER)
+    code, out, error = morpholab(f"{command} --quiet")
+    told = "hopper.py: robot: the kind 'hopper' of Hopper is not registered; add it by an entry point, see docs/ext"
+    assert code == 2 and out == "" and error.count("\n") == 1 and told in error and not (tmp_path / "r").exists()
+
+
 @pytest.mark.kernels
 def test_gradients_of_a_users_file_are_checked_and_followed(morpholab, mine):
     line = f"gradient-check --robot my_robot.py --horizons 1 --directions 2 --samples 2 --json {QUICK}"
