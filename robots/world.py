@@ -322,7 +322,8 @@ def terrain_of(world: World) -> Terrain:
         ValueError: if it is another.
     """
     if not isinstance(world, Terrain):
-        raise ValueError(f"terrain: {world!r} is not allowed; give a Terrain, such as Terrain.parse('hill:15')")
+        told = getattr(world, "name", world)
+        raise ValueError(f"terrain: {told!r} is not allowed; give a Terrain, such as Terrain.parse('hill:15')")
     return world
 
 

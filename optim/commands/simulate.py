@@ -15,7 +15,7 @@ from optim.commands.far_ground import note_unmet_ground
 from optim.commands.options import Command, Option, count, flag, path_to
 from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.progress import shown_progress
-from robots.robot import OK, Outcome, Robot, World, find_robot_doing, robot_to_try
+from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
 
 FILES = ("design.json", "result.json", "frames.npz", "gait.csv", "robot.png")
 COMMAND = Command(
@@ -80,8 +80,9 @@ def run(args: argparse.Namespace) -> Report:
     compute, what = options.compute(args, "f64"), args.gait or args.robot
     title = f"{what} {world.where}".strip()
     measured = {measure.name for measure in robot.measures}
-    place = kind.world_option if kind.world_option not in measured else "world"
-    values = {name: value for name, value in kind.world_values(world).items() if name != kind.world_option}
+    own = KINDS.of(robot)  # a file of Python may set a robot of another kind than files of Python are
+    place = own.world_option if own.world_option not in measured else "world"
+    values = {name: value for name, value in own.world_values(world).items() if name != own.world_option}
     about = {"gait" if args.gait else "robot": what, place: world.name, **values}
     if args.uncertain:
         return _uncertain(args, robot, world, title, about)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import trimesh
+from articulated_files import CRAWLER
 
 from robots.hardware import read_channels
 
@@ -60,6 +61,19 @@ def test_a_search_is_the_same_with_workers(morpholab, mine):
     lines = [f"codesign --robot my_robot.py --climbers 4 --generations 1 --out {name} --quiet" for name in ("a", "b")]
     assert morpholab(f"{lines[0]} --threads 1")[0] == 0 and morpholab(f"{lines[1]} --workers 1 --threads 1")[0] == 0
     assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
+
+
+@pytest.mark.kernels
+@pytest.mark.filterwarnings("ignore:model. ignored")
+def test_a_users_file_may_set_a_robot_of_another_kind(morpholab, tmp_path):
+    """It is told in the world of that kind."""
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    source = "from robots.articulated import load_robot\nrobot = load_robot('crawler.xml', duration=0.1)\n"
+    (tmp_path / "dog.py").write_text(source)
+    code, out, error = morpholab("simulate --robot dog.py --threads 1 --json --quiet")
+    assert code == 0 and json.loads(out)["world"] == "ground", error
+    direct = json.loads(morpholab("simulate --robot crawler.xml --duration 0.1 --threads 1 --json --quiet")[1])
+    assert {**json.loads(out), "robot": ""} == {**direct, "robot": ""}
 
 
 HOPPER = """
