@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
-from optim.commands.robots import named_source
-from optim.problems import robot_of_run
+from optim.commands.robots import kinds_of_words, named_source, own_alone
+from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import has_run
 from optim.runs.history import read_history
 from optim.wording import counted
@@ -74,6 +74,8 @@ COMMAND = Command(
         path_to("voxels", "FILE", "for other simulators: a .vxa, or a .vxl.json of the body alone"),
         count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
     ),
+    kinds=kinds_of_words,
+    options_of=own_alone("export"),
 )
 
 
@@ -87,7 +89,7 @@ def run(args: argparse.Namespace) -> Report:
     if args.plot and args.plot.suffix.lower() not in PICTURES:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
     _check_files(args)
-    robot, seed = _robot(args.source, args.member)
+    robot, seed = _robot(args)
     table = _write_table(args, robot, seed) if wanted else Report({}, "")
     document, lines = _write_bodies(args, robot)
     text = "\n".join(filter(None, [table.text, *lines]))
@@ -204,12 +206,15 @@ def _other_files(args: argparse.Namespace) -> dict[str, Path]:
     return {} if args.dry_run else {name: path for name, path in files.items() if path}
 
 
-def _robot(source: Path, member: int | None) -> tuple[Robot, int | None]:
+def _robot(args: argparse.Namespace) -> tuple[Robot, int | None]:
     """The best design of a run, as its checked log tells, or another that it keeps, or that of a file; its seed."""
+    source, member = args.source, args.member
     if has_run(source):
         history = read_history(source)
-        return robot_of_run(history, member, elsewhere=True)[0], history.config["method"].get("seed")
+        options = args.parser.values(args, kind_of_run(source, history.config))
+        found, _ = robot_of_run(history, member, elsewhere=True)
+        return found.changed(options), history.config["method"].get("seed")
     named = named_source(str(source))
     if member is not None:
         raise ValueError(f"member: {member} is not allowed, as {source} is the file of one design; name a run")
-    return robot_to_try(named.kind, named.source, {})[0], None
+    return robot_to_try(named.kind, named.source, args.parser.values(args, named.kind))[0], None

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, goes_on, options
 from optim.commands.options import QUIET, Command, Option, count, path_to
-from optim.commands.robots import kinds_of_robot
+from optim.commands.robots import kinds_of_robot, own_alone
 from optim.progress import shown_progress
 from optim.wording import counted
 from robots.robot import Robot, RobotKind, find_robot_doing, make_robot
@@ -20,10 +20,6 @@ if TYPE_CHECKING:
 
 USUAL_CONTROLLERS = 1000
 NAMES_TOLD = 8  # of what a controller has values of
-
-
-def _own(kind: RobotKind) -> list[Option]:
-    return list(kind.options_for("measure"))
 
 
 COMMAND = Command(
@@ -60,7 +56,7 @@ COMMAND = Command(
     ),
     options.simulation("that of searches, f64 of most kinds"),
     kinds_of_robot,
-    _own,
+    own_alone("measure"),
 )
 
 

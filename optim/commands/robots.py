@@ -133,6 +133,15 @@ def world_and_own(command: str) -> OptionsOf:
     return options_of
 
 
+def own_alone(command: str) -> OptionsOf:
+    """The options of a kind that make its robots, for a command without a world, or with several."""
+
+    def options_of(kind: RobotKind) -> Sequence[Option]:
+        return kind.options_for(command)
+
+    return options_of
+
+
 def kinds_of_robot(words: Sequence[str]) -> list[RobotKind]:
     """The kind of robot that ``--robot`` and ``--gait`` name."""
     return [find_robot_doing(*vars(early(words, "--robot", "--gait")).values())[0]]
@@ -152,6 +161,15 @@ def named_source(text: str) -> Named:
         known = [name for kind in KINDS.builtin for name in (*KINDS[kind].designs, kind)]
         raise ValueError(f"source: {text!r} is no robot ({', '.join(known)}), no run and no file of a design")
     return Named(*found)
+
+
+def kinds_of_words(words: Sequence[str]) -> list[RobotKind]:
+    """The kinds of robots among the words of a command line; words that name none are other things."""
+    found = []
+    for word in words:
+        with contextlib.suppress(ValueError, OSError):
+            found.append(named_source(word).kind)
+    return found
 
 
 def early(words: Sequence[str], *flags: str) -> argparse.Namespace:

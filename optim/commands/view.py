@@ -1,14 +1,13 @@
 """``morpholab view``: robots in motion, as a page for browsers, as pictures, and as files for other programs."""
 
 import argparse
-import contextlib
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
 from optim.commands import Report, options
 from optim.commands.options import QUIET, Command, Option, count
-from optim.commands.robots import loaded, named_source, world_and_own
+from optim.commands.robots import kinds_of_words, loaded, named_source, world_and_own
 from optim.commands.view_files import APPEARANCE, OUTPUTS, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
 from optim.wording import counted, spoken_size
@@ -16,15 +15,6 @@ from robots.robot import RobotKind, World
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
-
-
-def kinds_of_words(words: Sequence[str]) -> list[RobotKind]:
-    """The kinds of robots among the words of a command line; words that name none are other things."""
-    found = []
-    for word in words:
-        with contextlib.suppress(ValueError, OSError):
-            found.append(named_source(word).kind)
-    return found
 
 
 COMMAND = Command(

@@ -146,6 +146,17 @@ def test_a_mesh_is_designed_and_leaves_as_parts_table_and_voxels(morpholab, tmp_
     assert code == 0 and "bladder1" in out
 
 
+def test_a_mesh_is_exported_with_what_makes_it_a_robot(morpholab, tmp_path):
+    trimesh.creation.box((60, 20, 20)).export(tmp_path / "body.stl")
+    half = trimesh.creation.box((30, 20, 20))
+    half.apply_translation([15, 0, 0])
+    half.export(tmp_path / "half.stl")
+    line = "export body.stl --pitch 10 --region front=half.stl,amplitude=0.1 --parts parts.3mf --json"
+    code, out, error = morpholab(line)
+    assert (code, error) == (0, "")
+    assert json.loads(out)["parts"]["written"] == ["body: 12 cm^3", "body, channel front: 12 cm^3"]
+
+
 @pytest.mark.kernels
 def test_phases_that_settle_at_rest_are_named(morpholab, tmp_path):
     (tmp_path / "tied.py").write_text(MINE.replace("Free(0.0, 1.0, 0.3)", "0.5"))
@@ -167,6 +178,9 @@ def test_phases_that_settle_at_rest_are_named(morpholab, tmp_path):
         ),
         ("codesign --robot empty.stl --pitch 10 --region a=body.stl --out r", "mesh: "),
         ("codesign --robot body.stl --pitch 0 --region a=body.stl --out r", "pitch: 0.0 is not allowed"),
+        ("export body.stl --parts a.3mf", "pitch: body.stl is a mesh; give the edge of its voxels"),
+        ("export my_robot.py --pitch 5 --parts a.3mf", "pitch: robot has its own; leave it out"),
+        ("export rolling --pitch 5 --csv a.csv", "pitch: it is an option of other kinds (lattice robot); leave it out"),
         ("export my_robot.py --mould draft=2", "mould: it needs a place; give --parts as well"),
         ("export my_robot.py --parts a.3mf --mould draft=80", "draft: 80.0 is not allowed; give a number from 0 to 45"),
         ("export my_robot.py --parts a.3mf --mould wall=-1", "wall: -0.001 is not allowed; give a positive"),
