@@ -11,7 +11,7 @@ import numpy as np
 
 from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
-from robots.robot import KINDS, OK, Outcome, Replay, Robot, World
+from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import nearest, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -112,24 +112,29 @@ class Trials:
         return self._replays[number]
 
     @property
+    def _measures(self) -> tuple[Measure, ...]:
+        """What the robot is judged by in this world."""
+        return self.robot.measures_in([self.world])
+
+    @property
     def _spoken(self) -> str:
         return f"{self.robot.name} {self.world.where}".strip()
 
     def __repr__(self) -> str:
         fine = self.outcome.status == OK
         if len(self) == 1:
-            measures = [m.value(self[m.name][0]) for m in self.robot.measures] if fine[0] else [self.outcome.told[0]]
+            measures = [m.value(self[m.name][0]) for m in self._measures] if fine[0] else [self.outcome.told[0]]
             return f"{self._spoken}: {', '.join(map(str, measures))}"
         ranges = [
             f"{m.name.replace('_', ' ')} {self[m.name][fine].min():.4g} to {self[m.name][fine].max():.4g} {m.unit}"
-            for m in self.robot.measures
+            for m in self._measures
             if fine.any()
         ]
         failed = f", {np.count_nonzero(~fine)} failed" if not fine.all() else ""
         return f"{len(self)} designs, {self._spoken}: {', '.join(map(str.strip, ranges)) or 'none succeeded'}{failed}"
 
     def _repr_html_(self) -> str:
-        units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self.robot.measures}
+        units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self._measures}
         shown = {
             name: values for name, values in self.columns().items() if len(self.points[0]) <= MOST_ROWS or name in units
         }
@@ -154,7 +159,7 @@ class Trials:
         """A measure of each design."""
         from matplotlib.figure import Figure
 
-        values, measure = self[name], next(each for each in self.robot.measures if each.name == name)
+        values, measure = self[name], next(each for each in self._measures if each.name == name)
         varies = np.flatnonzero(np.ptp(self.points, axis=0))
         figure = Figure(figsize=(6, 3.2), layout="constrained")
         axes = figure.add_subplot()

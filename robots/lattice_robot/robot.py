@@ -344,11 +344,9 @@ class LatticeRobot(OutOfTheLab):
         return felt_over_time(self, points, terrain_of(world), compute)
 
     def spoken(self, outcome: Outcome) -> str:
-        """Its measures, and those of the first prop, if there is one."""
-        props = [
-            each.value(float(outcome.measures[each.name][0])) for each in OF_PROPS if each.name in outcome.measures
-        ]
-        return ", ".join([super().spoken(outcome), *props])
+        """All measures of the outcome: a light and props of the terrain add some to its own."""
+        known = (*measures_of(targeted=True), *OF_PROPS)
+        return ", ".join(m.value(float(outcome.measures[m.name][0])) for m in known if m.name in outcome.measures)
 
     @property
     def steps(self) -> int:

@@ -139,6 +139,14 @@ def test_several_designs_are_a_table():
         found["closet"]
 
 
+@pytest.mark.kernels
+def test_what_a_world_adds_to_the_measures_is_told_and_drawn():
+    robot = ml.robot("soft-quadruped")
+    found = ml.simulate(robot, np.stack([robot.start, robot.start]), where="flat+light:0.1,0.05")
+    assert "remaining " in repr(found) and "<th>remaining [m]</th>" in found._repr_html_()
+    assert found.plot("remaining").axes[0].get_ylabel() == "distance that remains to the target [m]"
+
+
 def test_a_folder_of_the_name_of_a_package_does_not_hide_the_lab(tmp_path):
     """Unless it was imported before, which is said in one line."""
     (tmp_path / "robots").mkdir()

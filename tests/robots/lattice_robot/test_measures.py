@@ -123,6 +123,14 @@ def test_robots_tell_all_their_measures():
 
 
 @pytest.mark.kernels
+@pytest.mark.parametrize("things", ["", "+light:0.1,0.05", "+light:0.1,0.05+box:0.02,0.02,0.02,0.1,0"])
+def test_people_are_told_all_that_the_world_adds(things):
+    outcome = robot().simulate((), Terrain.parse(f"flat{things}"))
+    told = [each.split()[:-2] for each in robot().spoken(outcome).split(", ")]
+    assert [" ".join(name) for name in told] == [name.replace("_", " ") for name in outcome.measures]
+
+
+@pytest.mark.kernels
 def test_noise_is_the_same_for_all_points_and_differs_by_seed():
     speeds = [robot(perturbation=1e-5, seed=seed).simulate((), Terrain()).measures["speed"][0] for seed in (0, 0, 1)]
     assert speeds[0] == speeds[1] != speeds[2]
