@@ -15,9 +15,9 @@ from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
 from robots.robot import Progress
 from robots.world import Terrain, medium_of, one_each, standing
 from taichi_sim.autodiff.arrays import trace
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult, Relief
+from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult, Quantity, Relief
 from taichi_sim.lattice.faces import half_extents
 from taichi_sim.lattice.gradient import Tape
 from taichi_sim.lattice.material_gradient import add_to_columns
@@ -84,6 +84,17 @@ class Channels:
     rest: ArrayLike
     feeling: Feeling | None = None
 
+    def driven(self, regions: Ints, expansions: Floats) -> Floats:
+        """Which voxels are driven, 1 or 0, shape (B, V); by a temperature those alone whose material expands.
+
+        Args:
+            regions: of the voxels, shape (V,).
+            expansions: thermal expansion of each voxel [1/K], shape (B, V).
+        """
+        heated = np.asarray(self.quantities) == Quantity.TEMPERATURE
+        warm, others = (np.isin(regions, np.asarray(self.regions)[which]) for which in (heated, ~heated))
+        return ((warm & (expansions != 0)) | others).astype(float)
+
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
@@ -144,7 +155,7 @@ class Rollout:
             compute: device, precision and threads.
             record_every: steps between frames; None for none.
             starts: voxel centres at the start [m], shape (B, V, 3); those of the bodies by default.
-            driven: how much of each voxel is driven, 0 to 1, shape (B, V); by default 1 in the regions of channels.
+            driven: how much of each voxel is driven, 0 to 1, shape (B, V); by default as the channels say.
         """
         self.bodies, self.cycle, self._aim, self._channels = tuple(bodies), cycle, aim, channels
         self._swing, self._record_every = swing, record_every
@@ -193,12 +204,12 @@ class Rollout:
             rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
             self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at[:, : robot.voxel_count])
             self.program = self._loop.plan(self.program)
-        moduli, densities = (
+        moduli, densities, expansions = (
             np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
-            for field in ("youngs_modulus", "density")
+            for field in ("youngs_modulus", "density", "thermal_expansion")
         )
         if driven is None:
-            driven = np.tile(np.isin(np.asarray(first.regions), channels.regions).astype(float), (len(bodies), 1))
+            driven = channels.driven(np.asarray(first.regions), expansions)
         told = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
         raised = 0.0 if self.reliefs is None else at[:, :, 2] - level[:, :, 2]
         self._constants = Constants(densities, moduli, driven, first, *told, raised)

@@ -7,7 +7,7 @@ import pytest
 
 from optim.problems.robot import RobotProblem
 from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
-from robots.lattice_robot import Drive, Free, LatticeRobot
+from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.robustness import STARTS, Trust, trust_in
 from robots.world import Terrain
@@ -120,6 +120,23 @@ def test_robots_tell_all_their_measures():
     assert found["mass"][0] == pytest.approx(12 * 1e3 * EDGE**3) and found["payload"][0] == 0
     assert found["energy"][0] > 0
     assert found["speed"][0] == pytest.approx(found["distance"][0] / 0.08 * 12)
+
+
+@pytest.mark.kernels
+def test_what_no_temperature_swells_is_payload_also_in_a_file_of_voxels(tmp_path):
+    """Regions of such a file are told apart by phase alone, so that passive voxels share those of active ones."""
+    passive = dataclasses.replace(RUBBER, density=2e3)
+    array = np.array([[[1, 2]], [[2, 2]], [[1, 2]]])
+    swollen = LatticeRobot(
+        body_from_array(array, (RUBBER, passive), EDGE, regions=array - 1),
+        (Drive("legs", (0,), amplitude=0.1),),
+        **{"cycles": 1, "frequency": 12.0, "settling": 0.02},
+    )
+    swollen.save_voxels(tmp_path / "legs.vxa")
+    heated = load_robot(tmp_path / "legs.vxa")
+    warm = {drive.quantity for drive in heated.drives}
+    both = [each.simulate((), Terrain()).measures["payload"][0] for each in (swollen, heated)]
+    assert warm == {"temperature"} and both == pytest.approx([4 * 2e3 * EDGE**3] * 2)
 
 
 @pytest.mark.kernels
