@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
@@ -325,6 +325,17 @@ def terrain_of(world: World) -> Terrain:
         told = getattr(world, "name", world)
         raise ValueError(f"terrain: {told!r} is not allowed; give a Terrain, such as Terrain.parse('hill:15')")
     return world
+
+
+def ground_files(worlds: Iterable[World]) -> dict[str, str]:
+    """SHA-256 of each file of heights on which some worlds are, by its name, as it is now.
+
+    Raises:
+        ValueError: for a file that is missing or cannot be read.
+    """
+    named = (world.ground for world in worlds if isinstance(world, Terrain) and world.ground)
+    found = {ground.file: ground.checksum for ground in map(Ground, named)}
+    return {file: checksum for file, checksum in found.items() if file and checksum}
 
 
 def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:

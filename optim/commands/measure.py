@@ -10,9 +10,11 @@ from optim.commands import Report, goes_on, options
 from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.commands.robots import kinds_of_robot, own_alone
 from optim.progress import shown_progress
+from optim.runs.config import GROUND_FILES
 from optim.wording import counted
 from robots.robot import Robot, RobotKind, find_robot_doing, make_robot
 from robots.tasks import Success
+from robots.world import ground_files
 
 if TYPE_CHECKING:
     from optim.experiments.body_metrics import BodyMetrics, Environments
@@ -88,6 +90,7 @@ def run(args: argparse.Namespace) -> Report:
         "success": [[bound.text for bound in bounds] for bounds in environments.success],
         **settings.describe(),
         "precision": compute.precision,
+        **({GROUND_FILES: files} if (files := ground_files(environments.worlds)) else {}),
     }
     folder = ResultsFolder(args.out, "measures", said)
     with shown_progress(counted(settings.controllers, "controller"), 1.0, args.quiet) as update:

@@ -14,11 +14,12 @@ from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core
 from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import State, Trials, check_working, speeds_of
 from optim.runs import open_run, run_search
+from optim.runs.config import GROUND_FILES
 from optim.runs.generation import Generation
 from optim.search import build_method
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.timing import gait_steps
-from robots.world import Terrain
+from robots.world import Terrain, ground_files
 from taichi_sim.base.results_folder import ResultsFolder
 
 FOUND = "found-"  # how names begin of what searches find
@@ -115,6 +116,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         "rig": dataclasses.asdict(task.rig),
         **({"calibration": dataclasses.asdict(task.calibration)} if task.calibration else {}),
         **({} if task.weight == "published" else {"weight": task.weight}),
+        **({GROUND_FILES: files} if (files := ground_files(task.terrains)) else {}),
     }
 
 

@@ -10,9 +10,8 @@ from typing import Any, Self
 from numpy.typing import ArrayLike
 
 from optim.problem import Problem
-from robots.ground import Ground
 from robots.robot import Facts, Robot, World
-from robots.world import Terrain
+from robots.world import ground_files
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -52,9 +51,7 @@ class RobotDesigning(Problem):
         Raises:
             ValueError: for a file that is missing or cannot be read.
         """
-        named = (world.ground for world in self.tried_in if isinstance(world, Terrain) and world.ground)
-        found = {ground.file: ground.checksum for ground in map(Ground, named)}
-        return {file: checksum for file, checksum in found.items() if file and checksum}
+        return ground_files(self.tried_in)
 
     @abstractmethod
     def robot_of(self, point: ArrayLike) -> Robot:

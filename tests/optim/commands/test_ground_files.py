@@ -1,11 +1,14 @@
 """Runs on ground of a file: what is resumed, compared and reported when the file is another one, or gone."""
 
+import dataclasses
 import json
 import tomllib
 
 import numpy as np
 import pytest
 
+from optim.pipeline.run import settings_of as pipeline_settings
+from optim.pipeline.task import read_task
 from optim.problems.robot import RobotProblem
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config, settings_of, write_config
@@ -128,6 +131,28 @@ def test_runs_are_told_of_without_their_ground(morpholab, tmp_path):
     assert json.loads(out)["notes"] == ["terrain: 'hills.npy' is no file; the player is left out"]
     code, _, error = morpholab("view runs/1 --out v.html")
     assert (code, error) == (2, "morpholab view: error: terrain: 'hills.npy' is no file\n")
+
+
+@pytest.mark.kernels
+def test_measures_go_on_with_the_very_file_alone(morpholab, tmp_path):
+    line = f"measure --robot soft-quadruped --environments {HILLS} --success 'speed >= 9' --controllers 1 --threads 1"
+    for _ in range(2):
+        assert morpholab(f"{line} --quiet --out m")[::2] == (0, "")
+    written(tmp_path, 0.001)
+    code, _, error = morpholab(f"{line} --quiet --out m")
+    assert code == 2 and "out: m holds measures of other settings (ground_files" in error and error.count("\n") == 1
+    assert morpholab(f"{line.replace(HILLS, 'flat')} --quiet --out flat")[::2] == (0, "")
+    assert "ground_files" not in (tmp_path / "flat/measures.json").read_text()
+
+
+def test_a_pipeline_goes_on_with_the_very_file_alone(tmp_path):
+    (tmp_path / "task.toml").write_text(f"terrains = ['flat', '{HILLS}']\ngaits = ['rolling']\n")
+    task = read_task(tmp_path / "task.toml")
+    before = pipeline_settings(task)
+    assert pipeline_settings(task) == before and list(before["ground_files"]) == ["hills.npy"]
+    written(tmp_path, 0.001)
+    assert pipeline_settings(task) != before
+    assert "ground_files" not in pipeline_settings(dataclasses.replace(task, terrains=task.terrains[:1]))
 
 
 def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
