@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 
 from robots.robot import HERE, Option, Outcome, Robot, World, find_robot_doing, make_robot
+from robots.world import with_file_in
 from taichi_sim.base.arrays import Bools
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.files import content_of, why_unread
+from taichi_sim.base.files import content_of, found_beside, why_unread
 from taichi_sim.base.short_text import shortest
 
 BUILTIN = Path(__file__).with_name("tasks.toml")
@@ -100,14 +101,12 @@ class Task:
         options: of ``codesign``, by name: robot, worlds, objective, and what else a file says.
         title: what is to be done, for people.
         success: bounds that a design has to keep in every world; none for a task that cannot be solved or missed.
-        folder: where files that it names are looked for, beside the working directory.
     """
 
     name: str
     options: Mapping[str, Any]
     title: str = ""
     success: tuple[Success, ...] = ()
-    folder: Path | None = None
 
     @cached_property
     def robot(self) -> Robot:
@@ -134,12 +133,8 @@ class Task:
 
     @property
     def source(self) -> str | None:
-        """The robot as commands name it; a file beside the task's is found there."""
-        given = self.options.get("robot")
-        if isinstance(given, str) and self.folder is not None and not Path(given).exists():
-            beside = self.folder / given
-            return str(beside) if beside.is_file() else given
-        return given
+        """The robot as commands name it; None for the usual one."""
+        return self.options.get("robot")
 
     @property
     def worlds(self) -> tuple[World, ...]:
@@ -180,15 +175,32 @@ def builtin_tasks() -> dict[str, Task]:
 def task_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> Task:
     """The task of a table of TOML.
 
+    Args:
+        name: of the task.
+        table: what a file says.
+        folder: where files of its robot and its terrains are looked for, beside the working directory.
+
     Raises:
-        ValueError: for a title that is no text, and bounds that are none.
+        ValueError: for a title or robot that is no text, and bounds that are none.
     """
-    title, success = table.get("title", ""), table.get("success", [])
-    if not isinstance(title, str):
-        raise ValueError(f"title: {title!r} is not allowed; give a text")
-    bounds = tuple(Success.parse(each) for each in (success if isinstance(success, list) else [success]))
+    for key in ("title", "robot"):
+        if not isinstance(table.get(key, ""), str):
+            raise ValueError(f"{key}: {table[key]!r} is not allowed; give a text")
     options = {key: value for key, value in table.items() if key not in OWN}
-    return Task(name, options, title, bounds, folder)
+    success = table.get("success", [])
+    bounds = tuple(Success.parse(each) for each in (success if isinstance(success, list) else [success]))
+    return Task(name, options if folder is None else _with_files(options, folder), table.get("title", ""), bounds)
+
+
+def _with_files(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Options with the paths of the files of a robot and of terrains that lie in a folder."""
+    found = dict(options)
+    if "robot" in found:
+        found["robot"] = found_beside(folder, found["robot"])
+    if "terrain" in found:
+        given = found["terrain"] if isinstance(found["terrain"], list) else [found["terrain"]]
+        found["terrain"] = [with_file_in(folder, each) if isinstance(each, str) else each for each in given]
+    return found
 
 
 def find_task(given: str | Path) -> Task:

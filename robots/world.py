@@ -5,6 +5,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
 
 import numpy as np
@@ -16,6 +17,7 @@ from robots.ground_kinds import ways
 from robots.props import LIGHT, Prop, split_name
 from robots.robot import World
 from taichi_sim.base.checks import NotNegative, check_fields, number
+from taichi_sim.base.files import found_beside
 from taichi_sim.base.options import value_of as number_of
 
 if TYPE_CHECKING:
@@ -226,8 +228,8 @@ class Terrain:
             places = [checked_place(LIGHT, [number_of(part) for part in each.split(",")]) for each in lights]
             props = tuple(map(Prop.parse, given))
             return dataclasses.replace(cls.parse(text), light=places[0] if places else None, props=props)
-        hill, plus, ground = text.partition("+")
-        if plus and (hill in ("flat", "water") or hill.partition(":")[0] == "hill"):
+        hill, ground = _hill_and_ground(text)
+        if hill:
             return dataclasses.replace(cls.parse(hill), ground=ground)._with_its_file()
         kind, _, degrees = text.partition(":")
         if text == "flat":
@@ -242,6 +244,23 @@ class Terrain:
             known = f'"flat", "hill:15" (degrees), "water" or uneven ground: {ways()}'
             raise ValueError(f"terrain: {text!r} is unknown; give {known}") from None
         return cls(slope)
+
+
+def _hill_and_ground(text: str) -> tuple[str, str]:
+    """What a name without things says before the ground, ``hill:5`` of ``hill:5+rough:0.01``, and that ground."""
+    hill, plus, ground = text.partition("+")
+    if plus and (hill in ("flat", "water") or hill.partition(":")[0] == "hill"):
+        return hill, ground
+    return "", text
+
+
+def with_file_in(folder: Path, text: str) -> str:
+    """The name of a terrain with the path of its file of heights, which is also looked for in a folder."""
+    try:
+        file = Ground(_hill_and_ground(split_name(text)[0])[1]).file
+    except ValueError:  # another terrain, or one that is refused where it is made
+        return text
+    return text if file is None else text.replace(file, found_beside(folder, file), 1)
 
 
 def checked_place(field: str, given: Any) -> tuple[float, float]:

@@ -28,7 +28,7 @@ def take_task(args: argparse.Namespace) -> None:
     parser: argparse.ArgumentParser = args.parser
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in OWN}
     task, arguments = find_task(args.task), list[str]()
-    for key, value in {**task.options, **({"robot": task.source} if task.source else {})}.items():
+    for key, value in task.options.items():
         action = known.get(key.replace("-", "_"))
         if action is None:
             names = [name.replace("_", "-") for name in known]

@@ -139,6 +139,15 @@ def check_plain_file(path: str | os.PathLike[str], largest: int = LARGEST) -> No
         raise OSError(errno.EFBIG, f"{found.st_size} bytes are not allowed, give at most {largest}")
 
 
+def found_beside(folder: Path, file: str) -> str:
+    """The path of a file that is in the working directory, or else in a folder; as it is given if it is in neither."""
+    beside = folder / file
+    with contextlib.suppress(OSError):  # of a name that is too long
+        if not Path(file).exists() and beside.is_file():
+            return str(beside)
+    return file
+
+
 def content_of(path: str | os.PathLike[str], largest: int = LARGEST) -> bytes:
     """Read a file whole; raises OSError if it cannot be read, or :func:`check_plain_file` refuses it."""
     check_plain_file(path, largest)

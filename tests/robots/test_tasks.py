@@ -56,6 +56,20 @@ def test_a_task_of_the_users_own(tmp_path):
     assert [world.name for world in find_task(tmp_path / "vehicle.toml").worlds] == ["2"]
 
 
+@pytest.mark.parametrize("place", ["", "hill:5+", "flat+"])
+@pytest.mark.parametrize("things", ["", "+sand:200000.0", "+light:0.1,0.05+box:0.02,0.02,0.02,0.1,0.0"])
+def test_a_file_of_heights_is_looked_for_beside_the_task_too(tmp_path, monkeypatch, place, things):
+    (tmp_path / "a+b").mkdir()
+    monkeypatch.chdir(tmp_path)
+    np.save("a+b/course.npy", np.zeros((4, 4)))
+    text = f"{place}course.npy:0.005{things}"
+    (tmp_path / "a+b/push.toml").write_text(f"robot = 'soft-quadruped'\nterrain = ['{text}', 'flat']\n")
+    ground = "a+b/course.npy:0.005" + things.partition("+light")[0]
+    assert [world.ground for world in find_task("a+b/push.toml").worlds] == [ground, None]
+    np.save("course.npy", np.zeros((4, 4)))  # which comes first
+    assert find_task("a+b/push.toml").worlds[0].ground == ground.removeprefix("a+b/")
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -63,6 +77,7 @@ def test_a_task_of_the_users_own(tmp_path):
         ("success = ['speed >= fast']", "success: 'speed >= fast' is not allowed"),
         ("success = 3", "success: 3 is not allowed"),
         ("title = 3", "title: 3 is not allowed; give a text"),
+        ("robot = 3", "robot: 3 is not allowed; give a text"),
         ("robot = ", "task: .*task.toml cannot be read"),
     ],
 )
@@ -70,6 +85,12 @@ def test_bad_files(tmp_path, text, message):
     (tmp_path / "task.toml").write_text(text)
     with pytest.raises(ValueError, match="^" + message):
         find_task(tmp_path / "task.toml")
+
+
+def test_names_that_are_too_long_are_those_of_no_file(tmp_path):
+    name = 300 * "a"
+    (tmp_path / "task.toml").write_text(f"robot = '{name}'\nterrain = '{name}.npy:1'\n")
+    assert find_task(tmp_path / "task.toml").options == {"robot": name, "terrain": [f"{name}.npy:1"]}
 
 
 def test_what_is_not_there():

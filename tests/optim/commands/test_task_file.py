@@ -4,6 +4,7 @@ import json
 import shutil
 import tomllib
 
+import numpy as np
 import pytest
 
 pytestmark = pytest.mark.usefixtures("simulator")
@@ -76,6 +77,16 @@ def test_settings_of_the_task_and_the_command_line_add_up(morpholab, tmp_path):
     assert morpholab(line)[0] == 0
     expected = {"sigma": 0.1, "mirrored": True, "seed": 5, "population": 4}
     assert expected.items() <= method(tmp_path).items()
+
+
+def test_files_of_heights_are_looked_for_beside_the_task_too(morpholab, tmp_path):
+    (tmp_path / "own").mkdir()
+    np.save(tmp_path / "own/course.npy", np.zeros((4, 4)))
+    task = TASK.replace('"hill:5"', '"course.npy:0.005"').replace("start-pressure = 2000.0\n", "")
+    (tmp_path / "own/task.toml").write_text(task)
+    assert morpholab("codesign --task own/task.toml --quiet --out a")[0] == 0
+    config = tomllib.loads((tmp_path / "a/config.toml").read_text())
+    assert config["problem"]["terrains"][1]["ground"] == "own/course.npy:0.005"
 
 
 @pytest.mark.parametrize(
