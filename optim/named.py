@@ -1,6 +1,5 @@
 """Robots, worlds and designs by what they are called: names, files, folders of runs, values of parameters."""
 
-from argparse import ArgumentTypeError
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -14,7 +13,7 @@ from optim.runs.config import read_config
 from optim.runs.history import read_history
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.checks import nearest
-from taichi_sim.base.options import Option
+from taichi_sim.base.options import Option, converted
 
 MOST_TOLD = 12  # names in a message
 
@@ -144,10 +143,7 @@ def some_of(names: Sequence[str], most: int = MOST_TOLD) -> str:
 
 def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
     """A value of an option; a text is read as the command line reads it."""
-    try:
-        return reads(value) if isinstance(value, str) and reads is not None else value
-    except ArgumentTypeError as error:
-        raise ValueError(f"{name}: {error}") from None
+    return converted(name, reads, value) if isinstance(value, str) else value
 
 
 def _read_all(option: Option, value: Any) -> list[Any] | None:

@@ -93,6 +93,17 @@ class RobotKind(ABC):
         given = options.get(self.world_option)
         return None if given is None else self.world(given)
 
+    def chosen_worlds(self, options: Mapping[str, Any]) -> tuple[World, ...]:
+        """The worlds that lists of values of :attr:`world_options` name, in whichever way each of them is named.
+
+        Values of :attr:`ground_options` are single, and hold for all.
+        """
+        common = {name: options[name] for name in self.ground_options if name in options}
+        names = [option.name for option in self.world_options if option.name not in self.ground_options]
+        each = [{name: value} for name in names for value in options.get(name, ())] or [{}]
+        found = (self.chosen_world({**one, **common}) for one in each)
+        return tuple(world for world in found if world is not None)
+
     def world_values(self, world: World) -> dict[str, Any]:
         """Values of :attr:`world_options` by which :meth:`chosen_world` gives this world."""
         return {self.world_option: world.name}

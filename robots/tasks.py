@@ -9,7 +9,7 @@ import operator
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -98,7 +98,7 @@ class Task:
 
     Attributes:
         name: of the task, or of its file.
-        options: of ``codesign``, by name: robot, worlds, objective, and what else a file says.
+        options: of ``codesign``, by name with underscores: robot, worlds, objective, and what else a file says.
         title: what is to be done, for people.
         success: bounds that a design has to keep in every world; none for a task that cannot be solved or missed.
     """
@@ -113,13 +113,11 @@ class Task:
         """The robot, with what is free of it.
 
         Raises:
-            ValueError: for robots that are not there, and bounds on what it has no measure of.
+            ValueError: for robots that are not there, values that are not allowed, and bounds on what it has no
+                measure of.
         """
         kind, source = find_robot_doing(self.source)
-        given = {option.name: option for option in kind.options}
-        own = {key: value for key, value in self.options.items() if key in given}
-        typed = {key: _typed(given[key], value) for key, value in own.items()}
-        found = make_robot(kind, source, typed)
+        found = make_robot(kind, source, self.values_of(kind.options))
         check_success(self.success, found, self._worlds or found.worlds)
         return found
 
@@ -136,6 +134,14 @@ class Task:
         """The robot as commands name it; None for the usual one."""
         return self.options.get("robot")
 
+    def values_of(self, options: Iterable[Option]) -> dict[str, Any]:
+        """The values of some options that it gives, by name, as the command line would make them.
+
+        Raises:
+            ValueError: for what is not allowed.
+        """
+        return {each.name: each.read(self.options[each.name]) for each in options if each.name in self.options}
+
     @property
     def worlds(self) -> tuple[World, ...]:
         """Where the robot is tried."""
@@ -145,13 +151,8 @@ class Task:
     def _worlds(self) -> tuple[World, ...]:
         """The worlds that it names."""
         kind, _ = find_robot_doing(self.source)
-        common = {name: self.options[name] for name in kind.ground_options if name in self.options}
-        found = []
-        for option in kind.world_options:
-            given = self.options.get(option.name, [])
-            for value in [] if option.name in common else given if isinstance(given, list) else [given]:
-                found.append(kind.chosen_world({option.name: _typed(option, value), **common}))
-        return tuple(world for world in found if world is not None)
+        listed = (replace(each, several=each.name not in kind.ground_options) for each in kind.world_options)
+        return kind.chosen_worlds(self.values_of(listed))
 
     def succeeded(self, robot: Robot, worlds: Sequence[World] = (), compute: Compute = HERE) -> bool | None:
         """Whether a robot, of which nothing is free, keeps all bounds in all worlds; None if there are no bounds."""
@@ -161,11 +162,6 @@ class Task:
         return all(bool(one.kept(outcome)[0]) for outcome in outcomes for one in self.success)
 
 
-def _typed(option: Option, value: Any) -> Any:
-    """The value of an option as the command line would make it of its text."""
-    return option.type(str(value)) if option.type else value
-
-
 def builtin_tasks() -> dict[str, Task]:
     """All tasks that come with the lab, by name."""
     tables = tomllib.loads(BUILTIN.read_text(encoding="utf-8"))
@@ -173,7 +169,7 @@ def builtin_tasks() -> dict[str, Task]:
 
 
 def task_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> Task:
-    """The task of a table of TOML.
+    """The task of a table of TOML, in which names of options may have hyphens.
 
     Args:
         name: of the task.
@@ -181,12 +177,17 @@ def task_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> 
         folder: where files of its robot and its terrains are looked for, beside the working directory.
 
     Raises:
-        ValueError: for a title or robot that is no text, and bounds that are none.
+        ValueError: for a title or robot that is no text, an option that is given twice, and bounds that are none.
     """
     for key in ("title", "robot"):
         if not isinstance(table.get(key, ""), str):
             raise ValueError(f"{key}: {table[key]!r} is not allowed; give a text")
-    options = {key: value for key, value in table.items() if key not in OWN}
+    options: dict[str, Any] = {}
+    for key, value in table.items():
+        if (option := key.replace("-", "_")) in options:
+            raise ValueError(f"task: {name} gives {key} twice; give it once")
+        if key not in OWN:
+            options[option] = value
     success = table.get("success", [])
     bounds = tuple(Success.parse(each) for each in (success if isinstance(success, list) else [success]))
     return Task(name, options if folder is None else _with_files(options, folder), table.get("title", ""), bounds)

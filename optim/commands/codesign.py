@@ -20,6 +20,7 @@ from optim.problem import Objective
 from optim.problems.designer import options_of
 from optim.progress import shown_progress
 from optim.wording import counted, spoken_duration
+from robots.tasks import find_task
 from taichi_sim.base.results_folder import BEST_DESIGN
 
 if TYPE_CHECKING:
@@ -70,13 +71,15 @@ def run(args: argparse.Namespace) -> Report:
 def _run_one(args: argparse.Namespace) -> Report:
     """Search, then write what the best design needs."""
     from optim.problems.robot_designing import RobotDesigning
+    from optim.problems.task import check_task
     from optim.runs import open_run
     from optim.runs.environment import environment
     from optim.search import build_method
     from optim.search.method import check_fit
 
     planned = plan(args)
-    _check_task(args.task, planned.problem)
+    if args.task is not None:
+        check_task(find_task(args.task), planned.problem)
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
     check_fit(method, problem)
@@ -203,19 +206,9 @@ def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: s
     return [", ".join(parts.pop("")), *(f"  {world}: {', '.join(found)}" for world, found in parts.items() if found)]
 
 
-def _check_task(given: str | None, problem: "Problem") -> None:
-    """Refuse a task whose success is told by what the robot, which may be another than the task's, is not judged by."""
-    from optim.problems.robot import RobotProblem
-    from robots.tasks import check_success, find_task
-
-    if given is not None and isinstance(problem, RobotProblem):
-        check_success(find_task(given).success, problem.offered, problem.tried_in)
-
-
 def _of_task(report: Report, given: str | None, problem: "Problem", last: "Generation") -> Report:
     """The report with whether the best design has succeeded, where a task says what that is."""
     from optim.problems.robot import RobotProblem
-    from robots.tasks import find_task
 
     if given is None or last.best_point is None or not isinstance(problem, RobotProblem):
         return report

@@ -15,14 +15,13 @@ from optim.problem import FILE, Objective, objectives_of, score_of
 from optim.problems import kind_of_description, kind_of_run, problem_of_run
 from optim.problems.designer import Design, Request, designer_of
 from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_config, settings_of
-from optim.search import METHODS, check_objectives, check_settings, default_settings, takes_several
+from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
 from robots.tasks import find_task
 
 if TYPE_CHECKING:
     from optim.problem import Problem
 
-METHOD = "hill-climb"
 GENERATIONS = 200
 # Options that are settings of the method by the same name, where they are given.
 SETTINGS = (

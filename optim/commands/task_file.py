@@ -29,10 +29,9 @@ def take_task(args: argparse.Namespace) -> None:
     known = {a.dest: a for a in parser._actions if a.option_strings and a.dest not in OWN}
     task, arguments = find_task(args.task), list[str]()
     for key, value in task.options.items():
-        action = known.get(key.replace("-", "_"))
+        action = known.get(key)
         if action is None:
-            names = [name.replace("_", "-") for name in known]
-            raise ValueError(f"task: {args.task} has an unknown key {key!r}{nearest(key, names)}")
+            raise ValueError(f"task: {args.task} has an unknown key {key!r}{nearest(key, known)}")
         arguments += _arguments(action, value)
     given, _ = parser.parse_known_args(["--out", "", *arguments])
     _complete_settings(args, given)

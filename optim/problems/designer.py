@@ -10,7 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
-from robots.robot import Option, RobotKind, World, make_robot
+from robots.robot import Option, RobotKind, make_robot
 from robots.terrain_kind import TerrainKind
 from taichi_sim.base.options import count, number
 
@@ -135,7 +135,7 @@ class Designer:
 
         settings = asked.chosen(COMPUTE)
         settings.setdefault("precision", getattr(asked.known, "precision", self.kind.search_precision))
-        if worlds := self.worlds(asked):
+        if worlds := self.kind.chosen_worlds(asked.given):
             settings["worlds"] = worlds
         settings |= asked.chosen(("measure", "gradient_horizon")) | uncertain_settings(asked.given, asked.known)
         if "objective" in asked.given:
@@ -157,14 +157,6 @@ class Designer:
         alone = len(goals_in(texts)) == 1
         objective = named(texts, "each" if asked.several and alone else "mean")
         return {"objective": objective, **({} if isinstance(objective, str) else {"summed": not asked.several})}
-
-    def worlds(self, asked: Request) -> tuple[World, ...]:
-        """The worlds asked for, in whichever way each of them is named."""
-        common = {name: asked.given[name] for name in self.kind.ground_options if name in asked.given}
-        names = [option.name for option in self.kind.world_options if option.name not in self.kind.ground_options]
-        each = [{name: value} for name in names for value in asked.given.get(name, ())] or [{}]
-        found = (self.kind.chosen_world({**one, **common}) for one in each)
-        return tuple(world for world in found if world is not None)
 
     def _own(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Values of the options that make robots of the kind."""
@@ -235,7 +227,7 @@ class VehicleDesigner(Designer):
         settings = asked.chosen(COMPUTE)
         texts = asked.given.get("objective", [])
         named = asked.known is None and any(text not in VEHICLE_WORDS for text in texts)
-        if named or self.worlds(asked) or hasattr(asked.known, "worlds"):
+        if named or self.kind.chosen_worlds(asked.given) or hasattr(asked.known, "worlds"):
             given = {**asked.given, **({"objective": [VEHICLE_WORDS.get(t, t) for t in texts]} if texts else {})}
             return super().design(dataclasses.replace(asked, given=given))  # by each environment's own measures
         if len(texts) > 1:

@@ -40,9 +40,11 @@ METHODS: Registry[type[Method]] = Registry(
     },
 )
 """The search methods by name, those of installed packages among them."""
+METHOD = "hill-climb"  # where none is named
 _CLASSES = {place.partition(":")[2]: place.partition(":")[0] for place in METHODS.builtin.values()}
 
 __all__ = [
+    "METHOD",
     "METHODS",
     "Method",
     "SearchResult",

@@ -46,6 +46,26 @@ class Option:
         """The option as the command line spells it, such as ``--name``."""
         return flag_of(self.name)
 
+    def read(self, given: Any) -> Any:
+        """The value that the command line would make of what a file gives: a text, a number, true, or a list of them.
+
+        Raises:
+            ValueError: that names the option, for what is not allowed.
+        """
+        if self.type is None:
+            if not isinstance(given, bool):
+                raise ValueError(f"{self.name}: {given!r} is not allowed; give true or false")
+            return given
+        if self.several:
+            return [self._read_one(each) for each in (given if isinstance(given, list) else [given])]
+        return self._read_one(",".join(map(str, given)) if isinstance(given, list) else given)
+
+    def _read_one(self, given: Any) -> Any:
+        value = converted(self.name, self.type, str(given))
+        if self.choices and value not in self.choices:
+            raise ValueError(f"{self.name}: {value!r} is unknown; choose one of {', '.join(map(str, self.choices))}")
+        return value
+
     def add(self, parser: Any) -> None:
         """Declare the option to a parser or group."""
         settings: dict[str, Any] = {"help": self.help, "default": self.default}
@@ -72,6 +92,18 @@ class Option:
 def flag_of(name: str) -> str:
     """How the command line spells the name of an option, such as ``--name``."""
     return "--" + name.replace("_", "-")
+
+
+def converted(name: str, reads: Callable[[str], Any] | None, text: str) -> Any:
+    """What a type of an option makes of a text.
+
+    Raises:
+        ValueError: that names the option, for what is not allowed.
+    """
+    try:
+        return text if reads is None else reads(text)
+    except argparse.ArgumentTypeError as error:
+        raise ValueError(f"{name}: {error}") from None
 
 
 def spelled(value: Any) -> str:

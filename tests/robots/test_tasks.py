@@ -52,6 +52,9 @@ def test_a_task_of_the_users_own(tmp_path):
     assert task.name == "crawl" and task.title == "crawl" and task.robot.describe()["cycles"] == 2
     assert [world.name for world in task.worlds] == ["flat", "hill:5"]
     assert [one.text for one in task.success] == ["speed >= 0.1", "energy <= 2"]
+    (tmp_path / "ice.toml").write_text('robot = "soft-quadruped"\nground-friction = "0.3,0.2"\n')
+    (ice,) = find_task(tmp_path / "ice.toml").worlds
+    assert (ice.name, ice.static_friction, ice.kinetic_friction) == ("flat", 0.3, 0.2)
     (tmp_path / "vehicle.toml").write_text('robot = "vehicle"\nenvironment = 2\n')
     assert [world.name for world in find_task(tmp_path / "vehicle.toml").worlds] == ["2"]
 
@@ -78,6 +81,7 @@ def test_a_file_of_heights_is_looked_for_beside_the_task_too(tmp_path, monkeypat
         ("success = 3", "success: 3 is not allowed"),
         ("title = 3", "title: 3 is not allowed; give a text"),
         ("robot = 3", "robot: 3 is not allowed; give a text"),
+        ("start-pressure = 2\nstart_pressure = 3", "task: task gives start_pressure twice; give it once"),
         ("robot = ", "task: .*task.toml cannot be read"),
     ],
 )
@@ -85,6 +89,20 @@ def test_bad_files(tmp_path, text, message):
     (tmp_path / "task.toml").write_text(text)
     with pytest.raises(ValueError, match="^" + message):
         find_task(tmp_path / "task.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("terrain = ['lava']", "terrain: 'lava' is unknown"),
+        ("terrain = 3", "terrain: '3' is unknown"),
+        ("ground_friction = 'ice'", "ground_friction: 'ice' is not allowed; give 2 numbers"),
+    ],
+)
+def test_worlds_that_are_not_allowed(tmp_path, text, message):
+    (tmp_path / "task.toml").write_text(f"robot = 'soft-quadruped'\n{text}\n")
+    with pytest.raises(ValueError, match="^" + message):
+        _ = find_task(tmp_path / "task.toml").worlds
 
 
 def test_names_that_are_too_long_are_those_of_no_file(tmp_path):

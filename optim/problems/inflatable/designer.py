@@ -168,7 +168,7 @@ class InflatableDesigner(Designer):
 
         known: Any = asked.known
         args = SimpleNamespace(**{option.name: asked.given.get(option.name) for option in self.options})
-        args.gait, args.terrain = args.gait or asked.source, self.worlds(asked)
+        args.gait, args.terrain = args.gait or asked.source, self.kind.chosen_worlds(asked.given)
         settings = {f.name: getattr(known, f.name) for f in dataclasses.fields(known)} if known else {}
         if known and known.schedule is None:
             asked.same("problem.encoding", args.encoding, known.encoding)

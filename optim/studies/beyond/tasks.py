@@ -69,9 +69,11 @@ class Solving(Settings):
         return Contest(entries, "cpu", self.seconds, folder / "runs" / task, lambda line: None)
 
 
-def designed(name: str) -> RobotProblem:
-    """The problem of a task, for one thread in single precision."""
-    return problem_of_task(find_task(name), precision="f32", threads=1)
+def designed(name: str, precision: str = "f32") -> RobotProblem:
+    """The problem of a task, for one thread."""
+    problem = problem_of_task(find_task(name), precision=precision, threads=1)
+    assert isinstance(problem, RobotProblem)
+    return problem
 
 
 def study(folder: Path, settings: Solving, progress: Progress = None, jobs: int = 1) -> None:
@@ -94,11 +96,10 @@ def _judged(folder: Path, settings: Solving, run: Run) -> Record:
     best, evaluations = best_of_search(contest, arm, seed, settings.seconds, ARMS[arm].gradients)
     if best is None:
         return {"evaluations": evaluations, "objective": None, "succeeded": 0}
-    task = find_task(name)
-    made = problem_of_task(task, precision=EXACT.precision, threads=1)
+    made = designed(name, EXACT.precision)
     point = save_best(made, best, folder / "designs" / f"{name}-{arm}-{seed}.json")
     objective = float(made.evaluate(point[None]).objectives[0, 0])
-    succeeded = bool(task.succeeded(made.robot_of(point), made.tried_in, EXACT))
+    succeeded = bool(find_task(name).succeeded(made.robot_of(point), made.tried_in, EXACT))
     return {"evaluations": evaluations, "objective": objective, "succeeded": int(succeeded)}
 
 
