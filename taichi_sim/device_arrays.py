@@ -30,6 +30,13 @@ class DeviceArrays:
                 array.away = compute, array.dtype, array.to_numpy()
                 array.arr = None  # else its end would free what lies at its address by then
 
+    def lose(self) -> None:
+        """Forget the arrays of a device that other code has ended: what they held is gone."""
+        for key, array in list(self._all.items()):
+            if array.arr is not None:
+                array.arr = None  # as in ``leave``
+                del self._all[key]
+
     def come_back(self, compute: Compute) -> None:
         """Put the arrays of a device that runs again onto it."""
         for array in list(self._all.values()):

@@ -2,8 +2,9 @@
 
 What is said of Taichi here goes for both; ``ti`` is whichever it is. It has one global runtime per process.
 :func:`start` owns it: asking for what already runs costs nothing, anything else restarts the runtime (about 0.2 s;
-compiled kernels come back from a cache on disk). Engines start it before every launch, so engines of different
-precision can live side by side as long as their memory is NumPy's, or made by :func:`device_array`.
+compiled kernels come back from a cache on disk), also where other code of the process has restarted it by ``ti.init``.
+Engines start it before every launch, so engines of different precision can live side by side as long as their memory
+is NumPy's, or made by :func:`device_array`.
 
 Threads: functions that launch kernels are :func:`exclusive`, so threads of Python may simulate at the same time; they
 wait for each other. Kernels use several CPU threads by themselves.
@@ -86,6 +87,7 @@ R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
 _running: Compute | None = None
+_begun: Any = None  # Taichi's runtime that was made for it; other code of the process may have made another since
 _arrays = DeviceArrays()
 _forked = False  # whether this process is the child of one in which Taichi ran
 _told: set[Path | str] = set()  # caches whose loss the user knows of, and devices with limits
@@ -164,7 +166,7 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
         ValueError: if a value is unknown, or this machine lacks the device.
         RuntimeError: if this process was forked from one in which Taichi ran.
     """
-    global _running
+    global _running, _begun
     wanted = compute if isinstance(compute, Compute) else Compute(compute, precision, threads)
     wanted = replace(wanted, threads=wanted.thread_count)
     if _forked:
@@ -172,16 +174,19 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
             "this process was forked from one that had already simulated, which cannot work; "
             "start processes by multiprocessing.get_context('spawn')"
         )
-    if wanted == _running:
+    is_ours = ti.lang.impl.get_runtime() is _begun
+    if is_ours and wanted == _running:
         return wanted
     architecture = getattr(ti, wanted.device)
     if wanted.device != "cpu" and not ti.lang.misc.is_arch_supported(architecture):
         raise ValueError(f"device: {wanted.device!r} is not available on this machine; use 'cpu'")
-    if _running is not None:
+    if _running is not None and is_ours:
         _arrays.leave(_running)
+    else:
+        _arrays.lose()
     _running = None
     _initialise(wanted, architecture)
-    _running = wanted
+    _running, _begun = wanted, ti.lang.impl.get_runtime()
     _arrays.come_back(wanted)
     return wanted
 
