@@ -1,10 +1,20 @@
 """Memory of a batch as NumPy arrays that kernels take: lanes block by block, or all side by side on a GPU."""
 
+from typing import Any, NoReturn
+
 import numpy as np
 
 from taichi_sim.autodiff.lanes import Real
 
 EVERY = slice(None)
+
+
+class NeverCopied:
+    """Something whose arrays are aligned, or share memory: copied one by one they would not be, and kernels crash."""
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be copied or pickled."""
+        raise TypeError(f"{type(self).__name__}: cannot be copied or pickled; copy the engine that it belongs to")
 
 
 class Store:
@@ -14,6 +24,13 @@ class Store:
         """Allocate ``count`` slots for each of ``blocks`` reals."""
         self._real, self._on_cpu = real, on_cpu
         self._array = real.array((blocks, count)) if on_cpu else np.zeros((count, blocks), real.numpy)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take copied or unpickled memory over to where kernels can read it: a copied array is not aligned."""
+        self.__dict__.update(state)
+        if self._on_cpu:
+            self._array = self._real.array(self._array.shape[:-1])
+            self._array[...] = state["_array"]
 
     @property
     def argument(self) -> np.ndarray:

@@ -30,20 +30,21 @@ class Onlooker:
 
     def __init__(self, begun: Motion) -> None:
         """Take the robot where it begins."""
-        camera = _camera(begun)
+        self._camera = camera = _camera(begun)
         self._length = float(np.ptp(_places(begun, camera), axis=0).max())
-        self._home = replace(setting(begun, [-1 % len(begun.times)], camera=camera), area=self._area(begun, camera))
+        self._area = self._seen_at_first(begun)
         self._where = camera.by_the_way(begun.path[-1:])[0]
-        across, up = limits(self._home, [len(begun.times) - 1])
+        last = len(begun.times) - 1
+        across, up = limits(replace(setting(begun, [last], camera=camera), area=self._area), [last])
         self._limits = _filling(across, up)
 
     def picture(self, motion: Motion) -> Bytes:
         """The robot where a motion ends: red, green, blue, shape (``HEIGHT``, ``WIDTH``, 3)."""
-        home, frame = self._home, len(motion.times) - 1
-        moved = self._moved(home.camera.by_the_way(motion.path[-1:])[0])
-        seen = setting(motion, [frame], camera=home.camera)
-        seen = Setting(motion, home.camera, home.area + moved[:, None], seen.colouring)
-        shift = home.camera.on_ground(moved[0], moved[1], 0.0) - home.camera.on_ground(0.0, 0.0, 0.0)
+        camera, frame = self._camera, len(motion.times) - 1
+        moved = self._moved(camera.by_the_way(motion.path[-1:])[0])
+        seen = setting(motion, [frame], camera=camera)
+        seen = Setting(motion, camera, self._area + moved[:, None], seen.colouring)
+        shift = camera.on_ground(moved[0], moved[1], 0.0) - camera.on_ground(0.0, 0.0, 0.0)
         figure = Figure(figsize=(WIDTH / DOTS_PER_INCH, HEIGHT / DOTS_PER_INCH), dpi=DOTS_PER_INCH, facecolor="white")
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes((0, 0, 1, 1 - CAPTION / HEIGHT))
@@ -55,8 +56,9 @@ class Onlooker:
         canvas.draw()  # type: ignore[no-untyped-call]
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
-    def _area(self, motion: Motion, camera: Camera) -> Floats:
+    def _seen_at_first(self, motion: Motion) -> Floats:
         """Ground that is seen at first, as ``Setting.area``."""
+        camera = self._camera
         robot = _places(motion, camera)
         lights = camera.by_the_way(motion.lights)
         near = lights[np.hypot(*(lights - robot.mean(axis=0)).T) < FARTHEST * self._length]
@@ -69,7 +71,7 @@ class Onlooker:
     def _moved(self, place: Floats) -> Floats:
         """How far what is seen has moved on to keep a robot in it that is at a place, along the way and to its left."""
         room = (0.5 + 0.5 * MARGIN) * self._length
-        low, high = self._home.area.T + np.array([[room], [-room]])
+        low, high = self._area.T + np.array([[room], [-room]])
         low, high = np.minimum(low, self._where), np.maximum(high, self._where)
         return place - np.clip(place, low, high)
 

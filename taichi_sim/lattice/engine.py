@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 import numpy as np
 
@@ -168,7 +168,13 @@ class LatticeEngine:
             self._driver = PackedDriver(self.tables, self.batch, precision, switches, self.body.voxels[self.order])
         self._driver.lists_grow = self_contact != "published"
         self._diverged = np.zeros(self.batch, bool)
+        self._chosen = {"floor": floor, "self_contact": self_contact, "fluid": fluid, "driver": driver}
         self.reset()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy and pickle the engine as what makes it again, and where it is; copies go on with the same bits."""
+        made = {"body": self.bodies, "time_step": self.time_step, "gravity": self.gravity, "compute": self.compute}
+        return _made_again, ({**made, **self._chosen}, self._driver.radius, self.save())
 
     def _ground(self, floor: bool | Relief | Sequence[Relief], fluid: bool) -> GroundTables | None:
         """Tables of uneven ground, if it is given."""
@@ -346,3 +352,11 @@ class LatticeEngine:
         inverse = np.take(self.inverse_masses, self.place, axis=1)
         position, orientation, momentum, spin = (voxel[..., part] for part in memory.MOTION.values())
         return LatticeState(position, orientation, momentum * inverse[..., :1], spin * inverse[..., 1:])
+
+
+def _made_again(made: dict[str, Any], radius: float, saved: SavedLattice) -> LatticeEngine:
+    """An engine made with the same arguments and put where the saved one was, with the same lists of neighbours."""
+    engine = LatticeEngine(**made)
+    engine._driver.radius = radius
+    engine.restore(saved)
+    return engine

@@ -17,13 +17,14 @@ from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
 from taichi_sim.runtime import aligned
+from taichi_sim.store import NeverCopied
 
 CONTACTS_PER_STEP = 256  # room for touching pairs of a block or robot in a record at first; it grows when needed
 
 Checkpoint = tuple[Any, ...]  # of arrays where the kernels run
 
 
-class Driver(ABC):
+class Driver(NeverCopied, ABC):
     """State of a batch, in NumPy between runs."""
 
     run_type: type["Run"]
@@ -157,7 +158,7 @@ class Driver(ABC):
         return self.run_type(self, program, alive, (dt, edge, gravity))
 
 
-class Run(ABC):
+class Run(NeverCopied, ABC):
     """A program on its way: the robots' places in it, and what they have recorded so far."""
 
     reverse_type: type["Reverse"]
@@ -259,7 +260,7 @@ class Run(ABC):
         return self.reverse_type(self, recorded, finals)
 
 
-class Reverse(ABC):
+class Reverse(NeverCopied, ABC):
     """Cotangents of a batch on their way back through a run.
 
     Cotangents and parameters lie as the memory does, but for forces: here every voxel has its own.

@@ -301,6 +301,9 @@ class PackedDriver(Driver):
         """Go back to what was saved."""
         pairs = self.pairs
         state, self.groups[...], listed, pairs.changing[...], pairs.info[...], radius = saved
+        if listed.shape[2] > pairs.listed.shape[2]:  # as saved by another engine, whose room has grown
+            self.reserve(listed.shape[2])
+            pairs = self.pairs
         self.memory[:, : state.shape[1]], pairs.listed[:, :, : listed.shape[2]] = state, listed
         pairs.drift[...] = np.inf
         if float(radius) < self.radius:  # what has been listed may lack pairs that will touch

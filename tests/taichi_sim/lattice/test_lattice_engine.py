@@ -1,5 +1,6 @@
 """The engine's promises: one answer whatever batch, threads and driver; failures are data; nothing compiles twice."""
 
+import copy
 import dataclasses
 
 import numpy as np
@@ -159,6 +160,8 @@ def test_the_watch_list_grows_when_it_must():
         engine = LatticeEngine(body, 2, driver=driver)
         engine.set_positions(np.stack([close, close * 1.1]))
         found.append(engine.run(program).positions)
+        copied = copy.deepcopy(engine)  # with the room of an engine just made, at first
+        assert np.array_equal(copied.run(program).positions, engine.run(program).positions)
     assert np.array_equal(*found)
     assert np.ptp(found[0][0, 0], axis=0).min() > np.ptp(close, axis=0).min()  # they pushed each other apart
 

@@ -1,5 +1,8 @@
 """Lists of neighbours reach as far as voxels of a run may come to touch, however large they grow."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -197,6 +200,32 @@ def test_a_state_from_before_voxels_grew_goes_on_to_the_same_bits(driver):
         engine.run(made.build(3000))
         ends.append(engine.state().positions)
     assert np.array_equal(*ends) and np.ptp(ends[0][0, :, 0]) > 0.99 * contact.reach(2.4, 2.4) * EDGE
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_a_copied_engine_goes_on_to_the_same_bits(driver):
+    engine, made = pair(2.6, driver), ProgramBuilder(1)
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    engine.run(made.build(1500))
+    state, ends = engine.state(), []
+    for copied in (copy.deepcopy(engine), pickle.loads(pickle.dumps(engine)), engine):
+        assert np.array_equal(copied.state().velocities, state.velocities)
+        copied.run(ProgramBuilder(1).build(1500))
+        ends.append(copied.state().positions)
+    assert np.array_equal(ends[0], ends[2]) and np.array_equal(ends[1], ends[2])
+    assert not np.array_equal(state.positions, ends[2])
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("driver", ["packed", "stepped"])
+def test_what_a_copy_could_not_share_is_not_copied(driver):
+    engine = pair(2.6, driver)
+    for part in (engine._driver, engine.begin(ProgramBuilder(1).build(10))):
+        for way in (copy.copy, copy.deepcopy, pickle.dumps):
+            with pytest.raises(TypeError, match=r"cannot be copied or pickled; copy the engine that it belongs to$"):
+                way(part)
 
 
 @pytest.mark.kernels
