@@ -80,7 +80,7 @@ def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotK
         _check_no_folder("robot", robot)
         if Path(robot).suffix or "/" in robot:
             raise ValueError(f"robot: {robot} is no file")
-        KINDS.check(robot)
+        KINDS.check(robot, besides=(design for name in KINDS.builtin for design in KINDS[name].designs))
         raise AssertionError
     kind, source = found
     if source is not None and gait is not None:

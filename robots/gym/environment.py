@@ -1,5 +1,6 @@
 """Base classes of the Gymnasium environments: of one robot, and of many as one batch."""
 
+import inspect
 from typing import Any, cast
 
 import gymnasium
@@ -8,6 +9,21 @@ import numpy as np
 from robots.gym.batch import Account, Batch, Observation, checked_actions
 from robots.gym.pictures import RENDER_MODES, Pictures
 from taichi_sim.base.arrays import Bools, Bytes, Ints
+from taichi_sim.base.compute import Compute, ComputeOptions
+
+
+def compute_of(environment: type, given: ComputeOptions) -> Compute:
+    """Where an environment of soft robots computes, in single precision by default, as searches do.
+
+    Raises:
+        ValueError: for what the environment does not take, which would go unnoticed among these options.
+    """
+    options = tuple(ComputeOptions.__annotations__)
+    known = [name for name in inspect.signature(environment).parameters if name != "compute"]
+    for name in given:
+        if name not in options:
+            raise ValueError(f"{name}: is unknown to {environment.__name__}; give {', '.join([*known, *options])}")
+    return Compute.given({"precision": "f32", **given})
 
 
 class RobotEnvironment(gymnasium.Env[Observation, Any]):

@@ -1,5 +1,6 @@
 """Lattice robots as environments, one or a batch: an action says how muscles differ from their waves for a while."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
@@ -7,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from robots.gym.batch import Batch, Observation
-from robots.gym.environment import RobotEnvironment, RobotVector
+from robots.gym.environment import RobotEnvironment, RobotVector, compute_of
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.reflexes import SENSES
 from robots.lattice_robot.robot import LatticeRobot
@@ -15,7 +16,7 @@ from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.checks import choice, number, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 
 if TYPE_CHECKING:
@@ -26,16 +27,18 @@ USUAL_SENSES = tuple(name for name in SENSES if name != "light")
 GAINS = ("progress", "light", "prop", "turn", "rise")
 
 
-def _lattice_robot(given: LatticeRobot | str | Path) -> LatticeRobot:
-    """The robot that is given, or that a name or a file means.
+def _lattice_robot(given: LatticeRobot | str | Path, cycles: int | None) -> LatticeRobot:
+    """The robot that is given, or that a name or a file means, for so many cycles, its own if None.
 
     Raises:
-        ValueError: for robots of other kinds.
+        ValueError: for anything else, and robots of other kinds.
     """
-    found = given if isinstance(given, LatticeRobot) else make_robot(*find_robot_doing(str(given)), {})
+    found: object = given
+    if isinstance(given, str | Path):
+        found = make_robot(*find_robot_doing(str(given)), {})
     if not isinstance(found, LatticeRobot):
-        raise ValueError(f"robot: {given} is no lattice robot; give a LatticeRobot, or its name or file")
-    return found
+        raise ValueError(f"robot: {shown(given)} is no lattice robot; give a LatticeRobot, or its name or file")
+    return found if cycles is None else replace(found, cycles=cycles)
 
 
 class Rewarded(Batch):
@@ -55,10 +58,12 @@ class Rewarded(Batch):
         senses: tuple[str, ...] | None,
         gain: str,
         strength: float,
+        cycles: int | None,
         compute: Compute,
     ) -> None:
+        """Take what a ``LatticeRobotEnvironment`` takes."""
         terrain = Terrain.parse(world) if isinstance(world, str) else terrain_of(world)
-        found = _lattice_robot(robot)
+        found = _lattice_robot(robot, cycles)
         feels = senses or (tuple(SENSES) if found.light_in(terrain) else USUAL_SENSES)
         count = whole_number("num_envs", batch, 1)
         self.episodes = Episodes(found, terrain, count, feels, compute)
@@ -155,6 +160,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
         senses: tuple[str, ...] | None = None,
         gain: str = "progress",
         strength: float = 0.1,
+        cycles: int | None = None,
         render_mode: str | None = None,
         **compute: Unpack[ComputeOptions],
     ) -> None:
@@ -166,14 +172,15 @@ class LatticeRobotEnvironment(RobotEnvironment):
             senses: names; all by default, light where there is one.
             gain: what rewards count: ``"progress"``, ``"light"``, ``"prop"``, ``"turn"`` or ``"rise"``.
             strength: largest difference of a scale.
+            cycles: that count, after a first one, and with it the length of an episode; the robot's own by default.
             render_mode: ``"rgb_array"`` for pictures, or None.
             compute: ``precision`` (``"f32"`` by default), ``device`` and ``threads``.
 
         Raises:
             ValueError: for values that are not allowed.
         """
-        chosen = Compute.given({"precision": "f32", **compute})
-        super().__init__(Rewarded(1, robot, world, senses, gain, strength, chosen), render_mode)
+        chosen = compute_of(type(self), compute)
+        super().__init__(Rewarded(1, robot, world, senses, gain, strength, cycles, chosen), render_mode)
 
 
 class LatticeRobotVector(RobotVector):
@@ -187,11 +194,12 @@ class LatticeRobotVector(RobotVector):
         senses: tuple[str, ...] | None = None,
         gain: str = "progress",
         strength: float = 0.1,
+        cycles: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         **compute: Unpack[ComputeOptions],
     ) -> None:
         """Take the number of robots, and what a ``LatticeRobotEnvironment`` takes."""
-        chosen = Compute.given({"precision": "f32", **compute})
-        batch = Rewarded(num_envs, robot, world, senses, gain, strength, chosen)
+        chosen = compute_of(type(self), compute)
+        batch = Rewarded(num_envs, robot, world, senses, gain, strength, cycles, chosen)
         super().__init__(batch, max_episode_steps, render_mode)

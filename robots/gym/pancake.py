@@ -10,7 +10,7 @@ import numpy as np
 
 from robots.frames import frames_of, last_whole
 from robots.gym.batch import Batch, Observation
-from robots.gym.environment import RobotEnvironment, RobotVector
+from robots.gym.environment import RobotEnvironment, RobotVector, compute_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import (
     BLADDER_COUNT,
@@ -219,7 +219,7 @@ class PancakeEnvironment(RobotEnvironment):
         Raises:
             ValueError: for values that are not allowed.
         """
-        chosen = Compute.given({"precision": "f32", **compute})
+        chosen = compute_of(type(self), compute)
         own = pressure, orientation, slope, actions, geometry, actuation, perturbation
         super().__init__(Pancakes(1, *own, chosen), render_mode)
 
@@ -242,6 +242,6 @@ class PancakeVector(RobotVector):
         **compute: Unpack[ComputeOptions],
     ) -> None:
         """Take the number of robots, and what a ``PancakeEnvironment`` takes."""
-        chosen = Compute.given({"precision": "f32", **compute})
+        chosen = compute_of(type(self), compute)
         own = pressure, orientation, slope, actions, geometry, actuation, perturbation
         super().__init__(Pancakes(num_envs, *own, chosen), max_episode_steps, render_mode)

@@ -1,7 +1,7 @@
 """Registries: find things by name, built-in ones and those that installed packages add as entry points."""
 
 import difflib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module, metadata
 from typing import Generic, TypeVar
 
@@ -58,17 +58,22 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         """
         return self[self.check(name)]
 
-    def check(self, name: object) -> str:
+    def check(self, name: object, besides: Iterable[str] = ()) -> str:
         """Check that a thing of this name exists, without importing it, and return the name.
+
+        Args:
+            name: that a user gave.
+            besides: what else would have been allowed, for the message.
 
         Raises:
             ValueError: if there is none, with the nearest name.
         """
         if isinstance(name, str) and name in self:
             return name
-        close = difflib.get_close_matches(name, list(self), n=1) if isinstance(name, str) else []
+        known = [*self, *besides]
+        close = difflib.get_close_matches(name, known, n=1) if isinstance(name, str) else []
         hint = f"did you mean {close[0]}? all of them: " if close else "choose one of "
-        raise ValueError(f"{self.noun}: {name!r} is unknown; {hint}{', '.join(self)}")
+        raise ValueError(f"{self.noun}: {name!r} is unknown; {hint}{', '.join(known)}")
 
     def _load(self, name: str) -> Thing:
         if name in self.builtin:

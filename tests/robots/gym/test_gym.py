@@ -156,6 +156,10 @@ def test_a_simulation_that_diverges_ends_the_episode_and_never_wins():
             "actions: 'some' is unknown; choose one of bits, continuous",
         ),
         (lambda: make("morpholab/Pancake-v0", geometry="big"), "geometry: 'big' is unknown; choose one of published"),
+        (
+            lambda: make("morpholab/Pancake-v0", pressur=1.0),
+            "pressur: is unknown to PancakeEnvironment; give ",
+        ),
         (lambda: make("morpholab/Pancake-v0", pressure=1e6), "pressure: 1000000.0 is not allowed"),
         (lambda: make("morpholab/Vehicle-v0", fastest=0.0), "fastest: 0.0 is not allowed"),
         (lambda: make("morpholab/Vehicle-v0").reset(options={"start": 4}), "start: 4 is not allowed; give a whole"),

@@ -110,6 +110,16 @@ def test_rewards(gain, world):
 
 
 @pytest.mark.kernels
+def test_cycles_are_the_length_of_an_episode():
+    one = LatticeRobotEnvironment("soft-quadruped", cycles=1, threads=1)
+    assert one.reset()[1]["left"] == 2 * 16 - 1
+    many = gymnasium.make_vec(
+        "morpholab/Push-v0", num_envs=2, vectorization_mode="vector_entry_point", cycles=3, threads=1
+    )
+    assert many.reset()[1]["left"].tolist() == [4 * 16 - 1] * 2
+
+
+@pytest.mark.kernels
 def test_what_the_way_to_a_light_is_worth_counts_from_where_the_robot_was_put():
     """A robot without grip slides down a hill before it begins."""
     slippery = dataclasses.replace(QUICK["robot"], settling=0.3)
@@ -144,10 +154,14 @@ def test_what_the_way_to_a_light_is_worth_counts_from_where_the_robot_was_put():
         ({"strength": 0.6}, "strength: 0.6"),
         ({"senses": ("smell",)}, "senses: 'smell'"),
         ({"senses": ("light",)}, "light: flat has none to feel"),
-        ({"robot": "vehicle"}, "robot: vehicle is no lattice robot"),
+        ({"robot": "vehicle"}, "robot: 'vehicle' is no lattice robot"),
+        ({"robot": [QUICK["robot"]] * 2}, r"robot: \[LatticeRobot.* is no lattice robot; give a LatticeRobot, or its"),
+        ({"robot": "nope"}, "robot: 'nope' is unknown; choose one of .*walker.* soft-quadruped"),
+        ({"cycles": 0}, "cycles: 0 is not allowed"),
+        ({"cycle": 3}, "cycle: is unknown to LatticeRobotEnvironment; give robot, .* cycles, .* precision, threads$"),
     ],
 )
 @pytest.mark.kernels
 def test_bad_input(settings, message):
-    with pytest.raises(ValueError, match="^" + message):
+    with pytest.raises(ValueError, match=f"^{message}[^\n]*$"):
         LatticeRobotEnvironment(**{**QUICK, **settings})
