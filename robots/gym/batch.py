@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 Observation = Floats
 
+SEEDS = 2**31  # of noise where an episode begins
 FAILED_RETURN = -1.0  # of an episode in which the simulation diverges, whatever it gained before
 
 

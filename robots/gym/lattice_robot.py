@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import gymnasium
 import numpy as np
 
-from robots.gym.batch import Batch, Observation
+from robots.gym.batch import SEEDS, Batch, Observation
 from robots.gym.environment import RobotEnvironment, RobotVector, compute_of
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.reflexes import SENSES
@@ -76,6 +76,7 @@ class Rewarded(Batch):
                 "gain: prop is not allowed without one; give a world such as flat+box:0.02,0.02,0.02,0.07,0"
             )
         self._strength = number("strength", strength, 0.0, 0.5)
+        self.choices = SEEDS if found.perturbation else 0
         self._given, self._terrain, self._left = found, terrain, self.episodes.steps
         observed = gymnasium.spaces.Box(-FARTHEST, FARTHEST, (self.episodes.width,), np.float64)
         acted = gymnasium.spaces.Box(-1.0, 1.0, (self.episodes.regions,), np.float64)
@@ -89,7 +90,7 @@ class Rewarded(Batch):
     def begin(self, which: Ints, ways: Ints) -> Observation:
         """Begin an episode of all robots; what they feel, shape (B, width)."""
         assert len(which) == self.count
-        felt, e = self.episodes.begin(), self.episodes
+        felt, e = self.episodes.begin(ways), self.episodes
         own = e.positions[:, : e.own]
         self._left, self._heights = e.steps, own[..., 2].mean(axis=1)
         self._start, self._turned = e.start.mean(axis=1), np.zeros(len(own))  # from which the light is told
@@ -151,6 +152,8 @@ class LatticeRobotEnvironment(RobotEnvironment):
 
     Observation: what ``senses`` feel, see ``robots.lattice_robot.reflexes``. Reward: what is gained, see ``Rewarded``.
     An episode ends with the robot's cycles.
+
+    Reset: the seed matters for a robot with a ``perturbation`` of its start only.
     """
 
     def __init__(

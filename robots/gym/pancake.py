@@ -9,7 +9,7 @@ import gymnasium
 import numpy as np
 
 from robots.frames import frames_of, last_whole
-from robots.gym.batch import Batch, Observation
+from robots.gym.batch import SEEDS, Batch, Observation
 from robots.gym.environment import RobotEnvironment, RobotVector, compute_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import (
@@ -43,7 +43,6 @@ Actions = Literal["bits", "continuous"]
 FARTHEST = 100.0  # bodies' lengths in a step: displacements are cut off there
 _LOW = np.array([0.0] * ROWS + [-1.0] * 6 + [-FARTHEST] * 2)
 _HIGH = np.array([1.0] * (ROWS + 6) + [FARTHEST] * 2)
-SEEDS = 2**31  # of noise on the start
 
 
 class Pancakes(Batch):

@@ -13,7 +13,7 @@ from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Rollout, frames_from
 from robots.lattice_robot.simulation import answers_in, channels_of, shares_in, swing_of
 from robots.world import Terrain
-from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeProgram, LatticeResult
 from taichi_sim.lattice.program import EVENT
@@ -33,10 +33,13 @@ class Episodes:
         seconds: that an action lasts.
     """
 
+    positions: Floats
+    _rollout: Rollout
+
     def __init__(
         self, robot: LatticeRobot, terrain: Terrain, batch: int, senses: Sequence[str], compute: Compute
     ) -> None:
-        """Set up the batch.
+        """Take the robots; the first episode sets up their batch, and starts Taichi.
 
         Args:
             robot: with reflexes or without; what is free of it is as it starts. Its own reflexes do not act.
@@ -54,24 +57,18 @@ class Episodes:
         self.senses.check(len(robot.felt_regions))
         if "light" in senses and self.senses.light is None:
             raise ValueError(f"light: {terrain.name} has none to feel; give one, as {terrain.name}+light:0.5,0.1")
-        channels, points = channels_of(robot), np.zeros((batch, 0))
-        self._swing = np.repeat(swing_of(robot, points[:1]), batch, axis=0)
-        bodies = [robot.body] * batch
-        self._rollout = Rollout(
-            bodies, channels, self._swing, robot.cycle, terrain, robot.aim, compute, None, robot.starts(batch)
-        )
+        channels = channels_of(robot)
+        self._swing = np.repeat(swing_of(robot, np.zeros((1, 0))), batch, axis=0)
+        self._terrain, self._compute, self._is_ready = terrain, compute, False
         self.regions, self.width = len(robot.felt_regions), self.senses.width(len(robot.felt_regions))
         self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
         self.seconds = robot.cycle.segment * robot.cycle.time_step
         answers = answers_in(robot, channels)
         self._moves = (answers[None, :] == np.arange(self.regions)[:, None]) * shares_in(robot)
         self._channels, self._rest = channels, np.broadcast_to(np.asarray(channels.rest, float), self._swing.shape[:2])
-        body = robot.placed.robot if robot.placed is not None else robot.body
-        self.own = body.voxel_count
-        self._anatomy = Anatomy.of(body, robot.felt_regions, robot.length, self._rollout.reliefs)
-        self._fresh = self._rollout.engine.save()
+        self._body = robot.placed.robot if robot.placed is not None else robot.body
+        self.own = self._body.voxel_count
         self._found: LatticeResult | None = None
-        self.positions = self._rollout.start
 
     @property
     def start(self) -> Floats:
@@ -84,8 +81,14 @@ class Episodes:
         """The node of the cycle to which the next action goes."""
         return (self._piece + 2) % SEGMENTS
 
-    def begin(self) -> Floats:
-        """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel."""
+    def begin(self, seeds: Ints | None = None) -> Floats:
+        """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel.
+
+        Args:
+            seeds: of the noise with which each starts, if the robot has any, shape (B,); by default the robot's own.
+        """
+        if not self._is_ready or self.robot.perturbation:
+            self._set_up(seeds)
         cycle, self._piece = self.robot.cycle, 0
         self._rollout.engine.restore(self._fresh)
         self._before, self._found = self.start, None
@@ -93,6 +96,22 @@ class Episodes:
         length = cycle.begin + cycle.segment
         events = self._rollout.program.events
         return self._run(length, events[events["step"] < length])[0]
+
+    def _set_up(self, seeds: Ints | None) -> None:
+        """Make the batch; where robots start decides on more than their positions, so noise makes another."""
+        robot, batch = self.robot, len(self._swing)
+        self._rollout = Rollout(
+            [robot.body] * batch,
+            self._channels,
+            self._swing,
+            robot.cycle,
+            self._terrain,
+            robot.aim,
+            self._compute,
+            starts=robot.starts(batch, seeds),
+        )
+        self._anatomy = Anatomy.of(self._body, robot.felt_regions, robot.length, self._rollout.reliefs)
+        self._fresh, self._is_ready = self._rollout.engine.save(), True
 
     def advance(self, actions: Floats) -> tuple[Floats, Floats, Bools]:
         """Play the next piece.

@@ -27,7 +27,7 @@ from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_poin
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
-from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number, positive, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
@@ -229,14 +229,15 @@ class LatticeRobot(OutOfTheLab):
         """What its motion is measured by."""
         return Aim(self.heading, self.length, self.target, self.placed)
 
-    def starts(self, count: int) -> Floats | None:
-        """Voxel centres of so many robots at the start [m], with its noise, shape (count, V, 3); None without noise.
+    def starts(self, count: int, seeds: Ints | None = None) -> Floats | None:
+        """Voxel centres of so many robots at the start [m], with noise, shape (count, V, 3); None without noise.
 
-        All have the same noise, so that none depends on the others.
+        The noise of each is that of its seed, by default of the robot's own one: none depends on the others.
         """
         found = None
         if self.perturbation:
-            found = self.body.scattered(self.perturbation, self.seed, np.zeros(count, int))
+            each = [self.seed] * count if seeds is None else seeds.tolist()
+            found = self.body.scattered(self.perturbation, each, np.arange(count))
         if self.placed is not None:
             found = (np.tile(self.body.start_positions, (count, 1, 1)) if found is None else found) + self.placed.shift
         return found

@@ -110,6 +110,17 @@ def test_rewards(gain, world):
 
 
 @pytest.mark.kernels
+def test_where_a_robot_starts_varies_with_the_seed_if_it_has_noise():
+    noisy = dataclasses.replace(QUICK["robot"], perturbation=1e-4)
+    for robot, varies in ((noisy, True), (QUICK["robot"], False)):
+        environment = LatticeRobotVector(2, robot=robot, threads=1)
+        first, again, other = (environment.reset(seed=seed)[0] for seed in (1, 1, 2))
+        assert np.array_equal(first, again)
+        assert np.array_equal(first[1], other[0]) or not varies
+        assert (np.array_equal(first, other), np.array_equal(*first)) == (not varies, not varies)
+
+
+@pytest.mark.kernels
 def test_cycles_are_the_length_of_an_episode():
     one = LatticeRobotEnvironment("soft-quadruped", cycles=1, threads=1)
     assert one.reset()[1]["left"] == 2 * 16 - 1
