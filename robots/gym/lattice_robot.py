@@ -102,11 +102,9 @@ class Rewarded(Batch):
         e = self.episodes
         own, ahead = e.positions[:, : e.own], e.robot.direction
         if self.gain == "light":
-            assert self._light is not None
-            value = -np.hypot(*(own.mean(axis=1)[:, :2] - self._start[:, :2] - self._light).T)
+            value = -self._light_distances()
         elif self.gain == "prop":
-            assert e.robot.placed is not None
-            value = e.positions[:, e.robot.placed.of(1)].mean(axis=1) @ ahead
+            value = self._prop_middles() @ ahead
         elif self.gain == "rise":
             self._heights = np.fmax(self._heights, own[..., 2].mean(axis=1))
             value = self._heights
@@ -119,7 +117,7 @@ class Rewarded(Batch):
             self._before = own
             return self._turned
         else:
-            value = own.mean(axis=1) @ ahead
+            value = self._middles() @ ahead
         found: Floats = value / e.robot.length
         return found
 
@@ -127,13 +125,37 @@ class Rewarded(Batch):
         """Play the next piece of the cycle."""
         felt, _, failed = self.episodes.advance(self._strength * actions)
         self._left -= 1
-        before, value = self._value, self._values()
-        self._value = np.where(failed, before, value)
+        before, self._value = self._value, self._values()
         return np.nan_to_num(felt), self._value - before, np.zeros(self.count, bool), failed
 
     def info(self) -> dict[str, Any]:
-        """How many steps are left."""
-        return {"left": np.full(self.count, self._left)}
+        """Steps that are left, where robots are and how fast, with prop and light; measures after the last step."""
+        e = self.episodes
+        found = {"left": np.full(self.count, self._left), "position": self._middles(), "velocity": e.velocity}
+        if e.robot.placed is not None:
+            found["prop_position"] = self._prop_middles()
+        if self._light is not None:
+            found["light_distance"] = self._light_distances()
+        return {**found, **e.measures}
+
+    def _middles(self) -> Floats:
+        """Means of the robots' voxel centres, shape (B, 3) [m]."""
+        e = self.episodes
+        found: Floats = e.positions[:, : e.own].mean(axis=1).astype(float)
+        return found
+
+    def _prop_middles(self) -> Floats:
+        """Those of the first prop."""
+        e = self.episodes
+        assert e.robot.placed is not None
+        found: Floats = e.positions[:, e.robot.placed.of(1)].mean(axis=1).astype(float)
+        return found
+
+    def _light_distances(self) -> Floats:
+        """How far the middles are from the light, seen from above, shape (B,) [m]."""
+        assert self._light is not None
+        found: Floats = np.hypot(*(self._middles()[:, :2] - self._start[:, :2] - self._light).T)
+        return found
 
     def motion(self, robot: int) -> "Motion":
         """A robot, with props and light."""
@@ -153,7 +175,10 @@ class LatticeRobotEnvironment(RobotEnvironment):
     Observation: what ``senses`` feel, see ``robots.lattice_robot.reflexes``. Reward: what is gained, see ``Rewarded``.
     An episode ends with the robot's cycles.
 
-    Reset: the seed matters for a robot with a ``perturbation`` of its start only.
+    Reset: the seed matters for a robot with a ``perturbation`` of its start only. ``info`` has the steps that are left,
+    position and velocity of the robot's middle [m, m/s], the position of the first prop [m] and the distance from the
+    light [m], where there are any; after the last step of the cycles the robot's measures, too, as ``simulate`` has
+    them: they count the cycles after the first, where rewards count all.
     """
 
     def __init__(

@@ -1,6 +1,6 @@
 """Lattice robots controlled from outside, a sixteenth of a cycle at a time, as reflexes control them from within."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames, last_whole
+from robots.lattice_robot.measures import Record
 from robots.lattice_robot.reflexes import Anatomy, Reflexes, felt_by
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Rollout, frames_from
@@ -29,11 +30,15 @@ class Episodes:
         width: how many numbers are felt.
         steps: actions of an episode.
         own: how many voxels are the robot's, which come first.
-        positions: voxel centres after the last action [m], shape (B, V, 3).
+        positions: voxel centres after the last action [m], shape (B, V, 3); of a robot that diverged the last whole
+            ones.
         seconds: that an action lasts.
+        measures: what ``simulate`` tells of robots, by name, shape (B,), after the last action of an episode; NaN of
+            robots that diverged. Empty before.
     """
 
     positions: Floats
+    measures: Mapping[str, Floats]
     _rollout: Rollout
 
     def __init__(
@@ -53,7 +58,8 @@ class Episodes:
         """
         plain = robot.fixed
         self.senses = Reflexes(tuple(senses), light=plain.light_in(terrain) if "light" in senses else None)
-        self.robot = robot = replace(plain, reflexes=None).on(terrain)
+        target = plain.light_in(terrain) if plain.target is None else plain.target
+        self.robot = robot = replace(plain, reflexes=None, target=target).on(terrain)
         self.senses.check(len(robot.felt_regions))
         if "light" in senses and self.senses.light is None:
             raise ValueError(f"light: {terrain.name} has none to feel; give one, as {terrain.name}+light:0.5,0.1")
@@ -69,6 +75,9 @@ class Episodes:
         self._body = robot.placed.robot if robot.placed is not None else robot.body
         self.own = self._body.voxel_count
         self._found: LatticeResult | None = None
+        last = SEGMENTS * (robot.cycle.cycles + 1)  # nodes of the cycles at which a simulation records for its measures
+        self._recorded = (SEGMENTS, last, *range(last - SEGMENTS, last + 1))
+        self._told = [measure.name for measure in robot.measures_in((terrain,))]
 
     @property
     def start(self) -> Floats:
@@ -91,6 +100,8 @@ class Episodes:
             self._set_up(seeds)
         cycle, self._piece = self.robot.cycle, 0
         self._rollout.engine.restore(self._fresh)
+        self.positions, self.measures = self._rollout.start, {}
+        self._noted = dict[int, tuple[Floats, Floats, Floats]]()
         self._before, self._found = self.start, None
         self._at = self._swing[:, :, 1]
         length = cycle.begin + cycle.segment
@@ -134,6 +145,22 @@ class Episodes:
         self._at = onwards
         return self._run(segment, events.ravel())
 
+    @property
+    def velocity(self) -> Floats:
+        """Of the middle of each robot [m/s], shape (B, 3); 0 of one that diverged."""
+        found: Floats = np.nan_to_num(self._rollout.engine.state().velocities[:, : self.own].mean(axis=1))
+        return found
+
+    def _note(self, found: LatticeResult) -> None:
+        """Keep where a piece has ended, if measures need it, and tell them after the last one."""
+        if (node := self._piece + 1) in self._recorded:
+            self._noted[node] = found.positions[:, 1].copy(), found.strains[:, 1].copy(), found.sizes[:, 1].copy()
+        if node == self._recorded[-1]:
+            parts = zip(*(self._noted[node] for node in self._recorded), strict=True)
+            record = Record(*(np.stack(each, axis=1) for each in parts))
+            measures = self._rollout.measured(record, found.status != "ok")
+            self.measures = {name: measures[name] for name in self._told}
+
     def frames(self, robot: int) -> Frames:
         """Where a robot is after the last action, or was last when its numbers were finite; a batch of one."""
         assert self._found is not None
@@ -152,5 +179,9 @@ class Episodes:
         phase = ((self._piece + 1) % SEGMENTS) / SEGMENTS
         felt = felt_by(self.senses, self._anatomy, phase, 1 / SEGMENTS, self._before, now)
         gone = (now[0] - self._before).mean(axis=1) @ self.robot.direction / self.robot.length
-        self._before, self.positions = now[0], found.positions[:, 1]
+        self._before = now[0]
+        place = found.positions[:, 1].copy()
+        place[failed] = self.positions[failed]
+        self.positions = place
+        self._note(found)
         return felt, np.where(failed, 0.0, gone), failed

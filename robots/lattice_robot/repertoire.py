@@ -71,7 +71,7 @@ def play(episodes: Episodes, repertoire: Repertoire, pilot: Pilot) -> Played:
     """
     felt, e = episodes.begin(), episodes
     shares = np.zeros((len(felt), len(repertoire.nodes)))
-    failed, places = np.zeros(len(felt), bool), _places(e, np.zeros(len(felt)))
+    failed, places = np.zeros(len(felt), bool), _places(e)
     told = list[tuple[Ints, Floats, Floats]]()
     for _ in range(e.steps):
         gaits = pilot(felt, places)
@@ -80,12 +80,12 @@ def play(episodes: Episodes, repertoire: Repertoire, pilot: Pilot) -> Played:
         shares = shares + np.clip(wanted - shares, -1 / EASE, 1 / EASE)
         felt, _, lost = e.advance(repertoire.actions(shares, e.next_node))
         failed |= lost
-        places, felt = np.where(failed, places, _places(e, places)), np.where(failed[:, None], 0.0, felt)
+        places, felt = _places(e), np.where(failed[:, None], 0.0, felt)
     gaits, felts, where = (np.stack(each, axis=1) for each in zip(*told, strict=True))
     return Played(gaits, felts, where, failed)
 
 
-def _places(episodes: Episodes, before: Floats) -> Floats:
-    """Of the middle of each robot along its heading [m]; as before where that is no number."""
-    now = episodes.positions[:, : episodes.own].mean(axis=1) @ episodes.robot.direction
-    return np.where(np.isfinite(now), now, before)
+def _places(episodes: Episodes) -> Floats:
+    """Of the middle of each robot along its heading [m]."""
+    now: Floats = episodes.positions[:, : episodes.own].mean(axis=1) @ episodes.robot.direction
+    return now

@@ -15,7 +15,7 @@ from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
 from robots.robot import Progress
 from robots.world import Terrain, medium_of, one_each, standing
 from taichi_sim.autodiff.arrays import trace
-from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeResult, Quantity, Relief
 from taichi_sim.lattice.faces import half_extents
@@ -291,14 +291,17 @@ class Rollout:
 
         return found
 
-    def _moved(self, run: LatticeResult, slopes: Mapping[str, Slopes]) -> "Moved":
-        kept = {name: getattr(run, name)[:, : self._snapshots] for name in RECORDED}
-        run = replace(run, **kept)
-        record = Record.of(run)
-        lost = run.status != "ok"
+    def measured(self, record: Record, lost: Bools) -> dict[str, Floats]:
+        """The measures of robots that moved so, by name, shape (B,); NaN of those that are lost."""
         measures = {name: measure(name, record, self._constants) for name in self._constants.names}
         for values in measures.values():
             values[lost] = np.nan
+        return measures
+
+    def _moved(self, run: LatticeResult, slopes: Mapping[str, Slopes]) -> "Moved":
+        kept = {name: getattr(run, name)[:, : self._snapshots] for name in RECORDED}
+        run = replace(run, **kept)
+        measures = self.measured(Record.of(run), run.status != "ok")
         frames: tuple[Frames | None, ...] = (None,) * len(self.bodies)
         if self._record_every:
             interval = self._record_every * self.cycle.time_step

@@ -14,6 +14,7 @@ from robots.lattice_robot import simulate
 from robots.lattice_robot.offered import soft_quadruped
 from robots.tasks import builtin_tasks
 from robots.world import Terrain
+from taichi_sim.lattice import ProgramBuilder
 
 assert robots.gym.ENVIRONMENTS
 QUICK = {"robot": soft_quadruped(1), "threads": 1}
@@ -107,6 +108,52 @@ def test_rewards(gain, world):
     gained = np.array([environment.step(action)[1] for action in draws])
     assert np.isfinite(gained).all() and np.abs(gained).max() > 1e-6
     assert gain != "rise" or gained.min() >= 0
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+@pytest.mark.parametrize("world", ["flat", "hill:3+rough:0.004+light:0.1,0.05+box:0.02,0.02,0.02,0.07,0"])
+def test_the_last_info_has_what_a_simulation_measures(world, precision):
+    """To the bit where no action plays the waves; of the seed's noise."""
+    noisy, terrain = dataclasses.replace(soft_quadruped(2), perturbation=1e-4), Terrain.parse(world)
+    environment = LatticeRobotVector(2, world=world, precision=precision, robot=noisy, threads=1)
+    environment.reset(seed=3)
+    over, measures, infos = np.zeros(2, bool), {m.name for m in noisy.measures_in((terrain,))}, []
+    while not over.all():
+        *_, over, info = environment.step(np.zeros(environment.action_space.shape))
+        infos.append(info)
+    assert measures <= info.keys() and not any(measures & each.keys() for each in infos[:-1])
+    for number in range(2):
+        seed = np.random.default_rng(3 + number).integers(2**31)
+        found = simulate(
+            dataclasses.replace(noisy, seed=int(seed)), terrain=terrain, precision=precision, threads=1
+        ).measures
+        assert {name: info[name][number] for name in measures} == {name: found[name][0] for name in measures}
+    *_, info = environment.step(np.zeros(environment.action_space.shape))
+    assert not measures & info.keys()
+
+
+@pytest.mark.kernels
+def test_what_info_tells_of_where_the_robot_is():
+    environment = LatticeRobotEnvironment(
+        world="flat+light:0.1,0.05+box:0.02,0.02,0.02,0.07,0", gain="light", precision="f64", **QUICK
+    )
+    _, before = environment.reset()
+    start, length = QUICK["robot"].body.start_positions.mean(axis=0), QUICK["robot"].length
+    for _ in range(5):
+        _, reward, *_, info = environment.step(np.ones(environment.action_space.shape))
+        assert reward * length == pytest.approx(before["light_distance"] - info["light_distance"])
+        to_light = info["position"][:2] - start[:2] - [0.1, 0.05]
+        assert info["light_distance"] == pytest.approx(np.hypot(*to_light))
+        assert info["prop_position"] == pytest.approx([start[0] + 0.07, start[1], 0.005], abs=0.002)
+        before = info
+    engine = environment._batch.episodes._rollout.engine
+    there = engine.state().positions[0, : len(QUICK["robot"].body.voxels)].mean(axis=0)
+    assert info["position"] == pytest.approx(there, abs=1e-12)
+    step = QUICK["robot"].cycle.time_step
+    engine.run(ProgramBuilder(1).build(1))
+    after = engine.state().positions[0, : len(QUICK["robot"].body.voxels)].mean(axis=0)
+    assert (after - there) / step == pytest.approx(info["velocity"], abs=0.02 * np.abs(info["velocity"]).max() + 1e-3)
 
 
 @pytest.mark.kernels

@@ -23,6 +23,7 @@ LATTICE = {"robot": soft_quadruped(1), "threads": 1}
 CASES = {
     **{name: PANCAKE if "Pancake" in name else {} for name in robots.gym.ENVIRONMENTS},
     "morpholab/LatticeRobot-v0": LATTICE,
+    "morpholab/Light-v0": {**LATTICE, "world": "flat+light:0.1,0.05+box:0.02,0.02,0.02,0.07,0"},
 }
 
 
