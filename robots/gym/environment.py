@@ -84,7 +84,8 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Many robots as one batch; with the same actions each moves as it does alone, to the bit.
 
     The step after the last of an episode begins it anew, whatever the action (``AutoresetMode.NEXT_STEP``). Most
-    robots begin together: then a robot that diverges rests until the episodes of all are over.
+    robots begin together: then a robot that diverges rests until the episodes of all are over, and only then its own
+    is told to be over, as whoever counts episodes takes the next step to begin another one.
     """
 
     metadata = {  # noqa: RUF012 - what Gymnasium asks for
@@ -142,11 +143,11 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._steps += 1
         if anew.any():
             self._begin(np.flatnonzero(anew), {})
-        ended, cut = self._account.ended.copy(), self._cut(anew)
+        ended, cut = self._account.ended, self._cut(anew)
         over = ended | cut
         self._over = np.full(self.num_envs, over.all()) if self._batch.together else over
         info = {**self._info(), "status": self._account.status, "_status": np.ones(self.num_envs, bool)}
-        return self._account.observed.copy(), reward, ended, cut, info
+        return self._account.observed.copy(), reward, ended & self._over, cut & self._over, info
 
     def _cut(self, anew: Bools) -> Bools:
         """Which episodes are cut off before they ended; none that has only begun."""

@@ -105,7 +105,7 @@ def test_a_lattice_robot_that_diverges_rests_and_disturbs_no_other():
         assert observed[1].tolist() == other[0][1].tolist() and reward[1] == other[1][1]
         gained += reward
         seen.append(observed[0].tolist())
-        assert ended.tolist() == [number >= 2, False] and cut.tolist() == [False, number == 3]
+        assert ended.tolist() == [number == 3, False] and cut.tolist() == [False, number == 3]
     assert gained[0] == pytest.approx(FAILED_RETURN) and seen[1] == seen[2] == seen[3]
     assert info["status"].tolist() == ["diverged", "ok"]
     many.step(actions[4])
@@ -119,6 +119,20 @@ def test_statistics_of_gymnasium_count_the_episodes():
     for _ in range(6 * 3):
         many.step(np.ones((4, 2)))
     assert len(many.return_queue) == 12 and set(many.length_queue) == {5}
+
+
+@pytest.mark.kernels
+def test_statistics_of_gymnasium_count_a_robot_that_rests_once():
+    many = RecordEpisodeStatistics(LatticeRobotVector(2, max_episode_steps=4, **LATTICE))
+    many.reset()
+    for number in range(2 * 5):
+        if number == 1:
+            engine = many.unwrapped._batch.episodes._rollout.engine
+            state = engine.state()
+            state.velocities[0] = 1e12
+            engine.set_state(state)
+        many.step(np.zeros(many.action_space.shape))
+    assert list(many.length_queue) == [4] * 4 and many.return_queue[0] == pytest.approx(FAILED_RETURN)
 
 
 IN_PROCESSES_OF_THEIR_OWN = """
