@@ -98,7 +98,7 @@ class Account:
 
     def __init__(self, batch: Batch) -> None:
         """Take the robots."""
-        self._space, count = batch.observed, batch.count
+        self._batch, self._space, count = batch, batch.observed, batch.count
         self.observed: Observation = np.tile(self._space.low, (count, 1))
         self.gained: Floats = np.zeros(count)
         self.ended, self.failed = np.zeros(count, bool), np.zeros(count, bool)
@@ -118,10 +118,9 @@ class Account:
         self.ended = self.ended | failed | reached
         return reward
 
-    @property
-    def status(self) -> Any:
-        """``"ok"`` or ``"diverged"``, shape (B,)."""
-        return np.where(self.failed, "diverged", "ok")
+    def info(self) -> dict[str, Any]:
+        """What the batch tells, and which robots diverged, arrays over the robots."""
+        return {**self._batch.info(), "diverged": self.failed.copy()}
 
 
 def checked_actions(space: gymnasium.Space[Any], actions: Any) -> Floats:

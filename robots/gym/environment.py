@@ -69,15 +69,16 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         given = checked_actions(self.action_space, action)
         reward = self._account.book(*self._batch.advance(given[None]))
         ended, observed = bool(self._account.ended[0]), self._account.observed[0].copy()
-        info = {**self._info(), "status": str(self._account.status[0])}
-        return observed, float(reward[0]), ended, self._batch.left == 0, info
+        return observed, float(reward[0]), ended, self._batch.left == 0, self._info()
 
     def render(self) -> Bytes | None:
         """A picture of the robot as it is: red, green, blue, shape (H, W, 3); None without a render mode."""
         return None if self.render_mode is None else self._pictures.draw(0)
 
     def _info(self) -> dict[str, Any]:
-        return {name: values[0] for name, values in self._batch.info().items()}
+        """What people may want to know, as arrays and as numbers of Python, which wrappers can convert."""
+        own = {name: values[0] for name, values in self._account.info().items()}
+        return {name: value if value.ndim else value.item() for name, value in own.items()}
 
 
 class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
@@ -146,8 +147,7 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         ended, cut = self._account.ended, self._cut(anew)
         over = ended | cut
         self._over = np.full(self.num_envs, over.all()) if self._batch.together else over
-        info = {**self._info(), "status": self._account.status, "_status": np.ones(self.num_envs, bool)}
-        return self._account.observed.copy(), reward, ended & self._over, cut & self._over, info
+        return self._account.observed.copy(), reward, ended & self._over, cut & self._over, self._info()
 
     def _cut(self, anew: Bools) -> Bools:
         """Which episodes are cut off before they ended; none that has only begun."""
@@ -160,5 +160,5 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def _info(self) -> dict[str, Any]:
         """What people may want to know, with a mask beside each array, as Gymnasium has them."""
-        found = self._batch.info()
+        found = self._account.info()
         return {**found, **{f"_{name}": np.ones(self.num_envs, bool) for name in found}}

@@ -7,6 +7,8 @@ import sys
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.wrappers import NumpyToTorch
+from gymnasium.wrappers.vector import NumpyToTorch as VectorNumpyToTorch
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import robots.gym
@@ -81,9 +83,9 @@ def test_vehicles_that_diverge_never_win_and_disturb_no_other():
     first, *_ = many.step(still)
     observed, gained, ended, _, info = many.step(np.array([[1.0, 1.0], [0.0, 0.0]]))
     assert ended.tolist() == [True, False] and gained.tolist() == [FAILED_RETURN, 0.0]
-    assert info["status"].tolist() == ["diverged", "ok"] and np.array_equal(observed, first)
+    assert info["diverged"].tolist() == [True, False] and np.array_equal(observed, first)
     _, gained, ended, _, info = many.step(still)
-    assert not ended.any() and not gained.any() and info["status"].tolist() == ["ok", "ok"]
+    assert not ended.any() and not gained.any() and info["diverged"].tolist() == [False, False]
 
 
 @pytest.mark.kernels
@@ -105,12 +107,12 @@ def test_a_lattice_robot_that_diverges_rests_and_disturbs_no_other():
         assert observed[1].tolist() == other[0][1].tolist() and reward[1] == other[1][1]
         gained += reward
         seen.append(observed[0].tolist())
+        assert info["diverged"].tolist() == [number >= 2, False]
         assert ended.tolist() == [number == 3, False] and cut.tolist() == [False, number == 3]
     assert gained[0] == pytest.approx(FAILED_RETURN) and seen[1] == seen[2] == seen[3]
-    assert info["status"].tolist() == ["diverged", "ok"]
     many.step(actions[4])
     *_, ended, _, info = many.step(actions[4])
-    assert not ended.any() and info["status"].tolist() == ["ok", "ok"]
+    assert not ended.any() and info["diverged"].tolist() == [False, False]
 
 
 def test_statistics_of_gymnasium_count_the_episodes():
@@ -151,6 +153,21 @@ def test_environments_may_be_made_before_processes_are_forked():
     command = [sys.executable, "-c", IN_PROCESSES_OF_THEIR_OWN]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert (done.returncode, done.stdout.strip()) == (0, "(2,)"), done.stderr
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", ["Vehicle", "LeggedQuadruped", "Push"])
+def test_all_that_environments_tell_converts_to_torch(name):
+    torch = pytest.importorskip("torch")
+    one = NumpyToTorch(gymnasium.make(f"morpholab/{name}-v0"))
+    many = VectorNumpyToTorch(
+        gymnasium.make_vec(f"morpholab/{name}-v0", num_envs=2, vectorization_mode="vector_entry_point")
+    )
+    for environment in (one, many):
+        _, begun = environment.reset(seed=0)
+        *_, info = environment.step(torch.zeros(environment.action_space.shape))
+        assert begun.keys() == info.keys() >= {"diverged"}
+        assert all(isinstance(value, torch.Tensor) for value in info.values())
 
 
 @pytest.mark.parametrize(
