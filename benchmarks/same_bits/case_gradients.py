@@ -12,6 +12,7 @@ from cases import Arrays, arrays_of, case
 LATTICE = ("values", "rates", "positions", "orientations", "velocities", "angular_velocities")
 RIGID = ("weights", "commands", "lights", "masses", "parameters", "points", "position", "orientation", "angles",
          "places", "carried")  # fmt: skip
+PARAMETERS = 22  # of a rigid body, that version 1.0 has; later ones follow them
 VEHICLE = ("closest", "final", "closest_by_sites", "closest_by_controllers", "final_by_sites", "final_by_controllers")
 
 
@@ -151,6 +152,7 @@ def of_quadruped(kind: str) -> Arrays:
         arrays_of(result, *QUADRUPED)
         | {"slopes": slopes}
         | arrays_of(gradient, *RIGID, prefix="tape.")
+        | {"tape.parameters": gradient.parameters[..., :PARAMETERS]}
     )  # fmt: skip
 
 

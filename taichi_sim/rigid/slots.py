@@ -39,10 +39,10 @@ MOVING = MOMENTUM  # after a step: its velocity, that of its centre
 BODY_WIDTH = 92
 
 # Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
-# axis; of its motor: torque, desired rate = by command, by angle, offset; stops.
+# axis; of its motor: torque, desired rate = by command, by angle, offset; stops; the motor's largest rate.
 MASS, REST_INERTIA, CENTRE, ANCHOR, AXIS = 0, 1, 7, 10, 13
-TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER = 16, 17, 18, 19, 20, 21
-PARAMETER_WIDTH = 22
+TORQUE, BY_COMMAND, BY_ANGLE, OFFSET, LOWER, UPPER, FASTEST = 16, 17, 18, 19, 20, 21, 22
+PARAMETER_WIDTH = 23
 
 # Of a point that may touch the ground: place relative to the base, depth, normal impulse of each phase, strength of
 # its friction, row of the factored matrix; for the complementarity: right-hand side, member, scratch, excess; how fast
@@ -55,5 +55,5 @@ LIGHT_PARAMETER_WIDTH = 3
 # Columns of the integers of bodies and points.
 PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
 
-NO_STOP = 1e20
+NO_STOP = 1e20  # an angle, an impulse or a rate that is out of reach
 MODE_DRIVEN = 0.0  # of a hinge's row: the rate is as desired; else its impulse is at the upper (1) or lower (-1) bound

@@ -119,6 +119,7 @@ def parameters_of(tree: Tree) -> Floats:
             if joint.motor is not None:
                 motor = joint.motor
                 each[slots.TORQUE : slots.OFFSET + 1] = motor.torque, motor.by_command, motor.by_angle, motor.offset
+                each[slots.FASTEST] = slots.NO_STOP if motor.fastest is None else motor.fastest
             if joint.stops is not None:
                 each[[slots.LOWER, slots.UPPER]] = joint.stops
     return found

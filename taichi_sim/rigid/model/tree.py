@@ -11,7 +11,7 @@ import numpy as np
 
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import Finite, NotNegative, check_fields, number, positive
+from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
 from taichi_sim.rigid.model.shapes import Solid, Vector, unit, vector
 
 
@@ -52,32 +52,38 @@ class Body:
 class Motor:
     """A drive that holds a hinge's rate at by_command m + by_angle angle + offset, as far as its torque allows.
 
+    A rate beyond ``fastest`` is held at ``fastest``.
+
     Attributes:
         torque: largest torque in either direction [N m].
         by_command: rate for each unit of the command m [rad/s].
         by_angle: rate for each radian of the angle, negative for position control [1/s].
         offset: constant part of the rate [rad/s].
+        fastest: largest rate that it holds in either direction [rad/s]; None has no limit.
     """
 
     torque: NotNegative
     by_command: Finite
     by_angle: Finite = 0.0
     offset: Finite = 0.0
+    fastest: Positive | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
 
     @classmethod
-    def position(cls, lowest: float, highest: float, speed: float, torque: float) -> "Motor":
+    def position(
+        cls, lowest: float, highest: float, speed: float, torque: float, fastest: float | None = None
+    ) -> "Motor":
         """Make a position drive: commands from -1 to 1 mean angles from ``lowest`` to ``highest`` [rad].
 
-        The rate is ``speed`` [1/s] times the angle that is missing.
+        The rate is ``speed`` [1/s] times the angle that is missing, at most ``fastest`` [rad/s].
 
         Raises:
             ValueError: for angles that are no numbers, or a speed that is not positive.
         """
         lowest, highest, speed = number("lowest", lowest), number("highest", highest), positive("speed", speed)
-        return cls(torque, speed * (highest - lowest) / 2, -speed, speed * (highest + lowest) / 2)
+        return cls(torque, speed * (highest - lowest) / 2, -speed, speed * (highest + lowest) / 2, fastest)
 
     @classmethod
     def velocity(cls, fastest: float, torque: float) -> "Motor":

@@ -90,16 +90,22 @@ def _hang(joint: Element, carrier: Place, angles: dict[str, float], speed: float
     span = _range(joint) if kind == "revolute" else None
     start = angles.get(joint.get("name", ""), rest_within(span, 0.0)[0])
     turned = place.then(np.zeros(3), Rotation.from_rotvec(start * along).as_matrix())
-    limit = single(joint, "limit")
     if single(joint, "mimic") is not None:
         raise ValueError(f"{named(joint)}: mimic is not allowed; give a joint of its own")
     stops = None if span is None else (span[0] - start, span[1] - start)
-    motor = None
-    effort = 0.0 if limit is None else number(limit, "effort", "0")
-    if effort > 0:
-        rate = number(limit, "velocity", "0") if limit is not None else 0.0
-        motor = Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort)
+    motor = _motor(joint, stops, speed)
     return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops)
+
+
+def _motor(joint: Element, stops: tuple[float, float] | None, speed: float) -> Motor | None:
+    """Read the drive of a joint; None without effort. A revolute joint whose velocity is 0 has no largest rate."""
+    limit = single(joint, "limit")
+    if limit is None or (effort := number(limit, "effort", "0")) <= 0:
+        return None
+    rate = number(limit, "velocity", "0")
+    if rate < 0:
+        raise ValueError(f"{named(joint)}: velocity {rate:g} is not allowed; give at least 0")
+    return Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort, rate or None)
 
 
 def _range(joint: Element) -> tuple[float, float]:

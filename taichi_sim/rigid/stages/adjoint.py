@@ -214,9 +214,9 @@ def uncommand(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
             constants = ti.static(row(robots, given_at(robots, b) + slots.LOWER, 2) + (h, push_out))
             to = ti.static(pull_back(laws.hinge_row, inputs, constants, seeds))
-            scatter(cotangents, pieces, to[:5])
+            scatter(cotangents, pieces, to[:6])
             if motor >= 0:
-                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[5])
+                add_one(cotangents, robots.plan[slots.NEURON] + motor, to[6])
 
 
 @ti.func

@@ -180,10 +180,12 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
     At a stop the row is the stop's, and the motor pushes with all its torque the way it wants to go (ODE's rule for a
     powered joint at its stop).
 
-    Values: angle; torque, by_command, by_angle and offset of the motor; command; then stops, time step, correction.
+    Values: angle; torque, by_command, by_angle, offset and fastest rate of the motor; command; then stops, time step,
+    correction.
     """
-    angle, torque, by_command, by_angle, offset, command, lower, upper, time_step, correction = values
+    angle, torque, by_command, by_angle, offset, fastest, command, lower, upper, time_step, correction = values
     wanted = by_command * command + by_angle * angle + offset
+    wanted = select(wanted > fastest, fastest, select(wanted < 0.0 - fastest, 0.0 - fastest, wanted))
     strength = time_step * torque
     none = 0.0 * strength
     at_lower, at_upper = angle <= lower, angle >= upper

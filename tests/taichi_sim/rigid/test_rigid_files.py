@@ -190,7 +190,7 @@ def test_a_urdf_robot_has_its_links_joints_and_limits():
         and np.allclose(shoulder.axis, [0, 0, 1])
         and shoulder.stops == (-1, 0.5)
     )
-    assert (shoulder.motor.torque, shoulder.motor.by_angle) == (7, -5)
+    assert (shoulder.motor.torque, shoulder.motor.by_angle, shoulder.motor.fastest) == (7, -5, 2)
     assert np.isclose(shoulder.motor.by_command, 5 * 0.75) and np.isclose(shoulder.motor.offset, 5 * -0.25)
     assert np.allclose(axle.anchor, [0, 0.7, 1]) and axle.stops is None  # the frame of the arm is turned
     assert (axle.motor.torque, axle.motor.by_command, model.commands) == (2, 6, ("shoulder", "axle"))
@@ -365,6 +365,10 @@ BAD = {
     "a URDF hinge without limits": (
         f"<robot>{LINK.format('a')}{LINK.format('b')}{JOINT.format('revolute')}</robot>",
         "joint j: limit is missing",
+    ),
+    "a URDF drive of negative speed": (
+        ARM.replace('velocity="2"', 'velocity="-2"'),
+        "joint shoulder: velocity -2 is not allowed; give at least 0",
     ),
     "a URDF mesh": (
         f"<robot>{LINK.format('a')}</robot>".replace(

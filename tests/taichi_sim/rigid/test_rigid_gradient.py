@@ -107,8 +107,17 @@ def arm(length: float) -> Tree:
     return Tree([base, Body("arm", (length / 2, 0, 1), 0.5, [Capsule(0.02, length, (1, 0, 0))])], [hinge], fixed=True)
 
 
+def slow_arm(fastest: float) -> Tree:
+    """An arm whose motor is strong, and slower than its angle asks for at first."""
+    tree = arm(0.4)
+    motor = Motor(100.0, 0.0, -8.0, 2.0, fastest)
+    return replace(tree, joints=[replace(joint, motor=motor) for joint in tree.hinges])
+
+
 @pytest.mark.parametrize("integration", ["momentum", "velocity"])
-@pytest.mark.parametrize("tree, value, name", [(ball, 0.1, "position"), (arm, 0.4, "angles")])
+@pytest.mark.parametrize(
+    "tree, value, name", [(ball, 0.1, "position"), (arm, 0.4, "angles"), (slow_arm, 1.3, "angles")]
+)
 def test_derivatives_of_a_body_without_hinges_and_of_a_fixed_one(tree, value, name, integration):
     def robots(x: float) -> RigidEngine:
         return RigidEngine(tree(x), World(0.01, integration=integration), precision="f64", threads=1)

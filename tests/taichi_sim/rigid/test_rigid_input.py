@@ -60,6 +60,7 @@ BAD = {
     "a robot without mass": (lambda: Quadruped("legged", mass=0), "mass: 0"),
     "an unknown robot": (lambda: Quadruped("winged"), "kind: 'winged' is unknown; choose legged, wheeled, whegged"),
     "a negative torque": (lambda: Motor(-1.0, 1.0), "torque: -1.0 is not allowed"),
+    "a motor that may not move": (lambda: Motor(1.0, 1.0, fastest=0.0), "fastest: 0.0 is not allowed"),
     "an endless rate": (lambda: Motor(1.0, np.inf), "by_command: inf is not allowed"),
     "an axis that is none": (lambda: Hinge("a", "b", (0, 0, 0), (0, 0, 0)), "axis of b: (0, 0, 0) is not allowed"),
     "stops that exclude the start": (

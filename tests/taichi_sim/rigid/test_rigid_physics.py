@@ -323,6 +323,19 @@ def test_a_motor_within_its_torque_holds_its_rate(integration):
     assert np.allclose(np.diff(found.frames.angles[:, 0, 0]), 0.014, rtol=1e-9)
 
 
+@BOTH
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_position_drive_goes_no_faster_than_its_largest_rate(integration, side):
+    """At that rate until what is missing asks for less, then as any other."""
+    tree = pendulum(Motor.position(-2.0, 2.0, 10.0, 1000.0, fastest=0.5))
+    world = World(0.01, -GRAVITY, integration=integration)
+    found = simulate(tree, world, 500, commands=np.full((1, 1, 1), side))
+    angles = side * found.frames.angles[:, 0, 0]
+    rates = np.diff(angles) / 0.01
+    assert np.allclose(rates, np.minimum(10.0 * (2.0 - angles[:-1]), 0.5), atol=1e-9)
+    assert np.isclose(angles[-1], 2.0) and (rates > 0.499).sum() == pytest.approx(390, abs=1)
+
+
 def dumbbell(welded):
     """Two boxes on a rod, of three bodies welded together or of one with the sum of their inertias."""
     rod = Body("rod", (0, 0, 1), 1.0, [Capsule(0.05, 0.6, (1, 0, 0))])
