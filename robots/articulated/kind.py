@@ -39,10 +39,16 @@ class ArticulatedKind(RobotKind):
         Option("slowest", "lowest frequency of a rhythm, in Hz (default: 0.5)", number(1e-3), "HZ"),
         Option("quickest", "highest frequency of a rhythm, in Hz (default: 2)", number(1e-3), "HZ"),
         Option("light", "place of a light that a network sees, in metres", numbers(3), "X,Y,Z"),
-        Option("friction", "coefficient of friction; inf has gradients (default: the file's)", checked(_friction), "N"),
+        Option(
+            "friction",
+            "coefficient of friction; inf has gradients (default: the file's, or 1)",
+            checked(_friction),
+            "N",
+        ),
         Option("speed", "of position drives without any of their own, 1/s (default: 10)", number(1e-6), "N"),
         Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
         Option("fastest", "rate of drives by torque, rad/s (default: 10)", number(1e-6), "N"),
+        Option("time_step", "of the simulation, in seconds (default: the file's, or 0.002)", number(1e-6), "S"),
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:

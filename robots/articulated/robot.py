@@ -51,13 +51,15 @@ class ArticulatedRobot(Robot):
         heading: direction in which distance counts, seen from above, anticlockwise from x [degrees].
         slowest: lowest frequency of a rhythm [Hz].
         quickest: highest frequency of a rhythm [Hz].
-        command_rate: how often commands of a rhythm change [Hz].
+        command_rate: how often commands of a rhythm change [Hz], at most once a time step.
         light: place of a light [m], which a network sees from the base's centre; None for no light.
-        friction: coefficient of friction; infinite: viscous slip alone, which has gradients; None: that of the file.
+        friction: coefficient of friction; infinite: viscous slip alone, which has gradients; None: that of the file,
+            or 1.
         angles: of hinges at the start, by their joints' names [rad]; else as in the file.
         fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
         speed: of position drives whose own does not follow from the file [1/s], see ``parse_model``.
         fastest: rate of drives by torque at full command [rad/s].
+        time_step: of the simulation [s]; None: that of the file, or 2 ms.
         reflexes: what it feels, and how that changes its rhythm; None for a robot that feels nothing.
         model: what the file describes; made of the text.
 
@@ -80,6 +82,7 @@ class ArticulatedRobot(Robot):
     speed: float = 10.0
     fastest: float = 10.0
     reflexes: DriveReflexes | None = None
+    time_step: float | None = None
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -104,14 +107,25 @@ class ArticulatedRobot(Robot):
             checks.number("friction", self.friction, 0.0)
         if self.light is not None:
             object.__setattr__(self, "light", _place("light", self.light))
-        model = parse_model(self.text, angles=self.angles, fixed=self.fixed, speed=self.speed, fastest=self.fastest)
+        settings = ("angles", "fixed", "speed", "fastest", "time_step")
+        model = parse_model(self.text, **{name: getattr(self, name) for name in settings})
         object.__setattr__(self, "model", model)
+        self._check_command_rate()
         if not self.drives:
             raise ValueError("model: no hinge of it has a drive; give actuators (MJCF) or limits with effort (URDF)")
         if self.controller == "network" and not self.senses.count:
             raise ValueError("controller: a network needs sensors; give touch sensors in the model, or a light")
         if self.reflexes is not None:
             self._check_reflexes(self.reflexes)
+
+    def _check_command_rate(self) -> None:
+        """Refuse commands of a rhythm that change more than once a time step."""
+        step = self.world.time_step
+        if self.controller == "rhythm" and self.command_rate * step > 1 + 1e-9:
+            raise ValueError(
+                f"command_rate: {self.command_rate:g} Hz is not allowed with time steps of {step:g} s; give at most "
+                f"{1 / step:g} Hz, or a shorter time_step"
+            )
 
     def _check_reflexes(self, reflexes: DriveReflexes) -> None:
         """Refuse reflexes without a rhythm, and what they cannot feel or keep up with."""
@@ -145,7 +159,7 @@ class ArticulatedRobot(Robot):
 
     @property
     def world(self) -> rigid.World:
-        """Time step and gravity of the file; friction as asked for."""
+        """Time step and gravity of the model; friction as asked for."""
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
         return rigid.World(own.time_step, own.gravity, own.slip, friction, own.error_reduction, own.integration)
@@ -195,9 +209,10 @@ class ArticulatedRobot(Robot):
         found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         light = None if self.light is None else list(self.light)
         friction = "inf" if self.friction == math.inf else self.friction
-        found |= {"light": light, "friction": friction, "angles": dict(self.angles)}
-        del found["reflexes"]  # files of robots without them are as before there were any
-        return found if self.reflexes is None else found | {"reflexes": asdict(self.reflexes)}
+        reflexes = None if self.reflexes is None else asdict(self.reflexes)
+        found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
+        later = ("reflexes", "time_step")  # without them a record is as before there were any
+        return {name: value for name, value in found.items() if name not in later or value is not None}
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""

@@ -12,6 +12,7 @@ from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 from taichi_sim.rigid.model.tree import Body, Joint, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 
+USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
 _STRAIGHT = 1e-6  # sines below it are rounding
 
 
@@ -22,7 +23,7 @@ class Model:
     Attributes:
         tree: the robot; its first body is the base.
         senses: the file's touch sensors.
-        world: time step, gravity and friction that the file gives, and defaults.
+        world: time step, gravity and friction that the file gives, else MuJoCo's defaults.
         commands: names of the actuators or joints that receive the commands, in order.
         ignored: entries of the file that the engine does not support.
     """

@@ -19,9 +19,11 @@ def load_model(
     fixed: bool = False,
     speed: float = 10.0,
     fastest: float = 10.0,
+    time_step: float | None = None,
 ) -> Model:
     """Read a robot from a file, with the settings and errors of :func:`parse_model`."""
-    return parse_model(read_text(path), angles=angles, fixed=fixed, speed=speed, fastest=fastest)
+    text = read_text(path)
+    return parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
 
 
 def parse_model(
@@ -31,6 +33,7 @@ def parse_model(
     fixed: bool = False,
     speed: float = 10.0,
     fastest: float = 10.0,
+    time_step: float | None = None,
 ) -> Model:
     """Read a robot from the text of an MJCF or URDF file.
 
@@ -44,17 +47,20 @@ def parse_model(
         speed: of position drives whose own does not follow from the file: what part of the way to its target a drive
             wants to go in a second [1/s].
         fastest: rate of drives by torque, which the engine drives by rate, at full command [rad/s].
+        time_step: of the simulation [s]; None for that of the file, or 2 ms.
 
     Raises:
         ValueError: for a text that is not such a file, or needs what the engine does not support.
     """
     positive("speed", speed)
     positive("fastest", fastest)
+    if time_step is not None:
+        positive("time_step", time_step)
     root = parse_xml(text)
     if root.tag == "mujoco":
-        model = read_mjcf(root, dict(angles or {}), speed, fastest)
+        model = read_mjcf(root, dict(angles or {}), speed, fastest, time_step)
     elif root.tag == "robot":
-        model = read_urdf(root, dict(angles or {}), fixed, speed)
+        model = read_urdf(root, dict(angles or {}), fixed, speed, time_step)
     else:
         raise ValueError(f"model: <{root.tag}> is unknown; give a file of <mujoco> (MJCF) or <robot> (URDF)")
     if model.ignored:

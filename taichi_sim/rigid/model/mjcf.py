@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.assembly import (
     OUTSIDE,
+    USUAL,
     Cylinder,
     Lump,
     Model,
@@ -39,7 +40,7 @@ _IGNORED_OF_JOINTS = ("stiffness", "damping", "armature", "frictionloss")
 _OPTIONS = ("timestep", "gravity")
 
 
-def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: float) -> Model:
+def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: float, time_step: float | None) -> Model:
     """Read the robot of an MJCF file.
 
     Raises:
@@ -49,6 +50,8 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
         if root.find(tag) is not None:
             raise ValueError(f"model: <{tag}> is not allowed; give trees of hinges without it")
     reader = _Reader(root, angles, speed, fastest)
+    if time_step is not None:
+        reader.option.set("timestep", str(float(time_step)))
     fixed = reader.read()
     unknown = sorted(set(angles) - set(reader.hinges))
     if unknown:
@@ -285,7 +288,7 @@ class _Reader:
     @property
     def time_step(self) -> float:
         """Time step of the file [s]."""
-        return float(numbers(self.option, "timestep", "0.002")[0])
+        return float(numbers(self.option, "timestep", str(USUAL.time_step))[0])
 
     def world(self) -> World:
         """World settings of the file: time step, gravity and friction."""
@@ -294,7 +297,7 @@ class _Reader:
             raise ValueError(f"option: gravity {self.option.get('gravity')!r} is not allowed; give one along z")
         if len(self.frictions) > 1:
             self.ignored[f"frictions below {max(self.frictions):g}, the largest"] = None
-        return World(self.time_step, float(gravity[2]), friction=max(self.frictions, default=1.0))
+        return World(self.time_step, float(gravity[2]), friction=max(self.frictions, default=USUAL.friction))
 
     def all_ignored(self) -> tuple[str, ...]:
         """Entries of the file that the engine does not support, one for each kind."""

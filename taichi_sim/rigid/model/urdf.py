@@ -3,14 +3,25 @@
 Source: http://wiki.ros.org/urdf/XML (link, joint). All angles are radians; a joint's frame is its child's.
 """
 
+from dataclasses import replace
 from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.assembly import OUTSIDE, Lump, Model, Part, Place, placed, rest_within, solid_of, tree_of
-from taichi_sim.rigid.model.settings import World
+from taichi_sim.rigid.model.assembly import (
+    OUTSIDE,
+    USUAL,
+    Lump,
+    Model,
+    Part,
+    Place,
+    placed,
+    rest_within,
+    solid_of,
+    tree_of,
+)
 from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
 from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
@@ -22,10 +33,11 @@ _ROUND = {"radius": 1, "length": 1}
 _SIZES = {"sphere": {"radius": 1}, "box": {"size": 3}, "cylinder": _ROUND, "capsule": _ROUND}  # numbers of attributes
 
 
-def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float) -> Model:
+def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float, time_step: float | None) -> Model:
     """Read the robot of a URDF file.
 
-    Revolute joints get position drives, continuous joints velocity drives; effort limits the torque.
+    Revolute joints get position drives, continuous joints velocity drives; effort limits the torque. The
+    time step and the friction, of which URDF says nothing, are MuJoCo's defaults.
 
     Raises:
         ValueError: for entries that are not allowed.
@@ -47,6 +59,8 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     unknown = set(angles) - {joint.get("name", "") for joint in joints if joint.get("type") in _HINGED}
     if unknown:
         raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
+    world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
+    speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
     places = {bases[0]: Place(np.zeros(3), np.eye(3))}
     parts, waiting, commands = [_part(links[bases[0]], None, places[bases[0]])], list(joints), list[str]()
     while waiting:
@@ -60,7 +74,7 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
             if isinstance(hung, Hinge) and hung.motor is not None:
                 commands.append(joint.get("name", child))
             parts.append(_part(links[child], hung, places[child]))
-    return Model(tree_of(parts, fixed), Senses(), World(), tuple(commands), _ignored(root, angles))
+    return Model(tree_of(parts, fixed), Senses(), world, tuple(commands), _ignored(root, angles))
 
 
 def _link_of(joint: Element, end: str) -> str:

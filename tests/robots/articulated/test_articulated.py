@@ -53,6 +53,16 @@ def test_a_rhythm_stays_within_what_drives_take_and_repeats():
     )
 
 
+def test_a_rhythm_keeps_its_command_rate_with_any_time_step():
+    cart = ArticulatedRobot(URDF)
+    assert (cart.world.time_step, cart.world.friction, cart.hold, cart.steps) == (0.002, 1.0, 10, 2500)
+    slow = ArticulatedRobot(URDF, time_step=0.02, friction=0.5)
+    assert (slow.world.time_step, slow.world.friction, slow.hold, slow.steps) == (0.02, 0.5, 1, 250)
+    assert "time_step" not in cart.describe() and slow.describe()["time_step"] == 0.02
+    crawling = crawler(controller="network", time_step=0.05)
+    assert KINDS["articulated"].from_description(crawling.describe()).steps == 8
+
+
 @pytest.mark.kernels
 @pytest.mark.parametrize("controller", ["rhythm", "network"])
 def test_it_does_what_the_engine_does(controller):
@@ -176,6 +186,11 @@ def test_it_offers_what_every_robot_offers(tmp_path):
         (lambda: crawler(controller="cat"), "controller: 'cat' is unknown; choose one of rhythm, network"),
         (lambda: crawler(duration=-1), "duration: -1 is not allowed"),
         (lambda: crawler(slowest=3.0), "quickest: 2 Hz is not allowed; give more than slowest, 3"),
+        (lambda: crawler(time_step=0), "time_step: 0 is not allowed; give a positive"),
+        (
+            lambda: crawler(time_step=0.05),
+            "command_rate: 50 Hz is not allowed with time steps of 0.05 s; give at most 20 Hz, or a shorter time_step",
+        ),
         (lambda: crawler(friction=-1), "friction: -1 is not allowed"),
         (lambda: crawler(light=(1, 2)), "light: (1, 2) is not allowed; give a place x, y, z [m]"),
         (lambda: crawler(angles={"knee": 1.0}), "angles: there is no hinge 'knee'"),

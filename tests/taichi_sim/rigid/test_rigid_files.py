@@ -201,6 +201,19 @@ def test_a_urdf_robot_has_its_links_joints_and_limits():
     assert model.ignored == ("<visual>", "edges of cylinders, which touch the ground as capsules of their length")
 
 
+def test_what_a_file_does_not_say_has_the_defaults_of_mujoco():
+    usual = World(0.002, -9.81, friction=1.0)
+    assert parse_model(ARM).world == parse_model(mjcf(BALL)).world == usual
+
+
+def test_a_time_step_may_take_the_place_of_the_files():
+    assert parse_model(ANT, time_step=0.001).world == World(0.001, -9.81, friction=1.0)
+    knee = next(hinge for hinge in parse_model(ANT, time_step=0.2).tree.hinges if hinge.child == "shin 2")
+    assert knee.motor.by_angle == -5  # all that lacks, in a step
+    shoulder = parse_model(ARM, time_step=0.2).tree.hinges[0]
+    assert parse_model(ARM, time_step=0.2).world.time_step == 0.2 and shoulder.motor.by_angle == -5
+
+
 def test_a_urdf_robot_may_be_fixed_and_read_from_a_file(tmp_path):
     (tmp_path / "arm.urdf").write_text('<?xml version="1.0"?>\n' + ARM)
     assert load_model(tmp_path / "arm.urdf", fixed=True).tree.fixed
@@ -393,6 +406,7 @@ def test_files_and_settings_that_are_not_allowed_are_one_line(tmp_path):
         (lambda: parse_model(ANT, angles={"hip 9": 1.0}), "angles: there is no hinge 'hip 9'; there are hip 0"),
         (lambda: parse_model(ARM, angles={"tip": 1.0}), "angles: there is no hinge 'tip'"),
         (lambda: parse_model(ANT, speed=0.0), "speed: 0.0 is not allowed"),
+        (lambda: parse_model(ARM, time_step=0.0), "time_step: 0.0 is not allowed"),
     ):
         with pytest.raises(ValueError, match=message) as error:
             attempt()
