@@ -6,7 +6,7 @@ from typing import Any
 
 from robots.robot import Option, Robot, RobotKind, World
 from robots.world import Terrain
-from taichi_sim.base.options import checked, number, numbers
+from taichi_sim.base.options import checked, flag, number, numbers
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 REFLEXES = (
@@ -47,6 +47,7 @@ class ArticulatedKind(RobotKind):
         ),
         Option("speed", "of position drives without any of their own, 1/s (default: 10)", number(1e-6), "N"),
         Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
+        flag("fixed", "fix the base of a URDF robot to the world, as a root link named world does"),
         Option("fastest", "rate of drives by torque, rad/s (default: 10)", number(1e-6), "N"),
         Option("time_step", "of the simulation, in seconds (default: the file's, or 0.002)", number(1e-6), "S"),
     )

@@ -56,7 +56,7 @@ class ArticulatedRobot(Robot):
         friction: coefficient of friction; infinite: viscous slip alone, which has gradients; None: that of the file,
             or 1.
         angles: of hinges at the start, by their joints' names [rad]; else as in the file.
-        fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
+        fixed: whether a URDF robot's base is fixed to the world whatever its file says; MJCF says so itself.
         speed: of position drives whose own does not follow from the file [1/s], see ``parse_model``.
         fastest: rate of drives by torque at full command [rad/s].
         time_step: of the simulation [s]; None: that of the file, or 2 ms.
@@ -101,6 +101,7 @@ class ArticulatedRobot(Robot):
         checks.number("slowest", self.slowest, 1e-3, unit="Hz")
         checks.number("quickest", self.quickest, 1e-3, unit="Hz")
         checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
+        checks.flag("fixed", self.fixed)
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
         if self.friction is not None and self.friction != math.inf:

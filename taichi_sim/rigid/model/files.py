@@ -43,7 +43,8 @@ def parse_model(
     Args:
         text: content of the file.
         angles: hinge angles of the tree's rest pose, by the names of joints [rad]; 0 for the others.
-        fixed: whether a URDF robot's base is fixed to the world; MJCF says so itself.
+        fixed: whether a URDF robot's base is fixed to the world, as it is if its root is a link ``world`` without mass;
+            MJCF says so itself.
         speed: of position drives whose own does not follow from the file: what part of the way to its target a drive
             wants to go in a second [1/s].
         fastest: rate of drives by torque, which the engine drives by rate, at full command [rad/s].
@@ -57,6 +58,8 @@ def parse_model(
     if time_step is not None:
         positive("time_step", time_step)
     root = parse_xml(text)
+    if root.tag == "mujoco" and fixed:
+        raise ValueError("fixed: True is not allowed of MJCF; leave the free joint out of the file")
     if root.tag == "mujoco":
         model = read_mjcf(root, dict(angles or {}), speed, fastest, time_step)
     elif root.tag == "robot":

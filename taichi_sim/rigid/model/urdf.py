@@ -61,6 +61,7 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
         raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
     world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
     speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
+    fixed = fixed or (bases[0] == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
     places = {bases[0]: Place(np.zeros(3), np.eye(3))}
     parts, waiting, commands = [_part(links[bases[0]], None, places[bases[0]])], list(joints), list[str]()
     while waiting:

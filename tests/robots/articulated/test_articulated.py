@@ -40,6 +40,13 @@ def test_what_is_free_follows_from_the_model():
     assert ArticulatedRobot(URDF).drives == ("axle",)
 
 
+def test_a_urdf_robot_is_fixed_by_an_option(tmp_path):
+    (tmp_path / "cart.urdf").write_text(URDF)
+    kind, source = find_robot(str(tmp_path / "cart.urdf"))
+    free, fixed = (make_robot(kind, source, options) for options in ({}, {"fixed": True}))
+    assert fixed.model.tree.fixed and not free.model.tree.fixed
+
+
 def test_a_rhythm_stays_within_what_drives_take_and_repeats():
     robot = crawler(duration=2.0, command_rate=100.0)
     points = some_points(robot, 5)
@@ -186,6 +193,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
         (lambda: crawler(controller="cat"), "controller: 'cat' is unknown; choose one of rhythm, network"),
         (lambda: crawler(duration=-1), "duration: -1 is not allowed"),
         (lambda: crawler(slowest=3.0), "quickest: 2 Hz is not allowed; give more than slowest, 3"),
+        (lambda: ArticulatedRobot(URDF, fixed="no"), "fixed: 'no' is not allowed"),
         (lambda: crawler(time_step=0), "time_step: 0 is not allowed; give a positive"),
         (
             lambda: crawler(time_step=0.05),

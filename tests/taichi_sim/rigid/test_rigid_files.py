@@ -219,6 +219,15 @@ def test_a_urdf_robot_may_be_fixed_and_read_from_a_file(tmp_path):
     assert load_model(tmp_path / "arm.urdf", fixed=True).tree.fixed
 
 
+@pytest.mark.parametrize(("kind", "bodies"), [("fixed", 4), ("continuous", 5)])
+def test_a_urdf_robot_on_a_link_named_world_is_fixed(kind, bodies):
+    held = ARM.replace("base_link", "world").replace('name="root" type="fixed"', f'name="root" type="{kind}"')
+    tree = parse_model(held).tree
+    assert tree.fixed and tree.bodies[0].name == "world" and len(tree.bodies) == bodies
+    heavy = '<link name="world"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+    assert not parse_model(held.replace('<link name="world"/>', heavy)).tree.fixed
+
+
 PENDULUM = """<body name="bob" pos="0 0 2"><joint name="pivot" axis="0 -1 0" range="20 120" ref="0"/>
   <geom type="box" size="0.1 0.2 0.05" pos="0 0 -0.5" mass="2"/>
   <geom type="capsule" fromto="0 0 0 0 0 -0.4" size="0.02" mass="1"/>
@@ -406,6 +415,7 @@ def test_files_and_settings_that_are_not_allowed_are_one_line(tmp_path):
         (lambda: parse_model(ANT, angles={"hip 9": 1.0}), "angles: there is no hinge 'hip 9'; there are hip 0"),
         (lambda: parse_model(ARM, angles={"tip": 1.0}), "angles: there is no hinge 'tip'"),
         (lambda: parse_model(ANT, speed=0.0), "speed: 0.0 is not allowed"),
+        (lambda: parse_model(ANT, fixed=True), "fixed: True is not allowed of MJCF"),
         (lambda: parse_model(ARM, time_step=0.0), "time_step: 0.0 is not allowed"),
     ):
         with pytest.raises(ValueError, match=message) as error:
