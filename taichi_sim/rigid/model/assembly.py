@@ -9,7 +9,7 @@ import numpy as np
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
-from taichi_sim.rigid.model.tree import Body, Joint, Tree, Weld
+from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 
 USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
@@ -178,6 +178,24 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
         shapes = [replace(shape, centre=np.asarray(shape.centre) - lump.centre) for shape in part.shapes]
         bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
     return Tree(bodies, [part.joint for part in found.values() if part.joint is not None], fixed)
+
+
+def depth_of(tree: Tree) -> float:
+    """How deep a tree lies in the ground, z = 0, at rest [m]; 0 if it does not."""
+    if not tree.points():
+        return 0.0
+    centres, radii = tree.balls()
+    return max(0.0, float((radii - centres[:, 2]).max()))
+
+
+def raised(tree: Tree) -> Tree:
+    """A tree, raised until none of it lies in the ground, z = 0."""
+    up = np.array([0.0, 0.0, depth_of(tree)])
+    bodies = [replace(body, position=np.add(body.position, up)) for body in tree.bodies]
+    joints = [
+        replace(each, anchor=np.add(each.anchor, up)) if isinstance(each, Hinge) else each for each in tree.joints
+    ]
+    return Tree(bodies, joints, tree.fixed)
 
 
 OUTSIDE = "the angle at rest of hinges whose range excludes it: they rest in its middle"

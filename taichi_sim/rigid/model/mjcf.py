@@ -20,6 +20,7 @@ from taichi_sim.rigid.model.assembly import (
     Model,
     Part,
     Place,
+    depth_of,
     placed,
     rest_within,
     solid_of,
@@ -38,6 +39,7 @@ _WRONG = ("equality", "tendon", "deformable", "extension", "include")  # the rob
 _IN_BODIES = ("body", "joint", "freejoint", "geom", "inertial", "site", "camera", "light")
 _IGNORED_OF_JOINTS = ("stiffness", "damping", "armature", "frictionloss")
 _OPTIONS = ("timestep", "gravity")
+_SHALLOW = 1e-4  # m, a depth in the ground that is rounding
 
 
 def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: float, time_step: float | None) -> Model:
@@ -68,7 +70,10 @@ def read_mjcf(root: Element, angles: dict[str, float], speed: float, fastest: fl
             raise ValueError(f"{named(sensor)}: not allowed; give the site of a body with a mass, one sensor a body")
         touching.append(body)
     commands = tuple(actuator.get("name", joint) for joint, (_, actuator) in reader.drives.items())
-    return Model(tree, Senses(touching), reader.world(), commands, reader.all_ignored())
+    world, ignored = reader.world(), reader.all_ignored()
+    if not fixed and (depth := depth_of(tree)) > _SHALLOW:
+        ignored += (f"that it starts {1e3 * depth:.3g} mm deep in the ground, which throws it out",)
+    return Model(tree, Senses(touching), world, commands, ignored)
 
 
 @dataclass(eq=False)

@@ -18,6 +18,7 @@ from taichi_sim.rigid.model.assembly import (
     Part,
     Place,
     placed,
+    raised,
     rest_within,
     solid_of,
     tree_of,
@@ -37,7 +38,8 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     """Read the robot of a URDF file.
 
     Revolute joints get position drives, continuous joints velocity drives; effort limits the torque. The
-    time step and the friction, of which URDF says nothing, are MuJoCo's defaults.
+    time step and the friction, of which URDF says nothing, are MuJoCo's defaults. A free robot is raised out of the
+    ground.
 
     Raises:
         ValueError: for entries that are not allowed.
@@ -75,7 +77,10 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
             if isinstance(hung, Hinge) and hung.motor is not None:
                 commands.append(joint.get("name", child))
             parts.append(_part(links[child], hung, places[child]))
-    return Model(tree_of(parts, fixed), Senses(), world, tuple(commands), _ignored(root, angles))
+    tree = tree_of(parts, fixed)
+    if not fixed:  # where the base is says nothing of the ground, which is often below its origin
+        tree = raised(tree)
+    return Model(tree, Senses(), world, tuple(commands), _ignored(root, angles))
 
 
 def _link_of(joint: Element, end: str) -> str:

@@ -219,6 +219,41 @@ def test_a_urdf_robot_may_be_fixed_and_read_from_a_file(tmp_path):
     assert load_model(tmp_path / "arm.urdf", fixed=True).tree.fixed
 
 
+WALKER = """<robot name="walker">
+  <link name="base"><inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
+    <collision><geometry><box size="0.3 0.2 0.1"/></geometry></collision></link>
+  <link name="leg"><inertial><origin xyz="0 0 -0.1"/><mass value="0.5"/>
+      <inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial>
+    <collision><origin xyz="0 0 -0.23"/><geometry><sphere radius="0.02"/></geometry></collision></link>
+  <joint name="hip" type="revolute"><parent link="base"/><child link="leg"/><axis xyz="0 1 0"/>
+    <limit lower="-0.5" upper="0.5" effort="0" velocity="1"/></joint></robot>"""
+
+
+def test_a_free_urdf_robot_is_raised_out_of_the_ground():
+    """Its base is at the origin, its foot 0.25 m below; what does not reach the ground, or is fixed, stays."""
+    tree = parse_model(WALKER).tree
+    assert [body.position[2] for body in tree.bodies] == pytest.approx([0.25, 0.15])
+    assert tree.hinges[0].anchor == pytest.approx([0, 0, 0.25])
+    bent = parse_model(WALKER, angles={"hip": 0.4}).tree
+    assert bent.bodies[0].position[2] == pytest.approx(0.23 * np.cos(0.4) + 0.02)
+    assert parse_model(WALKER, fixed=True).tree.bodies[0].position[2] == 0
+    assert parse_model(ARM).tree.bodies[0].position[2] == 1
+
+
+@pytest.mark.kernels
+def test_a_urdf_robot_is_not_thrown_out_of_the_ground():
+    model = parse_model(WALKER)
+    done = RigidEngine(model.tree, model.world, threads=1).run(100, record_every=1)
+    assert done.frames.position[:, 0, 2].max() <= 0.25 + 1e-9
+
+
+def test_a_start_in_the_ground_is_told():
+    sunk = mjcf(BALL.replace('pos="1 2 3"', 'pos="1 2 0.45"'))
+    with pytest.warns(UserWarning, match="that it starts 50 mm deep in the ground, which throws it out"):
+        assert parse_model(sunk).tree.bodies[0].position[2] == 0.45
+    assert not parse_model(mjcf(BALL.replace('pos="1 2 3"', 'pos="1 2 0.5"'))).ignored
+
+
 @pytest.mark.parametrize(("kind", "bodies"), [("fixed", 4), ("continuous", 5)])
 def test_a_urdf_robot_on_a_link_named_world_is_fixed(kind, bodies):
     held = ARM.replace("base_link", "world").replace('name="root" type="fixed"', f'name="root" type="{kind}"')
