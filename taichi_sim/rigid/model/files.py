@@ -38,7 +38,7 @@ def parse_model(
     """Read a robot from the text of an MJCF or URDF file.
 
     Bodies touch the ground, the plane z = 0, and nothing else. What the engine does not support is named in
-    one warning if the robot moves nearly alike without it; else it is an error.
+    one warning if the robot moves more or less alike without it; else it is an error.
 
     Args:
         text: content of the file.

@@ -226,6 +226,11 @@ class _Reader:
             motor, also = drive(actuator, span, rest, damping, self.speed, self.fastest, quickest)
             used = "damping" if actuator.tag == "position" else ""
             lacking = [each for each in lacking if each != used] + also
+        elif "stiffness" in lacking:
+            raise ValueError(
+                f"{named(joint)}: stiffness {joint.get('stiffness')!r} is not allowed without an actuator; give 0, as "
+                "there are no springs"
+            )
         self.ignored.update(dict.fromkeys(each if " " in each else f"{each} of joints" for each in lacking))
         stops = None if span is None else (span[0] - rest, span[1] - rest)
         return moved, Hinge(parent, child, anchor, axis, motor, command, stops)

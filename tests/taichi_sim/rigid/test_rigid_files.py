@@ -201,6 +201,11 @@ def test_a_urdf_robot_has_its_links_joints_and_limits():
     assert model.ignored == ("<visual>", "edges of cylinders, which touch the ground as capsules of their length")
 
 
+def test_stiffness_of_a_driven_hinge_is_ignored_and_named():
+    model = parse_model(ANT.replace('<joint name="hip 1"', '<joint name="hip 1" stiffness="2"'))
+    assert "stiffness of joints" in model.ignored
+
+
 def test_what_a_file_does_not_say_has_the_defaults_of_mujoco():
     usual = World(0.002, -9.81, friction=1.0)
     assert parse_model(ARM).world == parse_model(mjcf(BALL)).world == usual
@@ -385,6 +390,14 @@ BAD = {
     "a slide": (with_joint('<joint name="s" type="slide"/>'), "joint s: type 'slide' is not allowed here"),
     "two joints": (with_joint('<joint axis="1 0 0"/><joint axis="0 1 0"/>'), "body leg: 2 joints are not allowed"),
     "a free leg": (with_joint("<freejoint/>"), "body leg: a free joint is not allowed on it"),
+    "a spring": (
+        with_joint('<joint name="k" stiffness="50"/>'),
+        "joint k: stiffness '50' is not allowed without an actuator; give 0, as there are no springs",
+    ),
+    "a spring of a class": (
+        with_joint('<joint name="k"/>').replace("<mujoco>", '<mujoco><default><joint stiffness="5"/></default>'),
+        "joint k: stiffness '5' is not allowed without an actuator",
+    ),
     "an axis of no length": (with_joint('<joint name="k" axis="0 0 0"/>'), "joint k: axis '0 0 0' is not allowed"),
     "stops that exclude the rest": (with_joint('<joint range="20 10"/>'), "stops of leg"),
     "an unknown class": (with_joint('<joint name="k" class="x"/>'), "joint k: there is no class 'x'; there are main"),
