@@ -16,7 +16,7 @@ rubber = Material(youngs_modulus=1e5, density=1e3, static_friction=0.9, kinetic_
 
 # The surface: an outline with five tips, drawn upwards; a file would do as well, voxelise("starfish.stl", ...).
 angles = np.arange(2 * ARMS) * np.pi / ARMS
-radii = np.where(np.arange(2 * ARMS) % 2, 0.032, 0.09)
+radii = np.where(np.arange(2 * ARMS) % 2, 0.032, 0.093)
 outline = np.column_stack([radii * np.cos(angles), radii * np.sin(angles)])
 ring = np.column_stack([np.zeros(2 * ARMS, int), 1 + np.arange(2 * ARMS), 1 + (np.arange(2 * ARMS) + 1) % (2 * ARMS)])
 mesh = trimesh.creation.extrude_triangulation(np.vstack([[0.0, 0.0], outline]), ring, height=2 * PITCH)

@@ -163,6 +163,7 @@ def test_the_widget_goes_on_after_errors_and_with_values_that_are_left_out():
     assert [column["title"] for column in widget.measured] == ["kept 1: wrong 0, w1 0.5", "now"]
 
 
+@pytest.mark.filterwarnings("ignore:mesh. its voxels of pitch 7.5")
 def test_a_mesh_needs_its_pitch_as_a_fixed_value_or_a_slider(tmp_path):
     trimesh.creation.box((40, 20, 20)).export(tmp_path / "box.stl")
     legs = f"legs={tmp_path / 'box.stl'}"

@@ -28,6 +28,7 @@ _CELL_BYTES = 5  # a flag of the grid, and two counts of how often the surface w
 _CROSSING_BYTES = 120  # of a column's meeting with a triangle's box, while it is judged
 _VOXEL_BYTES = 3_000  # of a voxel, its links and faces in an engine of eight robots in f64, which a CPU runs at once
 _LARGE = 5.0  # units of a mesh that is hardly in metres
+_COARSE = 0.1  # part of the volume that voxels may lack, or have too much, without a word
 # Columns are moved off the grid by so much of the pitch: none runs along an edge of a mesh made of round numbers.
 _SHIFT = np.array([2**0.5, 3**0.5]) * 1e-7
 
@@ -91,8 +92,8 @@ def voxelise(
 ) -> VoxelisedMesh:
     """Fill a closed surface with voxels, one wherever its centre is inside; shells that overlap are one body.
 
-    The grid has the mesh's box in its middle; a box of n by m by k pitches has just so many voxels. A warning tells if
-    the voxels are not all joined by their faces.
+    The grid has the mesh's box in its middle, its edges rounded to whole pitches. Warnings tell if the voxels are not
+    all joined by their faces, and if their volume is another than the mesh's, by more than a tenth.
 
     Args:
         mesh: a mesh of trimesh, or a file that trimesh reads.
@@ -119,7 +120,8 @@ def voxelise(
     _check_size(mesh, pitch, most_voxels, most_memory)  # of the repaired one
     counts = np.array(_counts(mesh, pitch))
     origin = mesh.bounds.mean(axis=0) - (counts - 1) / 2 * pitch
-    filled = _filled((np.asarray(mesh.triangles) - origin) / pitch, counts)
+    turns = _turns((np.asarray(mesh.triangles) - origin) / pitch, counts)
+    filled = turns != 0
     if not filled.any():
         raise ValueError(f"mesh: no voxel of pitch {pitch:g} has its centre inside; give a smaller pitch")
     pieces = int(ndimage.label(filled)[1])
@@ -127,6 +129,13 @@ def voxelise(
         warnings.warn(
             f"mesh: its voxels of pitch {pitch:g} are {pieces} pieces that are not joined; let parts overlap, or give "
             "a smaller pitch",
+            stacklevel=2,
+        )
+    share = float(turns.sum()) * pitch**3 / float(mesh.volume)  # both count twice where shells overlap
+    if abs(share - 1) > _COARSE:
+        warnings.warn(
+            f"mesh: its voxels of pitch {pitch:g} have {100 * share:.0f} % of its volume; give a smaller pitch, or one "
+            "of which its lengths are multiples",
             stacklevel=2,
         )
     return VoxelisedMesh(filled, origin * scale, float(pitch) * scale)
@@ -146,7 +155,7 @@ def inside(mesh: "trimesh.Trimesh | str | PathLike[str]", within: VoxelisedMesh,
     _check_scale(scale)
     marked = _closed(_not_empty(_loaded(mesh)), True)
     triangles = (np.asarray(marked.triangles) * scale - within.origin) / within.pitch
-    return _filled(triangles, np.array(within.filled.shape))
+    return _turns(triangles, np.array(within.filled.shape)) != 0
 
 
 def body_from_mesh(
@@ -263,12 +272,15 @@ def _is_balanced(mesh: "trimesh.Trimesh") -> bool:
 
 
 def _counts(mesh: "trimesh.Trimesh", pitch: float) -> list[int]:
-    """Number of grid places along each axis; lengths within rounding of a whole number of pitches count as whole."""
-    return [max(1, math.ceil(float(extent) / pitch - 1e-6)) for extent in mesh.extents]
+    """Number of grid places along each axis: the length in pitches, rounded; halves go up.
+
+    No place is lost so: the next centres on either side would lie outside of the mesh's box.
+    """
+    return [max(1, math.floor(float(extent) / pitch + 0.5 + 1e-6)) for extent in mesh.extents]
 
 
-def _filled(triangles: Floats, counts: Ints) -> Bools:
-    """Find the places inside a surface; ``triangles``, shape (N, 3, 3), are in units of the grid's places.
+def _turns(triangles: Floats, counts: Ints) -> Ints:
+    """How often a surface winds around each place; ``triangles``, shape (N, 3, 3), are in units of the grid's places.
 
     A column of places is a line along z. Where it meets a triangle, all places above are wound around once more, if it
     looks down, or once less.
@@ -293,4 +305,4 @@ def _filled(triangles: Floats, counts: Ints) -> Bools:
         i, j = np.nonzero(inside)
         above = np.clip(np.ceil(height[i, j]), 0, counts[2]).astype(int)
         changes[i + low[0], j + low[1], above] += -1 if double > 0 else 1  # a column meets a triangle once
-    return np.asarray(np.cumsum(changes, axis=2, dtype=np.int16)[:, :, :-1] != 0)
+    return np.asarray(np.cumsum(changes, axis=2, dtype=np.int16)[:, :, :-1])

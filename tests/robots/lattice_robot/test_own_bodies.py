@@ -82,6 +82,36 @@ def test_voxels_are_where_their_centres_are_inside():
     assert found.filled.sum() * 0.1**3 == pytest.approx(4 / 3 * np.pi, rel=0.02)
 
 
+def test_lengths_are_rounded_to_whole_pitches():
+    for scale in (1.0, 1e-3, 1 / 3):  # halves go up, whatever rounding does to them
+        box = trimesh.creation.box(np.array([60, 30, 15]) * scale)
+        assert voxelise(box, 7 * scale).filled.shape == (9, 4, 2)
+        half = trimesh.creation.box(np.array([20.5, 20.5, 3]) * scale)
+        assert voxelise(half, scale).filled.shape == (21, 21, 3)
+
+
+@pytest.mark.filterwarnings("ignore:mesh. its voxels")
+@pytest.mark.parametrize("kind", ["box", "turned box", "ball"])
+def test_volumes_are_those_of_meshes_on_average(kind):
+    rng, shares = np.random.default_rng(0), []
+    for size in rng.uniform(3, 8, (100, 3)):
+        mesh = trimesh.creation.icosphere(3, size[0] / 2) if kind == "ball" else trimesh.creation.box(size)
+        if kind == "turned box":
+            mesh.apply_transform(trimesh.transformations.random_rotation_matrix(rng.random(3)))
+        shares.append(voxelise(mesh, 1.0).filled.sum() / mesh.volume)
+    assert np.mean(shares) == pytest.approx(1, abs=0.05)
+
+
+def test_another_volume_is_warned_of():
+    with pytest.warns(
+        UserWarning, match=r"^mesh: its voxels of pitch 2 have 120 % of its volume; give a smaller pitch"
+    ):
+        voxelise(trimesh.creation.box((5, 4, 4)), 2)
+    with pytest.warns(UserWarning, match=r"^mesh: its voxels of pitch 2 have 83 % of its volume"):
+        voxelise(trimesh.creation.box((4.8, 4, 4)), 2)
+    voxelise(trimesh.creation.box((4.3, 4, 4)), 2)
+
+
 def test_holes_of_a_body_stay_empty():
     ring = trimesh.creation.annulus(r_min=0.5, r_max=1.0, height=0.4)
     filled = voxelise(ring, 0.1).filled
