@@ -165,6 +165,10 @@ class Robot(Abilities, ShortText):
         variants = [self.perturbed(drawn) for drawn in draws]
         return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), variants)
 
+    def as_terrain(self, world: World) -> World:
+        """A world of this robot as the terrain whose slope can be drawn; the world itself, where it is none."""
+        return world
+
     def perturbed(self, drawn: "Perturbation") -> Self:
         """This robot with what a draw says of itself, such as the levels of its actuators; the world is another's."""
         return self
@@ -372,6 +376,10 @@ class FixedRobot(Robot):
         return self.robot.simulate(
             several, trial.world, compute=trial.compute, record_every=every, progress=trial.progress
         )
+
+    def as_terrain(self, world: World) -> World:
+        """The terrain that a world is to the robot."""
+        return self.robot.as_terrain(world)
 
     def perturbed(self, drawn: "Perturbation") -> Self:
         """The design with what a draw says of it."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.robot import HERE, OK, Judgement, Outcome, Progress, Robot, World
-from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts
+from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -162,7 +162,7 @@ class Uncertainty:
         Raises:
             ValueError: that names it.
         """
-        self.check_ground(world)
+        self.check_ground(robot.as_terrain(world))
         for name in QUANTITIES:
             if getattr(self, name) and name not in robot.uncertain_in:
                 lacking = "friction" if name == "friction" else "actuators" if name in DRIVE else f"{name} feet"
@@ -294,10 +294,10 @@ def judge_uncertain(
         ValueError: if its world has no such ground, or it no friction, levels or timing that can be drawn.
     """
     uncertainty.check(robot, world)
-    assert isinstance(world, Terrain)
+    terrain = terrain_of(robot.as_terrain(world))
     share = risk.share if 0 < risk.share < 1 else TAIL
     drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
-    terrains = [one.around(robot, world) for one in drawn]
+    terrains = [one.around(robot, terrain) for one in drawn]
     outcomes = robot.simulate_in(terrains, draws=drawn, compute=compute, progress=progress)
     score = score or Score.first_of(robot)
     scores = [float(score.of(outcome)[0]) if str(outcome.status[0]) == OK else math.nan for outcome in outcomes]

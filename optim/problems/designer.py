@@ -118,7 +118,7 @@ class Designer:
                 f"mean, each or worst of several {worlds[0].name}s",
                 "the mean of the robot's first measure; each with methods for several objectives",
             ),
-            *(UNCERTAIN_OPTIONS if isinstance(self.kind, TerrainKind) else ()),
+            *(UNCERTAIN_OPTIONS if any(world.name == "terrain" for world in worlds) else ()),
             *((GRADIENT_HORIZON,) if isinstance(self.kind, TerrainKind) else ()),
             Option("measure", "of the robot that mean, each and worst are about (default: its first)", metavar="NAME"),
             *self.kind.options_for("codesign"),

@@ -97,7 +97,8 @@ class Trials:
         if not uncertain:
             return cls(worlds, (), len(worlds))
         drawn = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators)
-        around = [one.around(robot, terrain_of(world)) for one in drawn for world in worlds]
+        terrains = [terrain_of(robot.as_terrain(world)) for world in worlds]
+        around = [one.around(robot, terrain) for one in drawn for terrain in terrains]
         variants = [variant for one in drawn for variant in [robot.perturbed(one)] * len(worlds)]
         return cls(around, variants, len(worlds))
 

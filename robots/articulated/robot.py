@@ -15,6 +15,7 @@ from robots.articulated.reflexes import PARTS, DriveReflexes
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.world import Terrain
 from taichi_sim import rigid
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -234,6 +235,10 @@ class ArticulatedRobot(Robot):
     def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
         """What it feels at N points, shape (N, P), at every decision, shape (N, S, T)."""
         return felt_over_time(self, points, world, compute)
+
+    def as_terrain(self, world: World) -> World:
+        """The level floor is a terrain that is flat."""
+        return Terrain() if world == GROUND else world
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its sensors and commands."""

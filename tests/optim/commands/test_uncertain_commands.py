@@ -3,6 +3,7 @@
 import json
 
 import pytest
+from articulated_files import CRAWLER
 from run_products import log, products
 
 SEARCH = (
@@ -156,6 +157,14 @@ def test_freeform_robots_are_designed_under_uncertainty_and_resume_to_the_bit(mo
     assert morpholab("codesign --resume --generations 2 --out runs/b --quiet --threads 1")[0] == 0
     assert log(tmp_path / "runs/a") == log(tmp_path / "runs/b")
     assert 'risk = "worst"' in (tmp_path / "runs/a/config.toml").read_text()
+
+
+@pytest.mark.kernels
+def test_robots_of_files_are_designed_for_slopes_that_are_uncertain(morpholab, tmp_path):
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    line = "codesign --robot crawler.xml --duration 0.1 --uncertain slope=2 --draws 2 --generations 1 --climbers 2"
+    code, out, error = morpholab(f"{line} --out runs/a --quiet")
+    assert code == 0 and "ground: speed over 64 held-out draws: mean " in out, error
 
 
 @pytest.mark.kernels

@@ -12,7 +12,9 @@ from articulated_files import CRAWLER
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
 from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
 from robots.robot import KINDS, Place, find_robot, load_design, make_robot
+from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain
 from robots.world import Terrain
+from taichi_sim.base.compute import Compute
 from taichi_sim.rigid import RigidEngine
 
 QUICK = {"duration": 0.4, "friction": math.inf}
@@ -265,6 +267,19 @@ def test_a_hill_is_a_ramp_that_it_is_turned_with():
     }
     assert np.array_equal(found["hill:0"], found["flat"])
     assert (found["hill:-20"] > found["flat"]).all() and (found["flat"] > found["hill:20"]).all()
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("world", [GROUND, Terrain()])
+def test_slopes_of_level_ground_can_be_drawn(world):
+    robot = crawler(friction=0.3)
+    design, unknown = robot.design(some_points(robot, 1)[0]), Uncertainty(slope=5.0)
+    told = judge_uncertain(design, world, unknown, Risk(0.0), 3, compute=Compute(**HERE)).document
+    slopes = [drawn.slope for drawn in unknown.draw(3, HELD_OUT)]
+    each = [design.simulate([()], Terrain(slope), compute=Compute(**HERE)).measures["speed"][0] for slope in slopes]
+    assert told["worst"] == min(each) < told["mean"] == pytest.approx(np.mean(each))
+    with pytest.raises(ValueError, match=r"friction=0.2 is not allowed; articulated robot has no friction to draw"):
+        judge_uncertain(design, world, Uncertainty(friction=0.2), Risk(), 3)
 
 
 def test_terrains_by_name():
