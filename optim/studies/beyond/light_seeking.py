@@ -42,10 +42,17 @@ STOCHASTIC = {"minibatch_size": 2, "moves": 350, "learning_rate": 0.008, "clip":
 ARMS = {
     "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "candidates": 16, "patience": 30}, True),
     "stochastic": Arm("stochastic ascent, 2 lights a move", "stochastic", STOCHASTIC, True),
+    "horizon": Arm(
+        "short gradients, 2 lights a move",
+        "stochastic",
+        {"minibatch_size": 2, "moves": 350, "learning_rate": 0.02},
+        True,
+    ),
     "nes": Arm("NES", "nes", NES),
     "nes-minibatch": Arm("NES, 2 lights a generation", "nes", {**NES, "minibatch_size": 2}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
 }
+HORIZONS = {"horizon": 0.06}  # of gradients [s], a quarter of a cycle
 COLUMNS: dict[str, Kind] = {
     "search": tuple(ARMS),
     "seed": int,
@@ -80,10 +87,17 @@ class LightSeeking(Settings):
         """Robot, search and seed of every run, seed by seed."""
         return [(ROBOT, arm, seed) for seed in range(self.seeds) for arm in ARMS]
 
-    def problem(self, worlds: Sequence[Terrain], precision: str = "f32") -> RobotProblem:
+    def problem(self, worlds: Sequence[Terrain], precision: str = "f32", horizon: float | None = None) -> RobotProblem:
         """The robot under some lights, for one thread."""
-        robot = light_seeker(self.cycles)
-        return RobotProblem(robot, tuple(worlds), objective=OBJECTIVE, summed=True, precision=precision, threads=1)
+        return RobotProblem(
+            light_seeker(self.cycles),
+            tuple(worlds),
+            OBJECTIVE,
+            summed=True,
+            gradient_horizon=horizon,
+            precision=precision,
+            threads=1,
+        )
 
     @property
     def training(self) -> list[Terrain]:
@@ -99,8 +113,10 @@ class LightSeeking(Settings):
 
     def contest(self, folder: Path) -> Contest:
         """The searches."""
-        build = partial(self.problem, self.training)
-        entries = {name: Entry(build, arm.method, arm.settings) for name, arm in ARMS.items()}
+        entries = {
+            name: Entry(partial(self.problem, self.training, horizon=HORIZONS.get(name)), arm.method, arm.settings)
+            for name, arm in ARMS.items()
+        }
         return Contest(entries, "cpu", self.seconds, folder / "runs", lambda line: None)
 
 
