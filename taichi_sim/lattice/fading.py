@@ -4,8 +4,8 @@ A robot that feels may be chaotic: its exact derivatives grow by the step, point
 and overflow after some more, though what it does changes little on average. What it does in the next moments can still
 be improved, so on the way back derivatives fade, at every snapshot, towards what follows from where a robot *is*
 alone: that whatever is recorded later moves along the ground and turns about the vertical with it, as on level ground
-without feedback. The longer the
-horizon, the closer are they to the exact ones; the shorter, the smoother, and the more biased.
+without feedback; bodies that are linked to nothing else move along, too. The longer the horizon, the closer are they to
+the exact ones; the shorter, the smoother, and the more biased.
 
 Sources: Metz et al., Gradients are not all you need, arXiv:2111.05803, 2021 (chaos, and shortened ways back); Xu et
 al., Accelerated policy learning with parallel differentiable simulation, ICLR 2022 (short windows, and a learned value
