@@ -35,7 +35,7 @@ UNCERTAIN_OPTIONS = (
 GRADIENT_HORIZON = Option(
     "gradient_horizon",
     "time over which gradients see what a change of shape or speed does, of robots of voxels (default: all of a trial; "
-    "those that feel are led farther by a tenth of a cycle)",
+    "those that feel are led farther by an eighth of a cycle)",
     number(1e-6, 1e6, "s"),
     "SECONDS",
 )
