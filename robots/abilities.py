@@ -16,7 +16,6 @@ class Abilities:
     """Tables for rigs, files for printers and other simulators, checks: a kind overrides what its robots can do."""
 
     kind: str  # by its name, one of ``KINDS``
-    fading_gradients = False  # whether gradients can have a horizon, see ``Trial``
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None

@@ -43,6 +43,7 @@ class RobotKind(ABC):
         ground_options: names of further ``world_options``, which hold for all worlds of a command.
         search_precision: of numbers in searches, unless asked otherwise.
         view_precision: of numbers in views, unless asked otherwise.
+        fading_gradients: whether gradients can have a horizon, see ``robots.trial.Trial``.
         explored: what is worth moving when a robot is explored, by names of ``options`` and ``world_options``: a pair,
             lowest and highest, or a list.
     """
@@ -57,6 +58,7 @@ class RobotKind(ABC):
     ground_options: tuple[str, ...] = ()
     search_precision: str = "f64"
     view_precision: str = "f64"
+    fading_gradients: bool = False
     explored: Choices = MappingProxyType({})
 
     @abstractmethod

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
 from robots.robot import Option, RobotKind, make_robot
-from robots.terrain_kind import TerrainKind
 from taichi_sim.base.options import count, number
 
 COMPUTE = ("precision", "device", "threads")
@@ -34,7 +33,7 @@ UNCERTAIN_OPTIONS = (
 )
 GRADIENT_HORIZON = Option(
     "gradient_horizon",
-    "time over which gradients see what a change of shape or speed does, of robots of voxels (default: all of a trial; "
+    "time over which gradients see what a change of shape or speed does (default: all of a trial; "
     "those that feel are led farther by an eighth of a cycle)",
     number(1e-6, 1e6, "s"),
     "SECONDS",
@@ -119,7 +118,7 @@ class Designer:
                 "the mean of the robot's first measure; each with methods for several objectives",
             ),
             *(UNCERTAIN_OPTIONS if any(world.name == "terrain" for world in worlds) else ()),
-            *((GRADIENT_HORIZON,) if isinstance(self.kind, TerrainKind) else ()),
+            *((GRADIENT_HORIZON,) if self.kind.fading_gradients else ()),
             Option("measure", "of the robot that mean, each and worst are about (default: its first)", metavar="NAME"),
             *self.kind.options_for("codesign"),
         )

@@ -348,11 +348,8 @@ class RobotProblem(JudgedRobot):
         check_drawn(self.robot, self.worlds, self.uncertain, self.draws)
         if self.gradient_horizon is not None:
             positive("gradient_horizon", self.gradient_horizon)
-            if not self.robot.fading_gradients:
-                title = KINDS.of(self.robot).title
-                raise ValueError(
-                    f"gradient_horizon: gradients of {title} are exact, however long a trial; leave it out"
-                )
+            if not (kind := KINDS.of(self.robot)).fading_gradients:
+                raise ValueError(f"gradient_horizon: {kind.title} has none; leave it out")
         _ = self.space, self.compute, self.objective_names
         if self.measure and isinstance(self._objective, Goals) and self._objective.names_all:
             raise ValueError(f"measure: {self.measure!r} is not used; each objective names its own, so leave it out")

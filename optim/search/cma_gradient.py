@@ -41,6 +41,7 @@ class CMAGradient(CMAESWithMargin):
     """
 
     through_mixtures = True
+    takes_gradients = True
 
     arrays: ClassVar[tuple[str, ...]] = ("anchor", "slope", "moved", "change", "step")
 

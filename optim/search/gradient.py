@@ -51,6 +51,7 @@ class GradientAscent(IndependentSearches):
     """
 
     through_mixtures = True
+    takes_gradients = True
 
     points_of_climbers: ClassVar[tuple[str, ...]] = ("here", "anchor", "slope", "step")
     arrays: ClassVar[tuple[str, ...]] = (*points_of_climbers, "value", "scale", "record", "stalled", "seeking")

@@ -32,6 +32,7 @@ class GradientHillClimb(HillClimb):
     """
 
     through_mixtures = True
+    takes_gradients = True
 
     arrays: ClassVar[tuple[str, ...]] = ("uphill", "step", "failures", "moved")
 

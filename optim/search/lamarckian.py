@@ -42,6 +42,8 @@ class LamarckianSearch(GeneticSearch):
         inherit: whether children begin with what their parents learnt, or with what these were born with.
     """
 
+    takes_gradients = True
+
     arrays: ClassVar[tuple[str, ...]] = ("learners", "anchor", "lived", "lived_scores", "age", "lives")
 
     starts: int | None = hidden(None)

@@ -40,6 +40,7 @@ class MemeticSearch(DifferentialEvolution):
     """
 
     through_mixtures = True
+    takes_gradients = True
 
     arrays: ClassVar[tuple[str, ...]] = ("refined", "anchor", "slopes", "scale")
 

@@ -81,6 +81,7 @@ class Method(Protocol):
 
     through_mixtures: bool = False  # whether it asks for what lies between true points, as a relaxation has it
     along_true_gradients: bool = False  # whether it asks for gradients of true points only
+    takes_gradients: bool = False  # whether it asks for gradients at all
 
     @property
     def several_objectives(self) -> bool:
@@ -133,6 +134,8 @@ def check_fit(method: Method, problem: Judging) -> None:
         problem.check_mixtures()
     if getattr(method, "along_true_gradients", False) and hasattr(problem, "check_true_gradients"):
         problem.check_true_gradients()
+    if getattr(problem, "gradient_horizon", None) is not None and not getattr(method, "takes_gradients", False):
+        raise ValueError("gradient_horizon: it is not allowed with a method that takes no gradients; leave it out")
     if (size := getattr(method, "minibatch_size", None)) is not None:
         minibatches_of(problem).check_minibatch(size)
 

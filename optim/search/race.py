@@ -47,6 +47,8 @@ class GradientRace(IndependentSearches):
         mixed: part of a round that climbs through mixtures.
     """
 
+    takes_gradients = True
+
     arrays: ClassVar[tuple[str, ...]] = (
         *("here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),
     )

@@ -45,6 +45,7 @@ class StochasticAscent(IndependentSearches):
     """
 
     along_true_gradients = True
+    takes_gradients = True
 
     arrays: ClassVar[tuple[str, ...]] = ("here", "average", "move", "batch", "phase")
 

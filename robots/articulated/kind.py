@@ -49,6 +49,12 @@ class ArticulatedKind(RobotKind):
         Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
         flag("fixed", "fix the base of a URDF robot to the world, as a root link named world does"),
         Option("fastest", "rate of drives by torque, rad/s (default: 10)", number(1e-6), "N"),
+        Option(
+            "command_rate",
+            "how often commands of a rhythm change, in Hz (default: 50, or once a time step)",
+            number(1e-3),
+            "HZ",
+        ),
         Option("time_step", "of the simulation, in seconds (default: the file's, or 0.002)", number(1e-6), "S"),
     )
 

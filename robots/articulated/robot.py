@@ -21,6 +21,7 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_text
+from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid import Network, Senses
 from taichi_sim.rigid.model.assembly import Model
 from taichi_sim.rigid.model.files import parse_model
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 
 Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
+USUAL_RATE = 50.0  # of commands [Hz]
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
@@ -52,7 +54,7 @@ class ArticulatedRobot(Robot):
         heading: direction in which distance counts, seen from above, anticlockwise from x [degrees].
         slowest: lowest frequency of a rhythm [Hz].
         quickest: highest frequency of a rhythm [Hz].
-        command_rate: how often commands of a rhythm change [Hz], at most once a time step.
+        command_rate: how often commands of a rhythm change [Hz], at most once a time step; None: 50 Hz, or that.
         light: place of a light [m], which a network sees from the base's centre; None for no light.
         friction: coefficient of friction; infinite: viscous slip alone, which has gradients; None: that of the file,
             or 1.
@@ -75,7 +77,7 @@ class ArticulatedRobot(Robot):
     heading: float = 0.0
     slowest: float = 0.5
     quickest: float = 2.0
-    command_rate: float = 50.0
+    command_rate: float | None = None
     light: tuple[float, float, float] | None = None
     friction: float | None = None
     angles: Mapping[str, float] = field(default_factory=dict)
@@ -101,7 +103,8 @@ class ArticulatedRobot(Robot):
         checks.number("heading", self.heading, unit="degrees")
         checks.number("slowest", self.slowest, 1e-3, unit="Hz")
         checks.number("quickest", self.quickest, 1e-3, unit="Hz")
-        checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
+        if self.command_rate is not None:
+            checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
         checks.flag("fixed", self.fixed)
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
@@ -123,9 +126,10 @@ class ArticulatedRobot(Robot):
     def _check_command_rate(self) -> None:
         """Refuse commands of a rhythm that change more than once a time step."""
         step = self.world.time_step
-        if self.controller == "rhythm" and self.command_rate * step > 1 + 1e-9:
+        rate = self.command_rate or 0.0
+        if self.controller == "rhythm" and rate * step > 1 + 1e-9:
             raise ValueError(
-                f"command_rate: {self.command_rate:g} Hz is not allowed with time steps of {step:g} s; give at most "
+                f"command_rate: {rate:g} Hz is not allowed with time steps of {step:g} s; give at most "
                 f"{1 / step:g} Hz, or a shorter time_step"
             )
 
@@ -134,9 +138,9 @@ class ArticulatedRobot(Robot):
         if self.controller != "rhythm":
             raise ValueError("reflexes: not allowed beside a network; give them with a rhythm")
         sensed_of(self).network(reflexes)
-        slowest = STEADY * self.quickest
-        if reflexes.kind == "oscillators" and self.hold * self.world.time_step * slowest > 1 + 1e-9:
-            raise ValueError(f"command_rate: {self.command_rate:g} Hz is not allowed; give {slowest:g} or more")
+        slowest, rate = STEADY * self.quickest, 1 / (self.hold * self.world.time_step)
+        if reflexes.kind == "oscillators" and slowest > rate * (1 + 1e-9):
+            raise ValueError(f"command_rate: {rate:g} Hz is not allowed; give {slowest:g} or more")
 
     @property
     def rhythm_size(self) -> int:
@@ -179,7 +183,7 @@ class ArticulatedRobot(Robot):
     @property
     def hold(self) -> int:
         """Time steps for which a command of a rhythm is kept."""
-        return max(1, round(1 / (self.command_rate * self.world.time_step)))
+        return max(1, round(1 / ((self.command_rate or USUAL_RATE) * self.world.time_step)))
 
     @property
     def direction(self) -> Floats:
@@ -213,8 +217,9 @@ class ArticulatedRobot(Robot):
         friction = "inf" if self.friction == math.inf else self.friction
         reflexes = None if self.reflexes is None else asdict(self.reflexes)
         found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
-        later = ("reflexes", "time_step")  # without them a record is as before there were any
-        return {name: value for name, value in found.items() if name not in later or value is not None}
+        if self.reflexes is None:  # a record is as before there were any
+            del found["reflexes"]
+        return found
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
@@ -283,7 +288,25 @@ def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
     reflexes = None if given is None else DriveReflexes(**given)
     with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
         warnings.simplefilter("ignore")
-        return ArticulatedRobot(**{**record, "friction": friction, "reflexes": reflexes})
+        return ArticulatedRobot(**{**_updated(record), "friction": friction, "reflexes": reflexes})
+
+
+def _updated(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """A record with what today's fields mean, if it is of a version that had no time step among them.
+
+    Raises:
+        ValueError: for a URDF robot of such a version, which moved otherwise: it began elsewhere, without limits of
+            velocity.
+    """
+    if "time_step" in record:
+        return record
+    if parse_xml(str(record.get("text"))).tag == "robot":
+        raise ValueError(
+            "robot: it is of a URDF file and of an earlier version, in which such robots moved otherwise; begin anew "
+            "with the file"
+        )
+    usual = record.get("command_rate") == USUAL_RATE  # which was lowered to once a time step
+    return {**record, "fixed": False, **({"command_rate": None} if usual else {})}
 
 
 def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:

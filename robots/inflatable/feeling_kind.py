@@ -19,6 +19,7 @@ class PouchKind(LatticeGroundKind):
 
     name = "pouch"
     title = "pouch that feels"
+    fading_gradients = True
     explored = choices(geometry=list(GEOMETRIES), pressure=(0, 12000), frequency=(0.5, 4), slope=(-15, 15))
     options = (
         Option("geometry", "the robot's body (default: small-closed)", choices=GEOMETRIES),

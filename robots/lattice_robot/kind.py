@@ -53,6 +53,7 @@ class LatticeRobotKind(LatticeGroundKind):
         Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
     )
 
+    fading_gradients = True
     designs = ("soft-quadruped", "feeling-quadruped", "light-seeker", "soft-swimmer")
     explored = choices(slope=(-15, 15))
 

@@ -95,7 +95,7 @@ class LatticeRobot(OutOfTheLab):
 
     kind = "lattice"
     worlds = (Terrain(),)
-    differentiable = fading_gradients = True
+    differentiable = True
     horizons = (1, 2, 4)
 
     def __post_init__(self) -> None:

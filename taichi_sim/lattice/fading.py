@@ -27,11 +27,18 @@ SMALLEST = 1e-30  # squared radius [m2] below which nothing can be turned
 
 
 def fade(reverse: "Reverse", program: LatticeProgram, time_step: float, horizon: float) -> None:
-    """Have a way back forget, by a factor of e in each horizon [s], at every step at which all robots are recorded."""
-    fading = _Fading(reverse, program.snapshots)
-    steps = {int(column[0]): slot for slot, column in enumerate(program.snapshots.T) if len(set(column.tolist())) == 1}
-    order = [step for step in sorted(steps) if step >= 0]
-    ends = [*order[1:], int(program.lengths.max())]
+    """Have a way back forget, by a factor of e in each horizon [s], at every step at which robots are recorded.
+
+    Raises:
+        ValueError: if they are recorded at different steps, or run for different times.
+    """
+    snapshots = program.snapshots
+    if (snapshots != snapshots[:1]).any() or len(set(program.lengths.tolist())) > 1:
+        raise ValueError("horizon: robots are recorded at different steps, or run for different times; give None")
+    fading = _Fading(reverse, snapshots)
+    steps = {int(step): slot for slot, step in enumerate(snapshots[0]) if step >= 0}
+    order = sorted(steps)
+    ends = [*order[1:], int(program.lengths[0])]
     factors = {step: math.exp(-(end - step) * time_step / horizon) for step, end in zip(order, ends, strict=True)}
     stops = [step + 1 for step in order]  # what a snapshot itself is worth, or what is decided by it, does not fade
     reverse.stop_at(stops, lambda stop: fading.meet(steps[stop - 1], factors[stop - 1]))

@@ -315,7 +315,8 @@ class Reverse(NeverCopied, ABC):
         motion = factor * self.of_section(memory.VOXEL, view)
         motion[..., :3] += (1 - factor) * towards
         self.driver.fill(view, memory.VOXEL, motion)
-        self.layout.section(whole, memory.LINK)[...] *= factor
+        for section in (memory.LINK, memory.STRAIN, memory.PRINT):
+            self.layout.section(whole, section)[...] *= factor
         self.driver.put_back(whole, self.cotangents)
 
     def add_seeds(self, snapshot: int, poses: np.ndarray, strains: np.ndarray) -> None:

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from optim import maximise
 from optim.problem import Request, judge
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotProblem
@@ -12,11 +13,10 @@ from robots.braitenberg.offered import VehicleRobot
 from robots.lattice_robot.offered import feeling_quadruped
 from robots.world import Terrain
 
-ROUGH = Terrain.parse("rough:0.006,0.05,1")
 
-
-def problem(horizon=None, cycles=4):
-    return RobotProblem(feeling_quadruped(cycles), (ROUGH,), measure="speed", gradient_horizon=horizon, threads=1)
+def problem(horizon=None, cycles=4, ground="rough:0.006,0.05,1"):
+    terrain = Terrain.parse(ground)
+    return RobotProblem(feeling_quadruped(cycles), (terrain,), measure="speed", gradient_horizon=horizon, threads=1)
 
 
 def length(given):
@@ -36,6 +36,13 @@ def test_what_grows_without_bound_is_bounded_by_a_horizon():
 
 
 @pytest.mark.kernels
+def test_prints_in_sand_fade_too():
+    """A print lasts as long as a foot is in the ground, and carries derivatives with it."""
+    exact, short, none = (length(problem(horizon, 2, "sand:200000")) for horizon in (None, 0.003, 1e-6))
+    assert short < exact / 3 and short < 2 * none
+
+
+@pytest.mark.kernels
 def test_a_problem_with_a_horizon_is_described_and_made_again():
     given = problem(0.03)
     again = problem_of_description(given.describe())
@@ -50,8 +57,10 @@ def test_bad_horizons_are_told(horizon, told):
         problem(horizon)
 
 
-def test_robots_whose_gradients_are_exact_have_none():
-    with pytest.raises(
-        ValueError, match=r"^gradient_horizon: gradients of .* are exact, however long a trial; leave it"
-    ):
+def test_other_robots_have_none_and_methods_must_take_gradients():
+    with pytest.raises(ValueError, match=r"^gradient_horizon: Braitenberg vehicle has none; leave it out$"):
         RobotProblem(VehicleRobot(), gradient_horizon=0.1)
+    with pytest.raises(
+        ValueError, match=r"^gradient_horizon: it is not allowed with a method that takes no gradients; l"
+    ):
+        maximise(problem(0.03), "nes", progress=False)

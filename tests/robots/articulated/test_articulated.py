@@ -67,9 +67,25 @@ def test_a_rhythm_keeps_its_command_rate_with_any_time_step():
     assert (cart.world.time_step, cart.world.friction, cart.hold, cart.steps) == (0.002, 1.0, 10, 2500)
     slow = ArticulatedRobot(URDF, time_step=0.02, friction=0.5)
     assert (slow.world.time_step, slow.world.friction, slow.hold, slow.steps) == (0.02, 0.5, 1, 250)
-    assert "time_step" not in cart.describe() and slow.describe()["time_step"] == 0.02
+    assert ArticulatedRobot(URDF, time_step=0.05).hold == 1
     crawling = crawler(controller="network", time_step=0.05)
     assert KINDS["articulated"].from_description(crawling.describe()).steps == 8
+
+
+def test_records_of_earlier_versions_mean_what_they_meant_or_are_refused():
+    """There was no time step in them; commands came at most once a step, and ``fixed`` said nothing of MJCF."""
+    now = crawler().describe()
+    before = {name: value for name, value in now.items() if name != "time_step"} | {"command_rate": 50.0, "fixed": True}
+    assert KINDS["articulated"].from_description(before).describe() == now
+    other = KINDS["articulated"].from_description(before | {"command_rate": 25.0})
+    assert other.command_rate == 25.0 and KINDS["articulated"].from_description(now).describe() == now
+    cart = ArticulatedRobot(URDF).describe()
+    assert KINDS["articulated"].from_description(cart).describe() == cart
+    del cart["time_step"]
+    with pytest.raises(
+        ValueError, match="^robot: it is of a URDF file and of an earlier version, in which such robots"
+    ):
+        KINDS["articulated"].from_description(cart)
 
 
 @pytest.mark.kernels
@@ -198,7 +214,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
         (lambda: ArticulatedRobot(URDF, fixed="no"), "fixed: 'no' is not allowed"),
         (lambda: crawler(time_step=0), "time_step: 0 is not allowed; give a positive"),
         (
-            lambda: crawler(time_step=0.05),
+            lambda: crawler(time_step=0.05, command_rate=50),
             "command_rate: 50 Hz is not allowed with time steps of 0.05 s; give at most 20 Hz, or a shorter time_step",
         ),
         (lambda: crawler(friction=-1), "friction: -1 is not allowed"),

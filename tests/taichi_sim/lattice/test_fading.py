@@ -11,7 +11,7 @@ AT = (50, 130, 190, 260, 330, 400)
 RUBBER = Material(3e5, 1000, static_friction=0.6, kinetic_friction=0.4, internal_damping=1.0, collision_damping=0.8)
 
 
-def walk(batch: int = 2, **options):
+def walk(batch: int = 2, at=None, **options):
     """A slab, somewhat shaken, that falls and swells on level ground, and derivatives by where its voxels are."""
     voxels = np.array([(x, y, z) for x in range(4) for y in range(3) for z in range(2)])
     body = LatticeBody(voxels, (RUBBER,), np.zeros(len(voxels), int), 0.01)
@@ -22,7 +22,7 @@ def walk(batch: int = 2, **options):
     builder = ProgramBuilder(batch)
     builder.set(Quantity.ACCELERATION + 2, -9.81, regions=[0])
     builder.set(Quantity.SCALE, 1.0, regions=[0], rate=1e-4, step=60)
-    tape = lab.record(builder.build(STEPS, np.tile(AT, (batch, 1))))
+    tape = lab.record(builder.build(STEPS, np.array(at or [AT] * batch)))
     rng = np.random.default_rng(5)
     seeds = [rng.normal(size=each.shape) for each in (tape.result.positions, tape.result.orientations)]
     return shaken, tape, seeds
@@ -99,3 +99,8 @@ def test_bad_horizons_are_told():
         tape.pull_back(*seeds, horizon=0)
     with pytest.raises(ValueError, match=r"^horizon: 1.0 is not allowed with a final state; give None$"):
         tape.pull_back(*seeds, horizon=1.0, state=tape.state)
+    _, tape, seeds = walk(2, at=(AT, (60, *AT[1:])))
+    with pytest.raises(
+        ValueError, match=r"^horizon: robots are recorded at different steps, or run for different times"
+    ):
+        tape.pull_back(*seeds, horizon=1.0)
