@@ -83,7 +83,7 @@ def test_records_of_earlier_versions_mean_what_they_meant_or_are_refused():
     assert KINDS["articulated"].from_description(cart).describe() == cart
     del cart["time_step"]
     with pytest.raises(
-        ValueError, match="^robot: it is of a URDF file and of an earlier version, in which such robots"
+        ValueError, match=r"^robot: it is of a URDF file and of an earlier version, in which such robots"
     ):
         KINDS["articulated"].from_description(cart)
 
