@@ -21,7 +21,7 @@ from optim.runs.environment import environment
 from optim.runs.folder import RunFolder
 from optim.runs.history import read_history
 from optim.runs.loop import FolderSearch
-from optim.search import Method, build_method
+from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
 from taichi_sim.base import files
 
@@ -54,13 +54,18 @@ class Arm:
         label: what it is called.
         method: name in ``optim.search.METHODS``.
         settings: of the method, but the seed.
-        gradients: whether it asks for gradients.
+        horizon: of its gradients [s], see ``RobotProblem.gradient_horizon``; None for exact ones.
     """
 
     label: str
     method: str
     settings: Mapping[str, Any]
-    gradients: bool = False
+    horizon: float | None = None
+
+    @property
+    def gradients(self) -> bool:
+        """Whether it asks for gradients."""
+        return METHODS[self.method].takes_gradients
 
 
 def of_kind(arms: Mapping[str, Arm], names: Iterable[str], gradients: bool) -> list[str]:

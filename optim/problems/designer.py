@@ -34,7 +34,7 @@ UNCERTAIN_OPTIONS = (
 GRADIENT_HORIZON = Option(
     "gradient_horizon",
     "time over which gradients see what a change of shape or speed does (default: all of a trial; "
-    "those that feel are led farther by an eighth of a cycle)",
+    "robots that feel are led farther with an eighth of a cycle)",
     number(1e-6, 1e6, "s"),
     "SECONDS",
 )

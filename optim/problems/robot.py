@@ -127,8 +127,14 @@ class JudgedRobot(RobotDesigning):
         if gradients:
             self.check_true_gradients()
         measures = tuple(self._objective.differentiated(self.judged_by)) if gradients else ()
-        trial = Trial(self.tried_in[0], compute, gradients=measures, sharpness=sharpness)
-        return self._scored(points, dataclasses.replace(trial, gradient_horizon=self.gradient_horizon))
+        trial = Trial(
+            self.tried_in[0],
+            compute,
+            gradients=measures,
+            sharpness=sharpness,
+            gradient_horizon=self.gradient_horizon,
+        )
+        return self._scored(points, trial)
 
     def check_mixtures(self) -> None:
         """Refuse a world that what lies between two robots that can be built does not know, before any work.

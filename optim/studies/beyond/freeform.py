@@ -96,9 +96,9 @@ QUICK: Mapping[str, Any] = {"climbers": 2, "halving": 4, "moves": 40, "mixed": 0
 WHOLE: Mapping[str, Any] = {"climbers": 16, "halving": 4, "moves": 100}
 RETURNING: Mapping[str, Any] = {**WHOLE, "returning": 0.5}
 ARMS = {
-    "race": Arm("gradient race", "race", WHOLE, True),
-    "race-back": Arm("gradient race, returning", "race", RETURNING, True),
-    "race-quick": Arm("gradient race, short rounds", "race", QUICK, True),
+    "race": Arm("gradient race", "race", WHOLE),
+    "race-back": Arm("gradient race, returning", "race", RETURNING),
+    "race-quick": Arm("gradient race, short rounds", "race", QUICK),
     "genetic": Arm("genetic", "genetic", {"population": 32, "mutation": 0.1}),
     "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 1}),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),

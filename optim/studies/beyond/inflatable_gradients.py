@@ -77,28 +77,26 @@ ARMS = {
     "de": GaitArm("differential evolution", "de", {"population": SIZE}),
     "cma": GaitArm("CMA-ES", "cma", {"population": SIZE}),
     "nes": GaitArm("NES", "nes", {"population": SIZE}),
-    "gradient": GaitArm("gradient", "gradient", _ASCENT, True, _LAST),
+    "gradient": GaitArm("gradient", "gradient", _ASCENT, relaxed=_LAST),
     "gradient-hill-climb": GaitArm(
-        "gradient hill climbing", "gradient-hill-climb", {"climbers": FEW, "blind": "mutate"}, True, _LAST
+        "gradient hill climbing", "gradient-hill-climb", {"climbers": FEW, "blind": "mutate"}, relaxed=_LAST
     ),
-    "memetic": GaitArm("memetic", "memetic", {"population": SIZE, "refine": FEW, "every": 3}, True, _LAST),
-    "cma-gradient": GaitArm("CMA-ES led by gradients", "cma-gradient", {"population": SIZE}, True, _LAST),
-    "gradient-whole": GaitArm("gradient of the whole way", "gradient", _ASCENT, True, {}, (FLAT,)),
+    "memetic": GaitArm("memetic", "memetic", {"population": SIZE, "refine": FEW, "every": 3}, relaxed=_LAST),
+    "cma-gradient": GaitArm("CMA-ES led by gradients", "cma-gradient", {"population": SIZE}, relaxed=_LAST),
+    "gradient-whole": GaitArm("gradient of the whole way", "gradient", _ASCENT, worlds=(FLAT,)),
     "gradient-draws": GaitArm(
         "gradient, mean of 2 draws",
         "gradient",
         {**_ASCENT, "candidates": SIZE // 2},
-        True,
-        {**_LAST, "draws": 2, "noise": 1e-5, "friction_spread": 0.3},
-        (FLAT,),
+        relaxed={**_LAST, "draws": 2, "noise": 1e-5, "friction_spread": 0.3},
+        worlds=(FLAT,),
     ),
     "gradient-gentle": GaitArm(
         "gradient from flat ground to the hill",
         "gradient",
         {**_ASCENT, "stage": 2},
-        True,
-        {**_LAST, "gentle": 8.0},
-        (HILL,),
+        relaxed={**_LAST, "gentle": 8.0},
+        worlds=(HILL,),
     ),
 }
 

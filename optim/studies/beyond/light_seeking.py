@@ -40,19 +40,18 @@ OBJECTIVE = ("mean", "minimise:remaining")
 NES = {"population": 16, "random_mean": True, "sigma": 0.1}
 STOCHASTIC = {"minibatch_size": 2, "moves": 350, "learning_rate": 0.008, "clip": 0.1}
 ARMS = {
-    "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "candidates": 16, "patience": 30}, True),
-    "stochastic": Arm("stochastic ascent, 2 lights a move", "stochastic", STOCHASTIC, True),
+    "gradient": Arm("gradient ascent", "gradient", {"climbers": 2, "candidates": 16, "patience": 30}),
+    "stochastic": Arm("stochastic ascent, 2 lights a move", "stochastic", STOCHASTIC),
     "horizon": Arm(
         "short gradients, 2 lights a move",
         "stochastic",
         {"minibatch_size": 2, "moves": 350, "learning_rate": 0.02},
-        True,
+        horizon=0.06,  # a quarter of a cycle
     ),
     "nes": Arm("NES", "nes", NES),
     "nes-minibatch": Arm("NES, 2 lights a generation", "nes", {**NES, "minibatch_size": 2}),
     "cma": Arm("CMA-ES", "cma", {"population": 16}),
 }
-HORIZONS = {"horizon": 0.06}  # of gradients [s], a quarter of a cycle
 COLUMNS: dict[str, Kind] = {
     "search": tuple(ARMS),
     "seed": int,
@@ -114,7 +113,7 @@ class LightSeeking(Settings):
     def contest(self, folder: Path) -> Contest:
         """The searches."""
         entries = {
-            name: Entry(partial(self.problem, self.training, horizon=HORIZONS.get(name)), arm.method, arm.settings)
+            name: Entry(partial(self.problem, self.training, horizon=arm.horizon), arm.method, arm.settings)
             for name, arm in ARMS.items()
         }
         return Contest(entries, "cpu", self.seconds, folder / "runs", lambda line: None)

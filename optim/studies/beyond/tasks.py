@@ -31,16 +31,15 @@ TABLE = "runs.csv"
 FILES = ("table.md", TABLE, "summary.json", "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
 ARMS = {
-    "race": Arm("gradient race", "race", {"climbers": 8, "halving": 4, "moves": 60}, True),
+    "race": Arm("gradient race", "race", {"climbers": 8, "halving": 4, "moves": 60}),
     "horizon": Arm(
         "short gradients",
         "stochastic",
         {"candidates": 8, "moves": 60, "judging": 10, "learning_rate": 0.03},
-        True,
+        horizon=0.03,  # an eighth of a cycle
     ),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
 }
-HORIZONS = {"horizon": 0.03}  # of gradients [s], an eighth of a cycle
 FEELING = ("rough", "stairs", "gap", "shoreline", "sand")  # tasks of a robot that feels; that with a light has a study
 COLUMNS: dict[str, Kind] = {
     "task": tuple(builtin_tasks()),
@@ -70,18 +69,17 @@ class Solving(Settings):
     def runs(self) -> list[Run]:
         """Task, search and seed of every run, seed by seed."""
         return [
-            (task, arm, seed)
+            (task, name, seed)
             for seed in range(self.seeds)
             for task in self.tasks
-            for arm in ARMS
-            if arm not in HORIZONS or task in FEELING
+            for name, arm in ARMS.items()
+            if arm.horizon is None or task in FEELING
         ]
 
     def contest(self, task: str, folder: Path) -> Contest:
         """The searches of a task."""
         entries = {
-            name: Entry(partial(designed, task, HORIZONS.get(name)), arm.method, arm.settings)
-            for name, arm in ARMS.items()
+            name: Entry(partial(designed, task, arm.horizon), arm.method, arm.settings) for name, arm in ARMS.items()
         }
         return Contest(entries, "cpu", self.seconds, folder / "runs" / task, lambda line: None)
 

@@ -43,8 +43,8 @@ ROBOTS: Mapping[str, Callable[[], Robot]] = {
 }
 _NES = {"population": 16, "random_mean": True, "sigma": 0.1}
 ARMS = {
-    "race": Arm("gradient race, all draws", "race", {"climbers": 8}, True),
-    "stochastic": Arm("stochastic ascent, 1 draw a move", "stochastic", {}, True),
+    "race": Arm("gradient race, all draws", "race", {"climbers": 8}),
+    "stochastic": Arm("stochastic ascent, 1 draw a move", "stochastic", {}),
     "nes": Arm("NES, all draws", "nes", _NES),
     "nes-minibatch": Arm("NES, 2 draws a generation", "nes", {**_NES, "minibatch_size": 2}),
 }

@@ -114,6 +114,14 @@ def pair(apart, driver="auto"):
     return engine
 
 
+def swelling():
+    """A program, not yet built, in which both grow to 2.4 edges from its first step on."""
+    made = ProgramBuilder(1)
+    for axis in range(3):
+        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    return made
+
+
 @pytest.mark.kernels
 def test_voxels_that_swell_where_they_are_come_to_touch():
     engine, steps = pair(2.6), 4000
@@ -161,9 +169,7 @@ def test_the_published_lists_miss_what_they_missed():
     """As in the simulator of the dissertation: its robot's speeds are those of its contacts."""
     engine = LatticeEngine(pair(2.6).body, self_contact="published")
     engine.set_positions(np.array([[[0, 0, 0], [2.6 * EDGE, 0, 0]]]))
-    made = ProgramBuilder(1)
-    for axis in range(3):
-        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    made = swelling()
     engine.run(made.build(2000))
     assert np.ptp(engine.state().positions[0, :, 0]) == pytest.approx(2.6 * EDGE, rel=1e-12)
     with pytest.raises(ValueError, match=r"^self_contact: 'all' is not allowed; give True, False or 'published'$"):
@@ -190,9 +196,7 @@ def test_a_ramp_that_outlasts_other_decisions_counts_whole(driver):
 @pytest.mark.kernels
 @pytest.mark.parametrize("driver", ["packed", "stepped"])
 def test_a_state_from_before_voxels_grew_goes_on_to_the_same_bits(driver):
-    engine, made = pair(2.6, driver), ProgramBuilder(1)
-    for axis in range(3):
-        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    engine, made = pair(2.6, driver), swelling()
     engine.run(ProgramBuilder(1).build(10))
     saved, ends = engine.save(), []
     for _ in range(2):
@@ -205,9 +209,7 @@ def test_a_state_from_before_voxels_grew_goes_on_to_the_same_bits(driver):
 @pytest.mark.kernels
 @pytest.mark.parametrize("driver", ["packed", "stepped"])
 def test_a_copied_engine_goes_on_to_the_same_bits(driver):
-    engine, made = pair(2.6, driver), ProgramBuilder(1)
-    for axis in range(3):
-        made.set(Quantity.SCALE + axis, 2.4, regions=[0])
+    engine, made = pair(2.6, driver), swelling()
     engine.run(made.build(1500))
     state, ends = engine.state(), []
     for copied in (copy.deepcopy(engine), pickle.loads(pickle.dumps(engine)), engine):

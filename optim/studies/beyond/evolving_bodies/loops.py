@@ -19,10 +19,10 @@ NAME, TABLE, SUBJECT = "loops", "loops.csv", "walker"
 WORLD = WORLDS[0]
 MEMBERS = {"population": 6, "learning": 5}
 ARMS = {
-    "lamarckian": Arm("two loops, what is learnt is inherited", "lamarckian", MEMBERS, True),
-    "baldwinian": Arm("two loops, it is not", "lamarckian", {**MEMBERS, "inherit": False}, True),
+    "lamarckian": Arm("two loops, what is learnt is inherited", "lamarckian", MEMBERS),
+    "baldwinian": Arm("two loops, it is not", "lamarckian", {**MEMBERS, "inherit": False}),
     "flat": Arm("one loop, without gradients", "genetic", {"population": 24}),
-    "fixed": Arm("drawn body, gradients alone", "race", {"climbers": 8, "halving": 4, "moves": 60}, True),
+    "fixed": Arm("drawn body, gradients alone", "race", {"climbers": 8, "halving": 4, "moves": 60}),
 }
 
 

@@ -1,6 +1,6 @@
 """What the study writes: what was kept and gained, what bodies and methods explain of it, verdicts, a picture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
@@ -150,29 +150,33 @@ def _bodies(of_robot: Mapping[str, Sequence[Record]], measured: Sequence[Record]
     return markdown(["robot", "bodies", "number", "M_CI, mean and range", "M_L, mean and range"], "llrrr", lines)
 
 
-def _means(of_robot: Mapping[str, Sequence[Record]]) -> list[str]:
-    lines = []
+def _groups(
+    of_robot: Mapping[str, Sequence[Record]], ways: Mapping[str, str]
+) -> Iterator[tuple[list[str], str, list[Record]]]:
+    """Bodies of each robot and level that learned in each of some ways: the first cells of their row, way and rows."""
     for robot, rows in of_robot.items():
         for level, title in LEVELS.items():
-            for way, words in METHODS.items():
-                some = where(rows, level=level, method=way)
-                start, learned, final = (column(some, name).mean() for name in ("start_a", "learned_a", "final_a"))
-                kept = cell((final - start) / (learned - start), ".0%") if learned > start else "-"
-                ends = [_interval(column(some, name)) for name in ("final_a", "final_b", "worse")]
-                first = cell(learned, ".2f") if way in SEQUENTIAL else "-"
-                lines.append([FAMILIES[robot].title, title, words, cell(start, ".2f"), first, kept, *ends])
+            for way, words in ways.items():
+                yield [FAMILIES[robot].title, title, words], way, where(rows, level=level, method=way)
+
+
+def _means(of_robot: Mapping[str, Sequence[Record]]) -> list[str]:
+    lines = []
+    for cells, way, some in _groups(of_robot, METHODS):
+        start, learned, final = (column(some, name).mean() for name in ("start_a", "learned_a", "final_a"))
+        kept = cell((final - start) / (learned - start), ".0%") if learned > start else "-"
+        ends = [_interval(column(some, name)) for name in ("final_a", "final_b", "worse")]
+        first = cell(learned, ".2f") if way in SEQUENTIAL else "-"
+        lines.append([*cells, cell(start, ".2f"), first, kept, *ends])
     header = ["robot", "bodies", "method", "A before", "A after A", "gain in A kept", "A at the end", "B at the end"]
     return markdown([*header, "the worse of both"], "lllrrrrrr", lines)
 
 
 def _returns(of_robot: Mapping[str, Sequence[Record]]) -> list[str]:
     lines = []
-    for robot, rows in of_robot.items():
-        for level, title in LEVELS.items():
-            for way, words in SEQUENTIAL.items():
-                some = where(rows, level=level, method=way)
-                steps = [cell(column(some, name).mean(), ".2f") for name in ("first", "again")]
-                lines.append([FAMILIES[robot].title, title, words, *steps, _interval(outcome(some, "saved"))])
+    for cells, _, some in _groups(of_robot, SEQUENTIAL):
+        steps = [cell(column(some, name).mean(), ".2f") for name in ("first", "again")]
+        lines.append([*cells, *steps, _interval(outcome(some, "saved"))])
     return markdown(["robot", "bodies", "method in B", "A at first", "A again", "saved"], "lllrrr", lines)
 
 
