@@ -107,8 +107,12 @@ def page(*parts: str | Sequence[str]) -> str:
 
 
 def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -> list[str]:
-    """Format the lines of a Markdown table; ``align`` has a letter a column: ``l`` for left, ``r`` for right."""
-    rules = [{"l": "---", "r": "---:"}[side] for side in align]
+    """Format the lines of a Markdown table; ``align`` has a letter a column: ``l`` for left, ``r`` for right.
+
+    Raises:
+        ValueError: if it has not one for each, as pages then show no table.
+    """
+    rules = [{"l": "---", "r": "---:"}[side] for _, side in zip(header, align, strict=True)]
     return [f"| {' | '.join(map(str, cells))} |" for cells in (header, rules, *rows)]
 
 

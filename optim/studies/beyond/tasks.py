@@ -17,7 +17,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval
 from optim.problems.robot import RobotProblem
 from optim.problems.task import problem_of_task
@@ -158,14 +158,14 @@ def _table(found: Mapping[str, Any]) -> list[str]:
         for arm in arms:
             one = each["searches"].get(arm)
             if one is None:
-                told += ["-", "-"]
+                told += [MISSING, MISSING]
                 continue
             interval = f" ({cell(one['low'], '.3g')} to {cell(one['high'], '.3g')})" if one["low"] is not None else ""
             told += [f"{cell(one['mean'], '.3g')}{interval}", f"{one['succeeded']} of {one['seeds']}"]
         objective = f"{each['objective']} [{each['unit']}]"
         lines.append((f"`{name}`", each["robot"], str(each["variables"]), objective, each["asked"], *told))
     heads = [head for arm in arms for head in (ARMS[arm].label, "succeeded")]
-    return markdown(("task", "robot", "variables", "objective", "success", *heads), "llrllrrrr", lines)
+    return markdown(("task", "robot", "variables", "objective", "success", *heads), "llrll" + "rr" * len(arms), lines)
 
 
 STUDY = Study(

@@ -83,6 +83,12 @@ def test_columns_are_read_as_written(tmp_path: Path, name):
         write_columns(tmp_path / name, {"n": [1], "x": [1, 2]})
 
 
+@pytest.mark.parametrize("align", ["l", "lrr"])
+def test_a_table_has_an_alignment_for_each_column(align):
+    with pytest.raises(ValueError):
+        markdown(("a", "b"), align, [(1, 2)])
+
+
 def test_a_page_leaves_out_what_is_empty():
     table = markdown(("a", "b"), "lr", [(1, cell(0.25)), (2, cell(None)), (3, cell(None, missing=""))])
     assert page("First.", "", table, []) == "First.\n\n| a | b |\n| --- | ---: |\n| 1 | 0.2500 |\n| 2 | – |\n| 3 |  |\n"
