@@ -150,7 +150,7 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
 
 
 def _table(found: Mapping[str, Any]) -> list[str]:
-    """Tasks with what a gradient and an evolutionary method made of them."""
+    """Tasks with what each search made of them: the mean, its interval, and how many runs succeed."""
     arms = [*of_kind(ARMS, ARMS, True), *of_kind(ARMS, ARMS, False)]
     lines = []
     for name, each in found.items():
@@ -158,14 +158,14 @@ def _table(found: Mapping[str, Any]) -> list[str]:
         for arm in arms:
             one = each["searches"].get(arm)
             if one is None:
-                told += [MISSING, MISSING]
+                told.append(MISSING)
                 continue
             interval = f" ({cell(one['low'], '.3g')} to {cell(one['high'], '.3g')})" if one["low"] is not None else ""
-            told += [f"{cell(one['mean'], '.3g')}{interval}", f"{one['succeeded']} of {one['seeds']}"]
+            told.append(f"{cell(one['mean'], '.3g')}{interval}; {one['succeeded']} of {one['seeds']}")
         objective = f"{each['objective']} [{each['unit']}]"
         lines.append((f"`{name}`", each["robot"], str(each["variables"]), objective, each["asked"], *told))
-    heads = [head for arm in arms for head in (ARMS[arm].label, "succeeded")]
-    return markdown(("task", "robot", "variables", "objective", "success", *heads), "llrll" + "rr" * len(arms), lines)
+    heads = [ARMS[arm].label for arm in arms]
+    return markdown(("task", "robot", "variables", "objective", "success", *heads), "llrll" + "r" * len(arms), lines)
 
 
 STUDY = Study(
