@@ -1,5 +1,6 @@
 """Lattice robots as environments, one or a batch: an action says how muscles differ from their waves for a while."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
@@ -26,6 +27,8 @@ FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
 USUAL_SENSES = tuple(name for name in SENSES if name != "light")
 GAINS = ("progress", "light", "prop", "turn", "rise")
 
+Worlds = Terrain | str | Sequence[Terrain | str]
+
 
 def _lattice_robot(given: LatticeRobot | str | Path, cycles: int | None) -> LatticeRobot:
     """The robot that is given, or that a name or a file means, for so many cycles, its own if None.
@@ -41,6 +44,18 @@ def _lattice_robot(given: LatticeRobot | str | Path, cycles: int | None) -> Latt
     return found if cycles is None else replace(found, cycles=cycles)
 
 
+def _worlds(given: Worlds) -> list[Terrain]:
+    """The terrains that are given, or that names mean.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if not isinstance(given, Terrain | str | list | tuple):
+        raise ValueError(f"world: {shown(given)} is not allowed; give a terrain, its name, or several of them")
+    several = [given] if isinstance(given, Terrain | str) else given
+    return [Terrain.parse(each) if isinstance(each, str) else terrain_of(each) for each in several]
+
+
 class Rewarded(Batch):
     """Robots and what they gain with every action.
 
@@ -54,7 +69,7 @@ class Rewarded(Batch):
         self,
         batch: int,
         robot: LatticeRobot | str | Path,
-        world: Terrain | str,
+        world: Worlds,
         senses: tuple[str, ...] | None,
         gain: str,
         strength: float,
@@ -62,22 +77,22 @@ class Rewarded(Batch):
         compute: Compute,
     ) -> None:
         """Take what a ``LatticeRobotEnvironment`` takes."""
-        terrain = Terrain.parse(world) if isinstance(world, str) else terrain_of(world)
-        found = _lattice_robot(robot, cycles)
-        feels = senses or (tuple(SENSES) if found.light_in(terrain) else USUAL_SENSES)
+        worlds, found = _worlds(world), _lattice_robot(robot, cycles)
+        lit = all(found.light_in(terrain) for terrain in worlds)
+        feels = senses or (tuple(SENSES) if lit else USUAL_SENSES)
         count = whole_number("num_envs", batch, 1)
-        self.episodes = Episodes(found, terrain, count, feels, compute)
+        self.episodes = Episodes(found, worlds, count, feels, compute)
         self.gain = choice("gain", gain, GAINS)
-        self._light = found.light_in(terrain)
-        if self.gain == "light" and self._light is None:
+        if self.gain == "light" and not lit:
             raise ValueError("gain: light is not allowed without one; give a world such as flat+light:0.1,0.05")
-        if self.gain == "prop" and not terrain.props:
+        if self.gain == "prop" and self.episodes.robot.placed is None:
             raise ValueError(
                 "gain: prop is not allowed without one; give a world such as flat+box:0.02,0.02,0.02,0.07,0"
             )
         self._strength = number("strength", strength, 0.0, 0.5)
-        self.choices = SEEDS if found.perturbation else 0
-        self._given, self._terrain, self._left = found, terrain, self.episodes.steps
+        if len(worlds) > 1:
+            self.choices, self.option = len(worlds), "world"
+        self._given, self._left = found, self.episodes.steps
         observed = gymnasium.spaces.Box(-FARTHEST, FARTHEST, (self.episodes.width,), np.float64)
         acted = gymnasium.spaces.Box(-1.0, 1.0, (self.episodes.regions,), np.float64)
         super().__init__(count, observed, acted, self.episodes.seconds)
@@ -87,10 +102,17 @@ class Rewarded(Batch):
         """Steps until the cycles are over."""
         return self._left
 
+    def way(self, options: dict[str, Any], generator: np.random.Generator) -> int:
+        """The world in which an episode begins, and the seed of the noise there, as one number."""
+        world = super().way(options, generator)
+        noise = int(generator.integers(SEEDS)) if self._given.perturbation else 0
+        return noise * len(self.episodes.worlds) + world
+
     def begin(self, which: Ints, ways: Ints) -> Observation:
         """Begin an episode of all robots; what they feel, shape (B, width)."""
         assert len(which) == self.count
-        felt, e = self.episodes.begin(ways), self.episodes
+        seeds, worlds = np.divmod(ways, len(self.episodes.worlds))
+        felt, e = self.episodes.begin(seeds, worlds), self.episodes
         own = e.positions[:, : e.own]
         self._left, self._heights = e.steps, own[..., 2].mean(axis=1)
         self._start, self._turned = e.start.mean(axis=1), np.zeros(len(own))  # from which the light is told
@@ -132,9 +154,11 @@ class Rewarded(Batch):
         """Steps that are left, where robots are and how fast, with prop and light; measures after the last step."""
         e = self.episodes
         found = {"left": np.full(self.count, self._left), "position": self._middles(), "velocity": e.velocity}
+        if len(e.worlds) > 1:
+            found["world"] = e.which.copy()
         if e.robot.placed is not None:
             found["prop_position"] = self._prop_middles()
-        if self._light is not None:
+        if e.lights is not None:
             found["light_distance"] = self._light_distances()
         return {**found, **e.measures}
 
@@ -153,8 +177,9 @@ class Rewarded(Batch):
 
     def _light_distances(self) -> Floats:
         """How far the middles are from the light, seen from above, shape (B,) [m]."""
-        assert self._light is not None
-        found: Floats = np.hypot(*(self._middles()[:, :2] - self._start[:, :2] - self._light).T)
+        lights = self.episodes.lights
+        assert lights is not None
+        found: Floats = np.hypot(*(self._middles()[:, :2] - self._start[:, :2] - lights).T)
         return found
 
     def motion(self, robot: int) -> "Motion":
@@ -163,7 +188,8 @@ class Rewarded(Batch):
 
         none, e = np.array([""]), self.episodes
         shown = LatticeRobotResult({}, none, none, np.zeros(1, int), e.seconds, (e.robot.body,), (e.frames(robot),))
-        return lattice_robot_motion(shown, self._given, self._terrain, name=self._given.name)
+        terrain = e.worlds[e.which[robot]]
+        return lattice_robot_motion(shown, self._given, terrain, name=self._given.name)
 
 
 class LatticeRobotEnvironment(RobotEnvironment):
@@ -175,7 +201,8 @@ class LatticeRobotEnvironment(RobotEnvironment):
     Observation: what ``senses`` feel, see ``robots.lattice_robot.reflexes``. Reward: what is gained, see ``Rewarded``.
     An episode ends with the robot's cycles.
 
-    Reset: the seed matters for a robot with a ``perturbation`` of its start only. ``info`` has the steps that are left,
+    Reset: with several worlds the seed draws one, or the option ``world`` says its number, which ``info`` tells; and it
+    matters for a robot with a ``perturbation`` of its start. ``info`` has the steps that are left,
     position and velocity of the robot's middle [m, m/s], the position of the first prop [m] and the distance from the
     light [m], where there are any; after the last step of the cycles the robot's measures, too, as ``simulate`` has
     them: they count the cycles after the first, where rewards count all.
@@ -184,7 +211,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
     def __init__(
         self,
         robot: LatticeRobot | str | Path = "soft-quadruped",
-        world: Terrain | str = "flat",
+        world: Worlds = "flat",
         senses: tuple[str, ...] | None = None,
         gain: str = "progress",
         strength: float = 0.1,
@@ -196,7 +223,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
 
         Args:
             robot: with its waves; what is free of it is as it starts. Or its name, or file.
-            world: a terrain, or its name.
+            world: a terrain, or its name; or several, of which each episode is in one.
             senses: names; all by default, light where there is one.
             gain: what rewards count: ``"progress"``, ``"light"``, ``"prop"``, ``"turn"`` or ``"rise"``.
             strength: largest difference of a scale.
@@ -212,13 +239,13 @@ class LatticeRobotEnvironment(RobotEnvironment):
 
 
 class LatticeRobotVector(RobotVector):
-    """The same lattice robots as one batch; all episodes are equally long."""
+    """The same lattice robots as one batch, with several worlds each in one; all episodes are equally long."""
 
     def __init__(
         self,
         num_envs: int = 1,
         robot: LatticeRobot | str | Path = "soft-quadruped",
-        world: Terrain | str = "flat",
+        world: Worlds = "flat",
         senses: tuple[str, ...] | None = None,
         gain: str = "progress",
         strength: float = 0.1,

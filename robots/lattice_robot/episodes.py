@@ -12,7 +12,9 @@ from robots.lattice_robot.measures import Record
 from robots.lattice_robot.reflexes import Anatomy, Reflexes, felt_by
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Rollout, frames_from
-from robots.lattice_robot.simulation import answers_in, channels_of, shares_in, swing_of
+from robots.lattice_robot.scenes import Scenes, sharing
+from robots.lattice_robot.simulation import answers_in, channels_of, rollout_of, shares_in, swing_of
+from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.compute import Compute
@@ -21,10 +23,12 @@ from taichi_sim.lattice.program import EVENT
 
 
 class Episodes:
-    """B robots of one kind, side by side in one batch; what one does depends on no other.
+    """B robots of one kind, side by side in one batch, each in its world; what one does depends on no other.
 
     Attributes:
-        robot: in its terrain, with nothing free.
+        robot: in the first world, with nothing free.
+        worlds: W terrains, one of which each robot is in.
+        which: the number of the world that each robot is in, shape (B,).
         senses: what is felt, see ``robots.lattice_robot.reflexes``.
         regions: how many muscles an action has a number for, R.
         width: how many numbers are felt.
@@ -37,47 +41,61 @@ class Episodes:
             robots that diverged. Empty before.
     """
 
+    which: Ints
     positions: Floats
     measures: Mapping[str, Floats]
     _rollout: Rollout
 
     def __init__(
-        self, robot: LatticeRobot, terrain: Terrain, batch: int, senses: Sequence[str], compute: Compute
+        self,
+        robot: LatticeRobot,
+        worlds: Terrain | Sequence[Terrain],
+        batch: int,
+        senses: Sequence[str],
+        compute: Compute,
     ) -> None:
         """Take the robots; the first episode sets up their batch, and starts Taichi.
 
         Args:
             robot: with reflexes or without; what is free of it is as it starts. Its own reflexes do not act.
-            terrain: where.
+            worlds: where all are, or several terrains that can share a batch, see :func:`scenes.sharing`.
             batch: B.
             senses: names in ``SENSES``.
             compute: device, precision and threads.
 
         Raises:
-            ValueError: for senses that are not there, and robots without muscles to act on.
+            ValueError: for senses that are not there, robots without muscles to act on, and worlds that are too
+                different.
         """
         plain = robot.fixed
-        self.senses = Reflexes(tuple(senses), light=plain.light_in(terrain) if "light" in senses else None)
-        target = plain.light_in(terrain) if plain.target is None else plain.target
-        self.robot = robot = replace(plain, reflexes=None, target=target).on(terrain)
+        self.worlds = _in_one_batch(plain, [worlds] if isinstance(worlds, Terrain) else worlds)
+        lights = [plain.light_in(world) for world in self.worlds]
+        self.senses = Reflexes(tuple(senses), light=lights[0] if "light" in senses else None)
+        self._lights = None if lights[0] is None else np.array(lights, float)
+        self._aimed, plain = plain.target is None, replace(plain, reflexes=None)
+        pairs = zip(self.worlds, lights, strict=True)
+        self._robots = [
+            replace(plain, target=light if self._aimed else plain.target).on(world) for world, light in pairs
+        ]
+        self.robot = robot = self._robots[0]
         self.senses.check(len(robot.felt_regions))
         if "light" in senses and self.senses.light is None:
-            raise ValueError(f"light: {terrain.name} has none to feel; give one, as {terrain.name}+light:0.5,0.1")
+            name = self.worlds[0].name
+            raise ValueError(f"light: {name} has none to feel; give one, as {name}+light:0.5,0.1")
         channels = channels_of(robot)
         self._swing = np.repeat(swing_of(robot, np.zeros((1, 0))), batch, axis=0)
-        self._terrain, self._compute, self._is_ready = terrain, compute, False
+        self._compute, self._is_ready = compute, False
         self.regions, self.width = len(robot.felt_regions), self.senses.width(len(robot.felt_regions))
         self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
         self.seconds = robot.cycle.segment * robot.cycle.time_step
         answers = answers_in(robot, channels)
         self._moves = (answers[None, :] == np.arange(self.regions)[:, None]) * shares_in(robot)
-        self._channels, self._rest = channels, np.broadcast_to(np.asarray(channels.rest, float), self._swing.shape[:2])
         self._body = robot.placed.robot if robot.placed is not None else robot.body
         self.own = self._body.voxel_count
         self._found: LatticeResult | None = None
         last = SEGMENTS * (robot.cycle.cycles + 1)  # nodes of the cycles at which a simulation records for its measures
         self._recorded = (SEGMENTS, last, *range(last - SEGMENTS, last + 1))
-        self._told = [measure.name for measure in robot.measures_in((terrain,))]
+        self._told = [measure.name for measure in robot.measures_in(self.worlds)]
 
     @property
     def start(self) -> Floats:
@@ -86,18 +104,25 @@ class Episodes:
         return found
 
     @property
+    def lights(self) -> Floats | None:
+        """Where each robot's light is, from where its centre starts, shape (B, 2) [m]; None without any."""
+        return None if self._lights is None else self._lights[self.which]
+
+    @property
     def next_node(self) -> int:
         """The node of the cycle to which the next action goes."""
         return (self._piece + 2) % SEGMENTS
 
-    def begin(self, seeds: Ints | None = None) -> Floats:
+    def begin(self, seeds: Ints | None = None, which: Ints | None = None) -> Floats:
         """Put all robots where they start, let them settle and play the first piece of the cycle; what they feel.
 
         Args:
             seeds: of the noise with which each starts, if the robot has any, shape (B,); by default the robot's own.
+            which: number of the world in which each is, shape (B,); by default the first.
         """
-        if not self._is_ready or self.robot.perturbation:
-            self._set_up(seeds)
+        places = np.zeros(len(self._swing), np.int64) if which is None else which
+        if not self._is_ready or self.robot.perturbation or not np.array_equal(places, self.which):
+            self._set_up(seeds, places)
         cycle, self._piece = self.robot.cycle, 0
         self._rollout.engine.restore(self._fresh)
         self.positions, self.measures = self._rollout.start, {}
@@ -108,20 +133,19 @@ class Episodes:
         events = self._rollout.program.events
         return self._run(length, events[events["step"] < length])[0]
 
-    def _set_up(self, seeds: Ints | None) -> None:
-        """Make the batch; where robots start decides on more than their positions, so noise makes another."""
-        robot, batch = self.robot, len(self._swing)
-        self._rollout = Rollout(
-            [robot.body] * batch,
-            self._channels,
-            self._swing,
-            robot.cycle,
-            self._terrain,
-            robot.aim,
-            self._compute,
-            starts=robot.starts(batch, seeds),
-        )
-        self._anatomy = Anatomy.of(self._body, robot.felt_regions, robot.length, self._rollout.reliefs)
+    def _set_up(self, seeds: Ints | None, which: Ints) -> None:
+        """Make the batch; worlds and noise decide on more than where robots start, so others need another."""
+        self.which = which.copy()
+        robots = [self._robots[number] for number in which]
+        if seeds is not None and self.robot.perturbation:
+            robots = [replace(robot, seed=seed) for robot, seed in zip(robots, seeds.tolist(), strict=True)]
+        terrains = tuple(self.worlds[number] for number in which)
+        scenes = Scenes(tuple(robots), terrains, self.lights, self.lights is not None and self._aimed)
+        points, trial = np.zeros((len(which), 0)), Trial(terrains[0], self._compute)
+        self._rollout = rollout_of(scenes, points, self._swing, trial)
+        length, reliefs = self.robot.length, self._rollout.reliefs
+        self._anatomy = Anatomy.of(self._body, self.robot.felt_regions, length, reliefs, self.lights)
+        self._rest = np.broadcast_to(np.asarray(self._rollout.channels.rest, float), self._swing.shape[:2])
         self._fresh, self._is_ready = self._rollout.engine.save(), True
 
     def advance(self, actions: Floats) -> tuple[Floats, Floats, Bools]:
@@ -139,8 +163,8 @@ class Episodes:
         segment, (batch, count) = self.robot.cycle.segment, self._swing.shape[:2]
         onwards = self._swing[:, :, (self._piece + 1) % SEGMENTS] + actions @ self._moves
         events = np.zeros((batch, count), EVENT)
-        events["robot"], events["region"] = np.arange(batch)[:, None], self._channels.regions
-        events["quantity"], events["value"] = self._channels.quantities, self._rest + self._at
+        events["robot"], events["region"] = np.arange(batch)[:, None], self._rollout.channels.regions
+        events["quantity"], events["value"] = self._rollout.channels.quantities, self._rest + self._at
         events["rate"] = (onwards - self._at) / segment
         self._at = onwards
         return self._run(segment, events.ravel())
@@ -185,3 +209,19 @@ class Episodes:
         self.positions = place
         self._note(found)
         return felt, np.where(failed, 0.0, gone), failed
+
+
+def _in_one_batch(robot: LatticeRobot, worlds: Sequence[Terrain]) -> tuple[Terrain, ...]:
+    """Worlds that robots of one batch can be in.
+
+    Raises:
+        ValueError: for none, and those that cannot share one.
+    """
+    if not worlds:
+        raise ValueError("world: none is not allowed; give at least one")
+    alike, *others = sharing([robot] * len(worlds), worlds)
+    if others:
+        told = "slope, ground, light and friction (with props, not in friction)"
+        first, other = worlds[alike[0]].name, worlds[others[0][0]].name
+        raise ValueError(f"world: {other} is not allowed beside {first}; worlds of a batch may differ in {told}")
+    return tuple(worlds)

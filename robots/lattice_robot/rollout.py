@@ -124,6 +124,7 @@ class Rollout:
     Attributes:
         bodies: one for each robot.
         cycle: when what happens.
+        channels: that the cycle drives.
         engine: that moves them, where they start.
         program: that it is given.
         start: voxel centres at the start [m], shape (B, V, 3).
@@ -157,7 +158,7 @@ class Rollout:
             starts: voxel centres at the start [m], shape (B, V, 3); those of the bodies by default.
             driven: how much of each voxel is driven, 0 to 1, shape (B, V); by default as the channels say.
         """
-        self.bodies, self.cycle, self._aim, self._channels = tuple(bodies), cycle, aim, channels
+        self.bodies, self.cycle, self._aim, self.channels = tuple(bodies), cycle, aim, channels
         self._swing, self._record_every = swing, record_every
         first = self.bodies[0]
         terrains = one_each(terrain, len(self.bodies))
@@ -264,7 +265,7 @@ class Rollout:
             cotangents[:, : seed.shape[1]] = seed
         positions, strains, sizes = zeros
         back = tape.pull_back(positions, strains=strains, sizes=sizes, progress=progress, horizon=horizon)
-        (values, _), pull_back = trace(lambda swing: cycle_events(self.cycle, self._channels.rest, swing), self._swing)
+        (values, _), pull_back = trace(lambda swing: cycle_events(self.cycle, self.channels.rest, swing), self._swing)
         by_events = [each[-values.size :].reshape(values.shape).copy() for each in (back.values, back.rates)]
         weights: Floats = np.zeros((len(self.bodies), 0))
         if self._loop:  # which has decided the events of all pieces but the first

@@ -209,7 +209,7 @@ def _moved(
         return of_each(scenes.robots, swing_of, points, delays)
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
-    rollout = _rollout(scenes, points, swung, trial)
+    rollout = rollout_of(scenes, points, swung, trial)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
     moved = rollout.differentiate(trial.gradients, memory, trial.progress, trial.gradient_horizon)
@@ -224,7 +224,7 @@ def _moved(
     return result_of(rollout, moved, gradients)
 
 
-def _rollout(scenes: Scenes, points: Floats, swung: Floats, trial: Trial) -> Rollout:
+def rollout_of(scenes: Scenes, points: Floats, swung: Floats, trial: Trial) -> Rollout:
     """Robots at a point each, with what waves add to their channels, shape (N, C, 16), ready to move."""
     robot, channels = scenes.first, channels_of(scenes.first)
     rest = of_each(scenes.robots, lambda own, points: np.tile(channels_of(own).rest, (len(points), 1)), points)
@@ -238,7 +238,7 @@ def _rollout(scenes: Scenes, points: Floats, swung: Floats, trial: Trial) -> Rol
 def felt_over_time(robot: "LatticeRobot", points: Floats, terrain: Terrain, compute: Compute) -> Floats:
     """What a robot with reflexes feels at N points, shape (N, P), sixteen times a cycle, shape (N, S, T)."""
     scenes = Scenes.of([robot] * len(points), [terrain] * len(points))
-    rollout = _rollout(scenes, points, of_each(scenes.robots, swing_of, points), Trial(terrain, compute))
+    rollout = rollout_of(scenes, points, of_each(scenes.robots, swing_of, points), Trial(terrain, compute))
     rollout.run()
     return rollout.felt
 

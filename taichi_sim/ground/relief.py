@@ -99,6 +99,12 @@ class Relief:
             degrees = float(np.degrees(np.arccos(1 / self.steepness)))
             raise ValueError(f"heights: a slope of {degrees:.1f} degrees is not allowed; give at most {STEEPEST:g}")
 
+    @cached_property
+    def is_floor(self) -> bool:
+        """Whether it is the level floor: firm and dry, of the robots' own friction, without any height."""
+        smooth = self.friction is None or bool((self.friction == 1).all())
+        return smooth and self.water is None and self.yield_per_depth is None and not self.heights.any()
+
     @property
     def steepness(self) -> float:
         """1 / cos of the steepest slope."""
@@ -134,7 +140,12 @@ class Relief:
         return np.stack([*corners, *np.moveaxis(self.cells[i, j], -1, 0)])
 
     def rise(self, centres: Any, edge: float) -> float:
-        """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m]."""
+        """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m].
+
+        Not at all on the level floor, on which robots begin as they are, with their noise.
+        """
+        if self.is_floor:
+            return 0.0
         x, y, z = np.moveaxis(np.asarray(centres, float), -1, 0)
         height, nz = self.below(x, y)
         return float((height + 0.5 * edge * (1 / nz - 1) - z).max())

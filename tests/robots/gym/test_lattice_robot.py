@@ -223,3 +223,72 @@ def test_what_the_way_to_a_light_is_worth_counts_from_where_the_robot_was_put():
 def test_bad_input(settings, message):
     with pytest.raises(ValueError, match=f"^{message}[^\n]*$"):
         LatticeRobotEnvironment(**{**QUICK, **settings})
+
+
+WORLDS = (
+    "flat+light:0.1,0.05",
+    "rough:0.004+light:0.1,-0.05",
+    Terrain(slope=4.0, static_friction=0.5, kinetic_friction=0.4, light=(0.1, 0.0)),
+)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_robots_of_a_batch_are_each_in_a_world(precision):
+    """What each does, gains and measures is, to the bit, what it does alone in that world."""
+    noisy = dataclasses.replace(soft_quadruped(1), perturbation=1e-4)
+    given = {"robot": noisy, "gain": "light", "precision": precision, "threads": 1}
+    batch = LatticeRobotVector(3, world=WORLDS, **given)
+    observed, info = batch.reset(seed=5, options={"world": [2, 0, 1]})
+    assert info["world"].tolist() == [2, 0, 1]
+    draws = np.random.default_rng(0).uniform(-1, 1, (31, 3, *batch.single_action_space.shape))
+    together = [(observed, np.zeros(3), info), *((o, g, i) for o, g, *_, i in map(batch.step, draws))]
+    for place, number in enumerate([2, 0, 1]):
+        alone = LatticeRobotEnvironment(world=WORLDS[number], **given)
+        mine, told = alone.reset(options={}, seed=5 + place)
+        steps = [(mine, 0.0, told), *((o, g, i) for o, g, *_, i in map(alone.step, draws[:, place]))]
+        for (o, g, i), (os, gs, infos) in zip(steps, together, strict=True):
+            assert o == pytest.approx(os[place], abs=1e-12) and g == gs[place]
+            assert all(np.array_equal(value, infos[name][place]) for name, value in i.items())
+        assert np.array_equal(alone._batch.episodes.positions[0], batch._batch.episodes.positions[place])
+    assert {"speed", "remaining"} <= together[-1][2].keys()
+
+
+@pytest.mark.kernels
+def test_seeds_draw_worlds():
+    """By chance, each robot its own; the same for the same seed, in a batch and alone; autoresets draw anew."""
+    batch = LatticeRobotVector(6, world=WORLDS, max_episode_steps=1, **QUICK)
+    first = batch.reset(seed=1)[1]["world"]
+    assert len(set(first)) > 1 and np.array_equal(batch.reset(seed=1)[1]["world"], first)
+    alone = LatticeRobotEnvironment(world=WORLDS, **QUICK)
+    assert [alone.reset(seed=1 + robot)[1]["world"] for robot in range(6)] == first.tolist()
+    still, seen = np.zeros(batch.action_space.shape), [first.tolist()]
+    for _ in range(3):
+        batch.step(still)
+        seen.append(batch.step(still)[-1]["world"].tolist())
+    assert len({tuple(each) for each in seen}) > 1
+
+
+@pytest.mark.parametrize(
+    ("world", "message"),
+    [
+        ((), "world: none is not allowed; give at least one"),
+        (("flat", "flat+water:0.01"), "world: water:0.01 is not allowed beside flat; worlds of a batch may differ in"),
+        (("flat", "ramp:3+sand:1e6"), r"world: ramp:3\+sand:1e6 is not allowed beside flat"),
+        (("flat", "flat+light:1,0"), r"world: flat\+light:1.0,0.0 is not allowed beside flat"),
+        (("flat", "nowhere"), "terrain: 'nowhere' is unknown"),
+        (("flat", 3), "terrain: 3 is not allowed"),
+        (3, "world: 3 is not allowed; give a terrain, its name, or several"),
+    ],
+)
+def test_worlds_that_cannot_share_a_batch_are_refused(world, message):
+    with pytest.raises(ValueError, match=message):
+        LatticeRobotVector(2, world=world, **QUICK)
+
+
+def test_a_world_is_told_by_its_number():
+    environment = LatticeRobotEnvironment(world=("flat", "hill:3"), **QUICK)
+    with pytest.raises(ValueError, match="world: 2 is not allowed; give a whole number from 0 to 1"):
+        environment.reset(options={"world": 2})
+    with pytest.raises(ValueError, match="options: 'world' is unknown; there are none"):
+        LatticeRobotEnvironment(**QUICK).reset(options={"world": 0})

@@ -55,8 +55,8 @@ SLOPES = "distance", "remaining"
     ],
 )
 def test_a_batch_of_worlds_has_the_bits_of_one_after_the_other(grounds, gradients, monkeypatch):
-    """Measures, steps and gradients, in one go."""
-    robot, worlds = crawler(), lit(*grounds)
+    """Measures, steps and gradients, in one go, of robots that start with noise."""
+    robot, worlds = crawler(perturbation=2e-5), lit(*grounds)
     generator = np.random.default_rng(3)
     points = np.stack([robot.start + generator.normal(0.0, 0.02, len(robot.start)) for _ in range(2)])
     trial = Trial(worlds[0], Compute(threads=1), gradients=gradients)
