@@ -159,7 +159,7 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
     if args.c_header and not args.dry_run:
         write_c_header(table, args.c_header)
     if args.plot:
-        from robots.view.gait_chart import save_gait_chart
+        from robots.hardware.gait_chart import save_gait_chart
 
         save_gait_chart(table, args.plot)
     return _report(args, table, unsampled)

@@ -171,7 +171,7 @@ class VehicleRobot(Robot):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the vehicle up to the light."""
-        from robots.view.vehicle_motion import vehicle_motion
+        from robots.braitenberg.motion import vehicle_motion
 
         assert self.body is not None
         return vehicle_motion(outcome.result, self.body, self.task_in(world), name=name)

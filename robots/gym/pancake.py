@@ -161,7 +161,7 @@ class Pancakes(Batch):
 
     def motion(self, robot: int) -> "Motion":
         """A robot, whose bladders and feet show the column that it has just played."""
-        from robots.view.soft_motion import Recording, inflatable_motion
+        from robots.inflatable.view.motion import Recording, inflatable_motion
 
         body, run = self._geometry.body, self._seen
         times = self._steps[robot, None] * self._geometry.time_step

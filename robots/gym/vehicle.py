@@ -77,7 +77,7 @@ class Vehicles(Batch):
 
     def motion(self, robot: int) -> "Motion":
         """A vehicle and its light."""
-        from robots.view.vehicle_motion import vehicle_motion
+        from robots.braitenberg.motion import vehicle_motion
 
         pose, start = self.info()["pose"][robot].copy(), int(self._start[robot])
         pose[:2] += self._task.lights[start]

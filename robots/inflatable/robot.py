@@ -233,7 +233,7 @@ class InflatableRobot(Robot):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its gait."""
-        from robots.view.soft_motion import inflatable_motion
+        from robots.inflatable.view.motion import inflatable_motion
 
         return inflatable_motion(outcome.result, self.gait, terrain_of(world), actuation=self.parts[1], name=name)
 

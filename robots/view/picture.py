@@ -15,12 +15,12 @@ from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign, kilopascals
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import gait_steps
+from robots.inflatable.view.motion import inflatable_motion
 from robots.robot import Robot, World
 from robots.view.drawing import draw_levels, label_rows
 from robots.view.film import draw_strip, poses_of
 from robots.view.motion import Channel, Motion
 from robots.view.scene import INK
-from robots.view.soft_motion import inflatable_motion
 from robots.view.still import arrange, figure_content
 from robots.world import Terrain
 from taichi_sim.base.checks import whole_number

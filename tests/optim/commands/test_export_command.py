@@ -114,7 +114,7 @@ def test_there_must_be_something_to_write(morpholab, folder):
 
 
 def test_the_chart_marks_what_every_state_waits_for():
-    from robots.view.gait_chart import gait_chart
+    from robots.hardware.gait_chart import gait_chart
 
     table = gait_table(INCHING, PneumaticRig())
     axes = gait_chart(table).axes[0]

@@ -236,7 +236,7 @@ def test_views_play_the_robot_of_the_run_or_the_rig(morpholab, simulator, tmp_pa
         played.append((simulator.calls[-1].geometry, actuation))
         raise ValueError("enough")
 
-    monkeypatch.setattr("robots.view.soft_motion.inflatable_motion", motion)
+    monkeypatch.setattr("robots.inflatable.view.motion.inflatable_motion", motion)
     other = dataclasses.replace(FITTED, friction=1.3)
     save_properties(other, "published", tmp_path / "other.json")
     morpholab(f"codesign --terrain flat --out a --calibration rig.json {SHORT}")

@@ -9,13 +9,13 @@ import pytest
 from graded import QUICK, TINY_TWO
 
 from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv, read_design
+from robots.hardware.gait_chart import gait_chart
 from robots.hardware.headroom import rig_report
 from robots.hardware.rig_play import play_table
 from robots.hardware.stream import CommaLines, stream_of
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED
 from robots.inflatable.design import ROLLING, InflatableDesign, save_design
 from robots.inflatable.schedule import GaitSchedule
-from robots.view.gait_chart import gait_chart
 
 FULL = 12e3
 LATTICE = Path(__file__).parents[3] / "examples/starfish.py"

@@ -14,7 +14,7 @@ from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import Leg, simulate_journey
 from robots.inflatable.simulation import simulate
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
-from robots.view.soft_motion import journey_motion
+from robots.inflatable.view.motion import journey_motion
 from robots.world import Terrain
 
 HILL = Terrain(10.0)

@@ -37,8 +37,8 @@ from robots.inflatable.gradient import differentiate
 from robots.inflatable.program import RobotEvents, build_program
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import gait_timeline
-from robots.view.shape import height
-from robots.view.soft_motion import inflatable_motion
+from robots.inflatable.view.motion import inflatable_motion
+from robots.inflatable.view.shape import height
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeEngine, ProgramBuilder, Quantity
 from taichi_sim.lattice.laws.enclosure import closed_surface, enclosed_volume

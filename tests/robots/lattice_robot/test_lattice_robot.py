@@ -7,6 +7,7 @@ import pytest
 from compiled import noting_compilations
 from voxel_files import material, numbers, vxa
 
+from robots.inflatable.view.motion import lattice_robot_motion
 from robots.lattice_robot import (
     Drive,
     Free,
@@ -20,7 +21,6 @@ from robots.lattice_robot import (
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk
-from robots.view.soft_motion import lattice_robot_motion
 from robots.world import STANDARD_GRAVITY, Terrain
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file

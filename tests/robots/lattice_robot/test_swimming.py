@@ -13,12 +13,12 @@ from optim.cli import main
 from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, load_design, simulate
 from robots.inflatable.gradient import differentiate
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.view.motion import inflatable_motion
 from robots.lattice_robot.walker import ACTIVE, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker import simulate as simulate_walker
 from robots.view.film import strip_picture
 from robots.view.picture import inflatable_picture
 from robots.view.player import page
-from robots.view.soft_motion import inflatable_motion
 from robots.view.still import still_picture
 from robots.world import Terrain
 

@@ -6,8 +6,8 @@ import pytest
 
 from robots.inflatable import InflatableActuation, InflatableDesign, simulate
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.view.motion import inflatable_motion
 from robots.view.lattice_states import LatticeStates
-from robots.view.soft_motion import inflatable_motion
 from taichi_sim.lattice import LatticeBody, Material
 
 EDGE = 0.01

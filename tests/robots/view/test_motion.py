@@ -11,14 +11,14 @@ from made_motion import made
 
 from robots import quadruped, rover
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody, contralateral, trace
+from robots.braitenberg.motion import vehicle_motion
 from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
 from robots.inflatable.schedule import GaitSchedule
+from robots.inflatable.view.motion import inflatable_motion, lattice_robot_motion
 from robots.lattice_robot import walker
 from robots.view.glb import save_glb
 from robots.view.motion import BALL, CUBE, Channel, Ground, Node, product
 from robots.view.rigid_motion import quadruped_motion, rigid_motion, rover_motion
-from robots.view.soft_motion import inflatable_motion, lattice_robot_motion
-from robots.view.vehicle_motion import vehicle_motion
 from robots.world import Terrain
 from taichi_sim.lattice.faces import corners, mean_of_face_corners, rotate
 

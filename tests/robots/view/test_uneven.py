@@ -11,6 +11,7 @@ import pytest
 from made_motion import made
 
 from robots.ground import Ground as Named
+from robots.inflatable.view.motion import lattice_robot_motion
 from robots.lattice_robot import walker
 from robots.view.film import strip_picture
 from robots.view.glb import save_glb
@@ -19,7 +20,6 @@ from robots.view.motion import Ground, Motion
 from robots.view.paraview import save_paraview
 from robots.view.player import page
 from robots.view.scene import Camera, shadow
-from robots.view.soft_motion import lattice_robot_motion
 from robots.view.still import setting, still_picture
 from robots.view.uneven import MOST_NODES, around, cut, hidden, node_tints, nodes, pieces, triangles
 from robots.world import Terrain

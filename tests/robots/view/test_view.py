@@ -28,12 +28,13 @@ from robots.inflatable import (
 )
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import gait_timeline
-from robots.view import scene, shape
+from robots.inflatable.view import shape
+from robots.inflatable.view.motion import inflatable_motion
+from robots.view import scene
 from robots.view.drawing import draw_schedule
 from robots.view.film import draw_strip
 from robots.view.picture import inflatable_picture, motion_picture, save_motion_picture
 from robots.view.scene import Camera
-from robots.view.soft_motion import inflatable_motion
 from robots.view.still import draw_pose, setting
 from robots.world import Terrain
 
@@ -218,7 +219,7 @@ def test_colours_of_the_paper_are_matplotlibs():
 @pytest.mark.long
 def test_simulating_needs_no_matplotlib_and_pictures_neither_pyplot_nor_torch():
     program = (
-        "import sys, robots.inflatable, robots.view.shape\n"
+        "import sys, robots.inflatable, robots.inflatable.view.shape\n"
         "print('matplotlib' in sys.modules)\n"
         "import robots.view.picture\n"
         "print('matplotlib.pyplot' in sys.modules, 'torch' in sys.modules)"

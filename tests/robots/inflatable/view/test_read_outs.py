@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from robots.frames import Frames
 from robots.inflatable import InflatableActuation, InflatableResult
-from robots.view import shape
-from robots.view.read_outs import shape_curves, shape_picture
+from robots.inflatable.view import shape
+from robots.inflatable.view.read_outs import shape_curves, shape_picture
 
 
 def bent(radius: float, geometry=motions.TINY, turn: float = 0.0) -> InflatableResult:

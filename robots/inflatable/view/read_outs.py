@@ -11,7 +11,7 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
-from robots.view import shape
+from robots.inflatable.view import shape
 from robots.view.scene import INK, PAIRS
 from taichi_sim.base.arrays import Floats
 
