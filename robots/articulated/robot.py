@@ -247,7 +247,7 @@ class ArticulatedRobot(Robot):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its sensors and commands."""
-        from robots.view.rigid_motion import driven_motion
+        from robots.articulated.motion import driven_motion
 
         (run,), lights = outcome.result.runs, [] if self.light is None else [self.light]
         sensors = [*(f"{body} on ground" for body in self.senses.touch), *(["light"] if self.light else [])]

@@ -75,7 +75,7 @@ class Quadrupeds(Batch):
 
     def motion(self, robot: int) -> "Motion":
         """A quadruped and its light."""
-        from robots.view.rigid_motion import quadruped_frames
+        from robots.quadruped.motion import quadruped_frames
 
         frames = Frames(np.array([self._steps * self.seconds]), *(each[None] for each in (*self._seen, self._commands)))
         return quadruped_frames(self._robot, frames, robot, self._light[robot])

@@ -78,7 +78,7 @@ class OfferedQuadruped(LightSeeker):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the quadruped and its feet."""
-        from robots.view.rigid_motion import quadruped_motion
+        from robots.quadruped.motion import quadruped_motion
 
         return quadruped_motion(self.body, outcome.result, [light_of(world).place], name=name)
 

@@ -59,7 +59,7 @@ class OfferedRover(LightSeeker):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the rover and its sensors."""
-        from robots.view.rigid_motion import rover_motion
+        from robots.rover.motion import rover_motion
 
         return rover_motion(self.body, outcome.result, [light_of(world).place], name=name)
 

@@ -1,7 +1,6 @@
 """Pictures, films and interactive pages of robots in motion, and numbers that describe their poses.
 
 ``shape`` reads numbers off recorded poses, ``drawing`` draws on any matplotlib axes, ``picture`` writes files.
-``motion`` describes anything that moves; ``soft_motion``, ``rigid_motion`` and ``vehicle_motion`` make motions of
-results. ``still`` draws their frames, ``film`` their strips and films; ``player`` plays them in browsers, ``glb``,
+``motion`` describes anything that moves; ``rigid_motion`` makes motions of results. ``still`` draws their frames, ``film`` their strips and films; ``player`` plays them in browsers, ``glb``,
 ``paraview`` and ``rerun_file`` write them for other programs.
 """

@@ -1,4 +1,4 @@
-"""Build motions of articulated robots: any tree, quadrupeds, the two-wheel vehicle."""
+"""Build motions of articulated robots, from frames of any tree of rigid bodies."""
 
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
@@ -6,11 +6,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.quadruped import LEGS, LIGHT_HEIGHT, Quadruped, QuadrupedResult
-from robots.rover import LIGHT_RADIUS, Rover, RoverResult
 from robots.view import motion
 from robots.view.motion import Channel, Motion, Node
-from robots.view.scene import PAIRS, SLATE, STEEL, SUN, Colour
+from robots.view.scene import SLATE, STEEL, Colour
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import rotate
 from taichi_sim.rigid import Box, Capsule, Frames, Sphere, Tree
@@ -89,127 +87,36 @@ def rigid_motion(
     )
 
 
-def driven_motion(
-    tree: Tree,
-    frames: Frames | None,
-    sensors: Sequence[str],
-    drives: Sequence[str],
-    robot: int = 0,
-    *,
-    name: str = "rigid robot",
-    lights: ArrayLike = (),
-) -> Motion:
-    """Build the motion of an articulated robot, with timeline rows for its sensors and commands.
+def frame_channels(
+    tree: Tree, frames: Frames | None, robot: int, rows: Sequence[tuple[str, Colour, str]]
+) -> list[Channel]:
+    """Timeline rows of all readings, then all neurons, each cut off where it is not finite: after the robot diverged.
 
     Args:
         tree: the robot.
         frames: frames of the engine's result.
-        sensors: names of the readings in the frames; one called ``light`` is that of a light.
-        drives: names of the commands.
         robot: number of the robot in the batch.
-        name: name of the motion.
-        lights: their places [m], shape (L, 3).
+        rows: name, colour and kind of each: ``VALUE``, ``SWITCH`` or ``LIGHT``.
 
     Raises:
         ValueError: for results without frames, and frames of other robots.
     """
-    hues = [PAIRS[n % len(PAIRS)] for n in range(max(len(sensors), len(drives)))]
-    read = [("light", SUN, LIGHT) if s == "light" else (s, hue, SWITCH) for s, hue in zip(sensors, hues, strict=False)]
-    told = [(drive, hue, VALUE) for drive, hue in zip(drives, hues, strict=False)]
-    channels = _channels(_recorded(tree, frames, robot), robot, [*read, *told])
-    return rigid_motion(tree, frames, robot, name=name, channels=channels, lights=lights)
+    frames, channels = _recorded(tree, frames, robot), list[Channel]()
+    columns = np.concatenate([frames.readings[:, robot], frames.neurons[:, robot]], axis=1).astype(float).T
+    for (name, colour, kind), values in zip(rows, columns, strict=True):
+        last = motion.whole_frames(values)
+        shown = values[:last] > 0.5 if kind == SWITCH else values[:last]
+        unit = "1/m²" if kind == LIGHT else ""
+        channels.append(Channel(name, unit, frames.times[:last], shown, colour, kind == SWITCH, kind == LIGHT))
+    return channels
 
 
-def quadruped_motion(
-    quadruped: Quadruped,
-    result: QuadrupedResult,
-    lights: ArrayLike,
-    controller: int = 0,
-    environment: int = 0,
-    *,
-    name: str | None = None,
-) -> Motion:
-    """Build the motion of a simulated quadruped; its feet show when they touch the ground.
-
-    Channels: feet on the ground, the light, motor neurons, distance and speed.
-
-    Args:
-        quadruped: the robot.
-        result: result of ``simulate``, with frames.
-        lights: places of the light in the environments, as given to ``simulate``, (E, 2) [m].
-        controller: number of the controller.
-        environment: number of the environment.
-        name: name of the motion; by default that of the kind of robot.
-
-    Raises:
-        ValueError: for results without frames, and frames of other robots.
-    """
-    robot = _place(result.light.shape, controller, environment)
-    light = np.asarray(lights, float)[environment]
-    return quadruped_frames(quadruped, result.rollouts.frames, robot, light, name=name)
-
-
-def quadruped_frames(
-    quadruped: Quadruped, frames: Frames | None, robot: int, light: ArrayLike, *, name: str | None = None
-) -> Motion:
-    """Build the motion of a quadruped of a batch from its frames, with its light at a place (x, y) [m].
-
-    Raises:
-        ValueError: as :func:`quadruped_motion`.
-    """
-    tree = quadruped.tree()
-    legs, feet = range(len(LEGS)), "shin" if quadruped.kind == "legged" else "wheel"
-    joints = {"legged": ("hip", "knee"), "wheeled": ("steer", "wheel"), "whegged": ("hip", "wheel")}[quadruped.kind]
-    rows = [
-        *((f"foot {leg + 1} on ground", PAIRS[leg], SWITCH) for leg in legs),
-        ("light", SUN, LIGHT),
-        *((f"{joint} {leg + 1}", PAIRS[leg], VALUE) for joint in joints for leg in legs),
-    ]
-    return rigid_motion(
-        tree,
-        frames,
-        robot,
-        name=name or f"{quadruped.kind} quadruped",
-        channels=_channels(_recorded(tree, frames, robot), robot, rows),
-        shown={f"{feet} {leg}": leg for leg in legs},
-        hidden=[f"swivel {leg}" for leg in legs],  # inside their wheels
-        lights=[[*np.asarray(light, float), LIGHT_HEIGHT]],
-        light_radius=0.12,
-    )
-
-
-def rover_motion(
-    rover: Rover,
-    result: RoverResult,
-    lights: ArrayLike,
-    controller: int = 0,
-    environment: int = 0,
-    *,
-    name: str = "two-wheel vehicle",
-) -> Motion:
-    """Build the motion of a simulated two-wheel vehicle; its sensors show what they read.
-
-    Channels: sensors, motor neurons, distance and speed. Arguments and errors are those of :func:`quadruped_motion`.
-    """
-    robot = _place(result.closest.shape, controller, environment)
-    tree, frames, (right, *_, left) = rover.tree(), result.rollouts.frames, PAIRS
-    rows = [
-        ("sensor 1", right, LIGHT),
-        ("sensor 2", left, LIGHT),
-        ("left motor", left, VALUE),
-        ("right motor", right, VALUE),
-    ]
-    return rigid_motion(
-        tree,
-        frames,
-        robot,
-        name=name,
-        channels=_channels(_recorded(tree, frames, robot), robot, rows),
-        shown={"sensor 1": 0, "sensor 2": 1},
-        balls=dict.fromkeys(("sensor 1", "sensor 2"), rover.sensor_radius),
-        lights=[[*np.asarray(lights, float)[environment], LIGHT_RADIUS]],
-        light_radius=LIGHT_RADIUS,
-    )
+def rollout_number(shape: tuple[int, ...], controller: int, environment: int) -> int:
+    """Number of the rollout of a controller in an environment; environments change fastest."""
+    controllers, environments = shape
+    motion.check_place("controller", controller, controllers, "the result has")
+    motion.check_place("environment", environment, environments, "the result has")
+    return controller * environments + environment
 
 
 def _recorded(tree: Tree, frames: Frames | None, robot: int) -> Frames:
@@ -221,32 +128,6 @@ def _recorded(tree: Tree, frames: Frames | None, robot: int) -> Frames:
         raise ValueError(f"frames: they have {hinges} hinges, the robot {len(tree.hinges)}; give its own")
     motion.check_place("robot", robot, batch, "the batch has")
     return frames
-
-
-def _place(shape: tuple[int, ...], controller: int, environment: int) -> int:
-    """Number of the rollout of a controller in an environment; environments change fastest."""
-    controllers, environments = shape
-    motion.check_place("controller", controller, controllers, "the result has")
-    motion.check_place("environment", environment, environments, "the result has")
-    return controller * environments + environment
-
-
-def _channels(frames: Frames, robot: int, rows: Sequence[tuple[str, Colour, str]]) -> list[Channel]:
-    """Timeline rows of all readings, then all neurons, each cut off where it is not finite: after the robot diverged.
-
-    Args:
-        frames: of a batch.
-        robot: its number in the batch.
-        rows: name, colour and kind of each: ``VALUE``, ``SWITCH`` or ``LIGHT``.
-    """
-    channels = []
-    columns = np.concatenate([frames.readings[:, robot], frames.neurons[:, robot]], axis=1).astype(float).T
-    for (name, colour, kind), values in zip(rows, columns, strict=True):
-        last = motion.whole_frames(values)
-        shown = values[:last] > 0.5 if kind == SWITCH else values[:last]
-        unit = "1/m²" if kind == LIGHT else ""
-        channels.append(Channel(name, unit, frames.times[:last], shown, colour, kind == SWITCH, kind == LIGHT))
-    return channels
 
 
 def _canonical(solid: Solid) -> tuple[Solid, Floats, float]:

@@ -14,6 +14,8 @@ SINGLE = (
     "problems/test_several_cores_searches.py",
     "robots/test_ground.py",
     "robots/test_tasks.py",
+    "quadruped/test_quadruped_motion.py",
+    "rover/test_rover_motion.py",
     "runs/test_ray.py",
     "studies/test_body_and_learning.py",
     "studies/test_evolving_bodies.py",
@@ -68,7 +70,6 @@ SINGLE = (
 )
 DOUBLE = (
     "gym/test_lattice_robot.py::test_no_action",
-    "view/test_motion.py::test_a_vehicle",
     "view/test_rerun_file.py::test_parts_are_meshes_with_poses[vehicle]",
     "view/test_pictures.py::test_every_robot_has_a_picture[vehicle]",
     "view/test_view.py::test_every_robot_has_a_picture_with_its_channels[vehicle]",

@@ -11,8 +11,9 @@ from robots.inflatable import InflatableActuation, InflatableDesign, InflatableG
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.view.motion import inflatable_motion, lattice_robot_motion
 from robots.lattice_robot import walker
+from robots.quadruped.motion import quadruped_motion
+from robots.rover.motion import rover_motion
 from robots.view.motion import Motion
-from robots.view.rigid_motion import quadruped_motion, rover_motion
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)

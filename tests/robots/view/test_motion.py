@@ -9,16 +9,12 @@ import pytest
 import trimesh
 from made_motion import made
 
-from robots import quadruped, rover
-from robots.braitenberg import BASELINE, PUBLISHED, VehicleBody, contralateral, trace
-from robots.braitenberg.motion import vehicle_motion
 from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.view.motion import inflatable_motion, lattice_robot_motion
 from robots.lattice_robot import walker
 from robots.view.glb import save_glb
-from robots.view.motion import BALL, CUBE, Channel, Ground, Node, product
-from robots.view.rigid_motion import quadruped_motion, rigid_motion, rover_motion
+from robots.view.motion import CUBE, Channel, Ground, Node, product
 from robots.world import Terrain
 from taichi_sim.lattice.faces import corners, mean_of_face_corners, rotate
 
@@ -26,18 +22,11 @@ QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=
 TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
 GAIT = GaitSchedule(np.eye(10)[:, [0, 4, 8]], repeats=1)
 DESIGN = InflatableDesign(6e3, 30.0, GAIT)
-LIGHTS = [(9.0, 0.0), (0.0, 9.0)]
 
 
 @pytest.fixture(scope="module")
 def inflatable():
     return simulate(DESIGN, geometry=TINY, actuation=QUICK, precision="f32", record_every=10, threads=1)
-
-
-@pytest.fixture(scope="module")
-def legged():
-    weights = np.random.default_rng(0).uniform(-1, 1, (2, 5, 8))
-    return quadruped.simulate(quadruped.LEGGED, weights, LIGHTS, steps=60, record_every=1, precision="f32", threads=1)
 
 
 @pytest.mark.kernels
@@ -101,55 +90,7 @@ def test_a_walker_shows_what_its_voxels_do():
 
 
 @pytest.mark.kernels
-def test_a_quadruped_at_the_start_stands_as_built(legged):
-    motion = quadruped_motion(quadruped.LEGGED, legged, LIGHTS, controller=1, environment=1)
-    assert len(motion.nodes) == 9 and [node.name for node in motion.nodes[:3]] == ["main", "thigh 0", "thigh 1"]
-    bodies = {body.name: body for body in quadruped.LEGGED.tree().bodies}
-    for n, node in enumerate(motion.nodes):
-        body = bodies[node.name]
-        assert motion.translation[0, n] == pytest.approx(np.array(body.position, float), abs=1e-7)
-        (solid,) = body.shapes
-        if node.name != "main":
-            axis = rotate(motion.rotation[0, n], np.array([0.0, 0.0, 1.0]))
-            assert axis == pytest.approx(np.array(solid.axis, float), abs=1e-7)
-    assert motion.path[-1] == pytest.approx(legged.position[1, 1], abs=0.05)
-    assert motion.lights == pytest.approx(np.array([[0.0, 9.0, quadruped.LIGHT_HEIGHT]]))
-    names = [channel.name for channel in motion.channels]
-    assert names[:5] == [*(f"foot {leg} on ground" for leg in range(1, 5)), "light"] and len(names) == 15
-
-
-@pytest.mark.kernels
-def test_wheels_and_sensors_are_seen():
-    result = quadruped.simulate(
-        quadruped.WHEELED, np.ones((1, 5, 8)), LIGHTS, steps=5, record_every=1, precision="f32", threads=1
-    )
-    motion = quadruped_motion(quadruped.WHEELED, result, LIGHTS)
-    assert sum(node.solid == BALL for node in motion.nodes) == 4
-    driven = rover.simulate(rover.Rover(), (1.0, 1.0), steps=5, record_every=1, precision="f32", threads=1)
-    seen = rover_motion(rover.Rover(), driven, rover.LIGHTS, environment=2)
-    assert [node.channel for node in seen.nodes[-2:]] == [0, 1] and seen.scale[0, -1] == pytest.approx(0.1 * np.ones(3))
-
-
-@pytest.mark.kernels
-def test_a_vehicle_is_shown_up_to_the_light():
-    traces = trace([BASELINE], contralateral([[[1.0, 1.0]]]), threads=1)
-    motion = vehicle_motion(traces, BASELINE, environment=2)
-    away = np.hypot(*motion.path[:, :2].T)
-    assert away[-1] < PUBLISHED.radius <= away[:-1].min()
-    sensors = [n for n, node in enumerate(motion.nodes) if node.name.startswith("sensor")]
-    x, y, heading = traces.poses[0, 0, 2, 50]
-    cosine, sine = np.cos(heading), np.sin(heading)
-    for n, (ahead, left) in zip(sensors, BASELINE.sensors, strict=True):
-        expected = [x + cosine * ahead - sine * left, y + sine * ahead + cosine * left]
-        assert motion.translation[50, n, :2] == pytest.approx(expected)
-    with pytest.raises(ValueError, match=r"^traces: they have 2 sensors, the body 1; give its own$"):
-        vehicle_motion(traces, VehicleBody(((0.0, 0.0),)))
-    with pytest.raises(ValueError, match=r"^environment: 4 is not allowed; the traces have 4$"):
-        vehicle_motion(traces, BASELINE, environment=4)
-
-
-@pytest.mark.kernels
-def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable, legged):
+def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable):
     nothing = replace(inflatable, frames=None)
     with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
         inflatable_motion(nothing, DESIGN)
@@ -161,10 +102,6 @@ def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable
     lost = replace(inflatable.frames, positions=np.full_like(inflatable.frames.positions, np.nan))
     with pytest.raises(ValueError, match=r"^frames: the robot has none; it diverged at once"):
         inflatable_motion(replace(inflatable, frames=lost), DESIGN)
-    with pytest.raises(ValueError, match=r"^frames: they have 8 hinges, the robot 3; give its own$"):
-        rigid_motion(rover.Rover().tree(), legged.rollouts.frames)
-    with pytest.raises(ValueError, match=r"^controller: 2 is not allowed; the result has 2$"):
-        quadruped_motion(quadruped.LEGGED, legged, LIGHTS, controller=2)
 
 
 @pytest.mark.kernels
