@@ -108,5 +108,5 @@ def simulator(monkeypatch):
     stand_in = Simulator()
     monkeypatch.setattr("robots.inflatable.simulation.simulate", stand_in)
     picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
-    monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
+    monkeypatch.setattr("robots.inflatable.view.picture.save_motion_picture", picture)
     return stand_in

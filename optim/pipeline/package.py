@@ -99,7 +99,7 @@ def _mean_and_deviation(speeds: Floats) -> list[float | None]:
 def write_package(package: Package, folder: Path) -> list[str]:
     """Write the package in place of an earlier one, and list its files; raises ValueError if the rig refuses a gait."""
     from robots.inflatable.view.motion import journey_motion
-    from robots.view.picture import save_motion_picture
+    from robots.inflatable.view.picture import save_motion_picture
     from robots.view.player import MOST_MOTIONS
     from robots.view.player import page as player
 

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 
 from robots.view.motion import Motion
 from robots.view.rigid_motion import LIGHT, SWITCH, VALUE, frame_channels, rigid_motion
-from robots.view.scene import PAIRS, SUN
+from robots.view.scene import HUES, SUN
 from taichi_sim.rigid import Frames, Tree
 
 
@@ -34,7 +34,7 @@ def driven_motion(
     Raises:
         ValueError: for results without frames, and frames of other robots.
     """
-    hues = [PAIRS[n % len(PAIRS)] for n in range(max(len(sensors), len(drives)))]
+    hues = [HUES[n % len(HUES)] for n in range(max(len(sensors), len(drives)))]
     read = [("light", SUN, LIGHT) if s == "light" else (s, hue, SWITCH) for s, hue in zip(sensors, hues, strict=False)]
     told = [(drive, hue, VALUE) for drive, hue in zip(drives, hues, strict=False)]
     channels = frame_channels(tree, frames, robot, [*read, *told])

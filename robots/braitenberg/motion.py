@@ -4,8 +4,8 @@ import numpy as np
 
 from robots.braitenberg import PUBLISHED, Traces, VehicleBody, VehicleTask
 from robots.braitenberg.body import HALF_SIDE
-from robots.view.motion import BALL, CUBE, Channel, Motion, Node, check_place, speed_channels, whole_frames
-from robots.view.scene import INK, PAIRS, SLATE, STEEL, SUN
+from robots.view.motion import BALL, CUBE, Channel, Motion, Node, check_place, speed_channels, way_ahead, whole_frames
+from robots.view.scene import HUES, INK, SLATE, STEEL, SUN
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice.faces import rotate
 
@@ -13,7 +13,7 @@ HEIGHT, WHEEL = 0.1, 0.25  # m, of the body's box, and radius of its wheels
 SENSOR = 0.06  # m, radius
 LIGHT_HEIGHT = 0.3  # m
 BOX_MIDDLE = WHEEL + HEIGHT / 2
-HUES = [PAIRS[n] for n in (0, 3, 2, 1)]  # of sensors
+SENSOR_HUES = [HUES[n] for n in (0, 3, 2, 1)]
 
 
 def vehicle_motion(
@@ -57,13 +57,11 @@ def vehicle_motion(
     last = int(reached[0]) + 1 if len(reached) else last
     times, poses, away = traces.times[:last], poses[:last], away[:last]
     rows = [
-        Channel(f"sensor {n + 1}", "1/m²", times, values[:last], HUES[n % len(HUES)], logarithmic=True)
+        Channel(f"sensor {n + 1}", "1/m²", times, values[:last], SENSOR_HUES[n % len(SENSOR_HUES)], logarithmic=True)
         for n, values in enumerate(readings)
     ]
     rows.append(Channel("from light", "m", times, away, SUN))
-    moved = np.diff(poses[:, :2], axis=0)
-    ahead = np.stack([np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])], axis=1)
-    way = np.concatenate([[0.0], np.cumsum((moved * ahead).sum(axis=1))])
+    way = way_ahead(poses[:, :2], poses[:-1, 2])
     nodes, offsets, sizes = _solids(body)
     zero = np.zeros(last)
     turn = np.stack([np.cos(poses[:, 2] / 2), zero, zero, np.sin(poses[:, 2] / 2)], axis=1)
@@ -95,7 +93,7 @@ def _solids(body: VehicleBody) -> tuple[tuple[Node, ...], Floats, Floats]:
         (Node("right wheel", BALL, SLATE), (0.0, -aside, WHEEL), wheel),
     ]
     for n, (x, y) in enumerate(body.sensors):
-        node = Node(f"sensor {n + 1}", BALL, HUES[n % len(HUES)], n)
+        node = Node(f"sensor {n + 1}", BALL, SENSOR_HUES[n % len(SENSOR_HUES)], n)
         parts.append((node, (x, y, WHEEL + HEIGHT + SENSOR), (ball, ball, ball)))
     nodes, offsets, sizes = zip(*parts, strict=True)
     return nodes, np.array(offsets), np.array(sizes)

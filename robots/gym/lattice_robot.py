@@ -184,7 +184,7 @@ class Rewarded(Batch):
 
     def motion(self, robot: int) -> "Motion":
         """A robot, with props and light."""
-        from robots.inflatable.view.motion import lattice_robot_motion
+        from robots.lattice_robot.motion import lattice_robot_motion
 
         none, e = np.array([""]), self.episodes
         shown = LatticeRobotResult({}, none, none, np.zeros(1, int), e.seconds, (e.robot.body,), (e.frames(robot),))

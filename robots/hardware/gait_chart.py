@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from robots.hardware.rig_table import RigTable
 from robots.inflatable.schedule import ROWS
-from robots.view.scene import BLADDERS, FEET, GROUND, INK
+from robots.inflatable.view.colours import BLADDERS, FEET
+from robots.view.scene import GROUND, INK
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -239,7 +239,7 @@ class InflatableRobot(Robot):
 
     def title_of(self, outcome: Outcome, world: World) -> str:
         """Speed, as it is counted, terrain, pressure and heading."""
-        from robots.view.picture import inflatable_title
+        from robots.inflatable.view.picture import inflatable_title
 
         counted = dataclasses.replace(outcome.result, speed=outcome.measures["speed"])
         return inflatable_title(counted, self.gait, terrain_of(world))
@@ -300,7 +300,7 @@ class InflatableRobot(Robot):
     def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
         """When its actuators are on."""
         from robots.inflatable.timing import gait_timeline
-        from robots.view.drawing import draw_schedule
+        from robots.inflatable.view.schedule_chart import draw_schedule
 
         played = gait_timeline(self.gait, self.parts[1])
         edges = played.edges * self.parts[0].time_step
@@ -344,7 +344,7 @@ class InflatableRobot(Robot):
 
     def save_picture(self, world: World, path: Path) -> None:
         """Draw poses and gait."""
-        from robots.view import picture
+        from robots.inflatable.view import picture
 
         geometry, drive = self.parts
         picture.save_motion_picture(

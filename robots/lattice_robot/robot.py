@@ -356,7 +356,7 @@ class LatticeRobot(OutOfTheLab):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot."""
-        from robots.inflatable.view.motion import lattice_robot_motion
+        from robots.lattice_robot.motion import lattice_robot_motion
 
         return lattice_robot_motion(outcome.result, self, terrain_of(world), name=name)
 

@@ -125,7 +125,7 @@ class WalkerRobot(Robot):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the body."""
-        from robots.inflatable.view.motion import lattice_robot_motion
+        from robots.lattice_robot.motion import lattice_robot_motion
 
         robot = walker.walker_robot(self.bodies(())[0], actuation=self.actuation)
         return lattice_robot_motion(outcome.result, robot, terrain_of(world), name=name)

@@ -7,7 +7,7 @@ from robots.quadruped.body import LEGS, LIGHT_HEIGHT, Quadruped
 from robots.quadruped.simulation import QuadrupedResult
 from robots.view.motion import Motion
 from robots.view.rigid_motion import LIGHT, SWITCH, VALUE, frame_channels, rigid_motion, rollout_number
-from robots.view.scene import PAIRS, SUN
+from robots.view.scene import HUES, SUN
 from taichi_sim.rigid import Frames
 
 
@@ -52,9 +52,9 @@ def quadruped_frames(
     legs, feet = range(len(LEGS)), "shin" if quadruped.kind == "legged" else "wheel"
     joints = {"legged": ("hip", "knee"), "wheeled": ("steer", "wheel"), "whegged": ("hip", "wheel")}[quadruped.kind]
     rows = [
-        *((f"foot {leg + 1} on ground", PAIRS[leg], SWITCH) for leg in legs),
+        *((f"foot {leg + 1} on ground", HUES[leg], SWITCH) for leg in legs),
         ("light", SUN, LIGHT),
-        *((f"{joint} {leg + 1}", PAIRS[leg], VALUE) for joint in joints for leg in legs),
+        *((f"{joint} {leg + 1}", HUES[leg], VALUE) for joint in joints for leg in legs),
     ]
     return rigid_motion(
         tree,

@@ -7,7 +7,7 @@ from robots.rover.body import LIGHT_RADIUS, Rover
 from robots.rover.simulation import RoverResult
 from robots.view.motion import Motion
 from robots.view.rigid_motion import LIGHT, VALUE, frame_channels, rigid_motion, rollout_number
-from robots.view.scene import PAIRS
+from robots.view.scene import HUES
 
 
 def rover_motion(
@@ -35,7 +35,7 @@ def rover_motion(
         ValueError: for results without frames, and frames of other robots.
     """
     robot = rollout_number(result.closest.shape, controller, environment)
-    tree, frames, (right, *_, left) = rover.tree(), result.rollouts.frames, PAIRS
+    tree, frames, (right, *_, left) = rover.tree(), result.rollouts.frames, HUES
     rows = [
         ("sensor 1", right, LIGHT),
         ("sensor 2", left, LIGHT),

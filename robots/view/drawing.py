@@ -1,4 +1,4 @@
-"""Polygons, paths, scale bars and gait charts on matplotlib axes."""
+"""Polygons, paths, scale bars and levels over time on matplotlib axes."""
 
 from typing import TYPE_CHECKING, Literal
 
@@ -7,11 +7,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
-from matplotlib.ticker import MaxNLocator
-from numpy.typing import ArrayLike
 
-from robots.inflatable.schedule import GaitSchedule
-from robots.view.scene import BLADDERS, FEET, GROUND, INK, PAPER, SHADOW, Camera, Polygons
+from robots.view.scene import GROUND, INK, PAPER, SHADOW, Camera, Polygons
 from robots.view.uneven import Pieces
 from taichi_sim.base.arrays import Floats
 
@@ -83,22 +80,6 @@ def write_below(axes: "Axes", text: str, place: tuple[float, float], centred: bo
     """Write a text below a place on paper [m], which is above its middle or its left end."""
     side: Literal["center", "left"] = "center" if centred else "left"
     axes.annotate(text, place, (0, -3), textcoords="offset points", ha=side, va="top", fontsize=8, color=INK)
-
-
-def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None = None) -> None:
-    """Draw when the actuators of the inflatable robot are on, as played: ten rows, bladder 1 on top.
-
-    Args:
-        axes: to draw on.
-        schedule: schedule of T columns, played R times.
-        edges: where columns begin and end, such as times [s], shape (T R + 1,); by default columns count.
-    """
-    played = np.tile(schedule.levels, schedule.repeats)
-    ticks = np.arange(played.shape[1] + 1.0) if edges is None else np.asarray(edges, float)
-    numbers = [str(i + 1) for group in (BLADDERS, FEET) for i in range(len(group))]
-    numbers[0], numbers[len(BLADDERS)] = "bladder 1", "foot 1"
-    draw_levels(axes, played, ticks, np.array([*BLADDERS, *FEET]), numbers, apart=len(BLADDERS))
-    axes.xaxis.set_major_locator(MaxNLocator(integer=edges is None))
 
 
 def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, names: list[str], apart: int = 0) -> None:

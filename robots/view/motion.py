@@ -1,12 +1,12 @@
 """Motions: solids with poses over time, ready to be shown.
 
-``soft_motion`` builds motions of voxel robots, ``rigid_motion`` those of articulated ones, ``vehicle_motion`` those of
-traces. What shows them: ``still``, ``film``, ``onlooker``, ``paraview``, ``rerun_file``, ``glb`` and
-``player``.
+``voxel_motion`` builds motions of voxels, ``rigid_motion`` those of rigid bodies; the package of a kind of robot has a
+``motion`` of its own that uses them. What shows motions: ``still``, ``film``, ``onlooker``, ``paraview``,
+``rerun_file``, ``glb`` and ``player``.
 """
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,17 @@ CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size, given the
 LIGHT_COLOUR: Colour = (1.0, 0.8, 0.3)
 Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 WINDOW = 1 / 40  # of a motion's time over which its speed is taken
+
+
+class Timed(Protocol):
+    """Frames of any engine."""
+
+    @property
+    def times(self) -> Floats:
+        """Times of the frames [s], shape (F,)."""
+
+
+AnyFrames = TypeVar("AnyFrames", bound=Timed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +219,17 @@ class Motion:
         return replace(self, lattice=lattice, **{field: getattr(self, field)[part] for field in several})
 
 
+def recorded(frames: AnyFrames | None) -> AnyFrames:
+    """Return frames that were recorded.
+
+    Raises:
+        ValueError: if there are none.
+    """
+    if frames is None or not len(frames.times):
+        raise ValueError("frames: nothing was recorded; simulate with record_every")
+    return frames
+
+
 def whole_frames(*arrays: NDArray[np.floating]) -> int:
     """Number of frames before the first that has a number that is not finite, as after a robot diverged.
 
@@ -228,6 +250,17 @@ def check_place(field: str, given: int, count: int, whose: str) -> None:
     """Raise a ValueError for a number that is not among the first ``count``; ``whose`` is such as "the batch has"."""
     if not 0 <= given < count:
         raise ValueError(f"{field}: {given} is not allowed; {whose} {count}")
+
+
+def way_ahead(path: Floats, headings: Floats) -> Floats:
+    """Distance travelled by each frame [m], shape (F,): what each step goes in its heading.
+
+    Args:
+        path: in each frame [m], shape (F, 2) or (F, 3).
+        headings: of the steps between frames [rad], shape (F - 1,).
+    """
+    ahead = np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    return np.append(0.0, np.cumsum((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1)))
 
 
 def speed_channels(times: Floats, way: Floats) -> tuple[Channel, Channel]:

@@ -1,29 +1,18 @@
 """The picture of a robot in motion: a film strip of its poses above a chart of its actuators."""
 
 import re
-from dataclasses import replace
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.inflatable import simulation
-from robots.inflatable.actuation import ACTUATION, InflatableActuation
-from robots.inflatable.body import PUBLISHED, InflatableGeometry
-from robots.inflatable.design import InflatableDesign, kilopascals
-from robots.inflatable.simulation import InflatableResult
-from robots.inflatable.timing import gait_steps
-from robots.inflatable.view.motion import inflatable_motion
 from robots.robot import Robot, World
 from robots.view.drawing import draw_levels, label_rows
 from robots.view.film import draw_strip, poses_of
 from robots.view.motion import Channel, Motion
 from robots.view.scene import INK
 from robots.view.still import arrange, figure_content
-from robots.world import Terrain
-from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_bytes
 
@@ -59,86 +48,18 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
     return figure
 
 
-def save_motion_picture(
-    design: InflatableDesign,
-    terrain: Terrain,
-    path: str | PathLike[str],
-    *,
-    geometry: InflatableGeometry = PUBLISHED,
-    actuation: InflatableActuation = ACTUATION,
-    frames: int = 6,
-    counted_steps: int | None = None,
-) -> InflatableResult:
-    """Simulate a design of the inflatable robot in single precision and write the picture of its motion.
-
-    Args:
-        design: what to simulate.
-        terrain: where.
-        path: path of the picture; its suffix chooses the format (png, pdf, svg).
-        geometry: shape and materials of the robot.
-        actuation: timing, friction and rates.
-        frames: poses to draw; at least 2.
-        counted_steps: time steps by which the title counts the speed; None is the published convention.
-
-    Returns:
-        The result, with the frames recorded for the picture.
-
-    Raises:
-        ValueError: for a value that is not allowed.
-    """
-    frames = whole_number("frames", frames, 2)
-    every = max(gait_steps(design.schedule, actuation) // ((frames - 1) * PATH_POINTS), 1)
-    result = simulation.simulate(
-        design, terrain, geometry=geometry, actuation=actuation, precision="f32", record_every=every
-    )
-    if counted_steps is not None:
-        result = replace(result, speed=result.speed_simulated * (result.steps / counted_steps))
-    _write(inflatable_picture(result, design, terrain, actuation=actuation, frames=frames), Path(path))
-    return result
-
-
 def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
     """Simulate a robot without free variables and draw its motion; the suffix of the path is png, pdf or svg."""
     if robot.pictured:
         robot.save_picture(world, path)
         return
     replay = robot.replay((), world, frames=PATH_POINTS * 6, compute=Compute(precision="f32"))
-    _write(motion_picture(replay.motion, title=replay.title or None), path)
+    save_picture(motion_picture(replay.motion, title=replay.title or None), path)
 
 
-def _write(figure: Figure, path: Path) -> None:
+def save_picture(figure: Figure, path: Path) -> None:
+    """Write a picture as PNG, PDF or SVG, chosen by the suffix of the path."""
     write_bytes(path, figure_content(figure, path.suffix[1:].lower() or "png", DOTS_PER_INCH))
-
-
-def inflatable_picture(
-    result: InflatableResult,
-    design: InflatableDesign,
-    terrain: Terrain,
-    *,
-    actuation: InflatableActuation = ACTUATION,
-    frames: int = 6,
-    robot: int = 0,
-) -> Figure:
-    """Draw a simulated gait of the inflatable robot; its title tells speed, terrain and shape.
-
-    The result needs recorded frames. A robot that diverged is drawn up to its last finite pose.
-    """
-    title = inflatable_title(result, design, terrain, robot)
-    if result.frames is not None and not np.isfinite(result.frames.positions[0, robot]).all():
-        figure = Figure(figsize=(WIDTH, 0.45), facecolor="white")
-        figure.text(0.02, 0.7, title, va="top", fontsize=11, color=INK)
-        return figure
-    motion = inflatable_motion(result, design, terrain, actuation=actuation, robot=robot)
-    return motion_picture(motion, frames=frames, title=title)
-
-
-def inflatable_title(result: InflatableResult, design: InflatableDesign, terrain: Terrain, robot: int = 0) -> str:
-    """Title for an inflatable robot: speed, terrain, core pressure and heading in one line."""
-    cores = "cores" if isinstance(design.pressure, tuple) else "core"
-    body = f"{cores} at {kilopascals(design.pressure)}, heading {design.orientation:.3g}°"
-    ok = result.status[robot] == "ok"
-    what = f"{result.speed[robot]:z.4f} BL/s" if ok else f"{result.status[robot]}"
-    return f"{what} {terrain.spoken}; {body}".replace("-", "\N{MINUS SIGN}")
 
 
 def draw_channels(axes: "Axes", channels: tuple[Channel, ...]) -> float:

@@ -18,7 +18,7 @@ from robots.view.colouring import faded
 from robots.view.glb import surface
 from robots.view.mesh import boxes, joined_corners
 from robots.view.motion import BALL, LIGHT_COLOUR, Channel, Motion
-from robots.view.scene import GROUND, INK, PAIRS, Colour
+from robots.view.scene import GROUND, HUES, INK, Colour
 from robots.view.uneven import around, node_tints, nodes, triangles
 from taichi_sim.base.arrays import Bytes, Floats, Ints
 from taichi_sim.base.files import new_path, write_bytes
@@ -259,12 +259,12 @@ def felt(motion: Motion) -> tuple[Channel, ...]:
     names = ("smallest strain", "mean strain", "largest strain")
     rows = [
         Channel(name, "%", motion.times, values, colour)
-        for name, values, colour in zip(names, strains.T, (PAIRS[3], INK, PAIRS[0]), strict=True)
+        for name, values, colour in zip(names, strains.T, (HUES[3], INK, HUES[0]), strict=True)
     ]
     if not motion.ground.solid:
         return tuple(rows)
     touching = np.array([each.on_floor().sum() for each in frames], float)
-    return (*rows, Channel("voxels on the ground", "voxels", motion.times, touching, PAIRS[2]))
+    return (*rows, Channel("voxels on the ground", "voxels", motion.times, touching, HUES[2]))
 
 
 def _grouped(channels: Sequence[Channel]) -> dict[str, list[Channel]]:

@@ -121,8 +121,7 @@ def rollout_number(shape: tuple[int, ...], controller: int, environment: int) ->
 
 def _recorded(tree: Tree, frames: Frames | None, robot: int) -> Frames:
     """Return the frames if they were recorded and belong to this robot."""
-    if frames is None or not len(frames.times):
-        raise ValueError("frames: nothing was recorded; simulate with record_every")
+    frames = motion.recorded(frames)
     _, batch, hinges = frames.angles.shape
     if hinges != len(tree.hinges):
         raise ValueError(f"frames: they have {hinges} hinges, the robot {len(tree.hinges)}; give its own")

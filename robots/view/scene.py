@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.inflatable.body import BLADDER_COUNT
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import Relief
 
@@ -20,13 +19,9 @@ def _rgb(text: str) -> Colour:
 
 PAPER, INK = _rgb("ffffff"), _rgb("33302b")
 GROUND, GROUND_LINE, SHADOW = _rgb("f3f1ec"), _rgb("d9d5cc"), _rgb("dcd8cf")
-SKIN_COLOUR, SEAM_COLOUR = _rgb("cfc8bb"), _rgb("a39b8c")
-PROP_COLOUR = _rgb("c9894b")
-FEET = (_rgb("7b3f8c"), _rgb("b0639f"))
-# A bladder and the one on the other side of the pouch have one hue (Okabe & Ito's, told apart by all eyes).
-PAIRS = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))
-BLADDERS = tuple(PAIRS[min(i, BLADDER_COUNT - 1 - i)] for i in range(BLADDER_COUNT))
-DRIVES = (*PAIRS, *FEET, _rgb("56b4e9"), _rgb("e6d43a"))  # of lattice robots, all different
+SAND, STONE, CLAY = _rgb("cfc8bb"), _rgb("a39b8c"), _rgb("c9894b")
+HUES = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))  # Okabe & Ito's, told apart by all eyes
+PURPLES, SKY, YELLOW = (_rgb("7b3f8c"), _rgb("b0639f")), _rgb("56b4e9"), _rgb("e6d43a")
 STEEL, SLATE, SUN = (0.72, 0.73, 0.75), (0.36, 0.41, 0.47), (0.95, 0.69, 0.12)
 # Of charts: Okabe & Ito, Color Universal Design, 2008.
 CHART_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#F0E442", "#000000")

@@ -12,7 +12,7 @@ from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.view import shape
-from robots.view.scene import INK, PAIRS
+from robots.view.scene import HUES, INK
 from taichi_sim.base.arrays import Floats
 
 PRESSURES = tuple(1000.0 * kilopascals for kilopascals in range(13))  # the range of the published search space [Pa]
@@ -75,7 +75,7 @@ def shape_picture(curves: ShapeCurves) -> Figure:
     figure = Figure(figsize=(8.0, 2.5), facecolor="white", layout="constrained")
     size, ratio, bend = figure.subplots(1, 3)
     kilopascals = curves.pressures / 1000
-    for values, name, colour, above in ((curves.width, "width", PAIRS[3], 5), (curves.height, "height", PAIRS[0], -13)):
+    for values, name, colour, above in ((curves.width, "width", HUES[3], 5), (curves.height, "height", HUES[0], -13)):
         size.plot(kilopascals, 100 * values, "o-", ms=3, lw=1.4, color=colour)
         size.annotate(
             name,
@@ -87,9 +87,9 @@ def shape_picture(curves: ShapeCurves) -> Figure:
             color=colour,
         )
     size.set_ylim(0, None)
-    ratio.plot(kilopascals, curves.ratio, "o-", ms=3, lw=1.4, color=PAIRS[2])
+    ratio.plot(kilopascals, curves.ratio, "o-", ms=3, lw=1.4, color=HUES[2])
     ratio.axhline(1.0, color=INK, lw=0.7, ls=(0, (3, 3)))
-    bend.plot(kilopascals, curves.curvature, "o-", ms=3, lw=1.4, color=PAIRS[1])
+    bend.plot(kilopascals, curves.curvature, "o-", ms=3, lw=1.4, color=HUES[1])
     titles = ("size of the skin [cm]", "width per height", "mean curvature of the skins [1/m]")
     for axes, title in zip((size, ratio, bend), titles, strict=True):
         axes.set_title(title, fontsize=9, color=INK, loc="left")

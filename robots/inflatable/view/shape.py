@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from robots.frames import Frames
 from robots.inflatable.body import FIRST_BLADDER, kinds_of
 from robots.inflatable.simulation import InflatableResult
 from robots.view.mesh import joined_faces, knots
+from robots.view.motion import recorded
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.lattice.faces import corners, rotate
 
@@ -16,7 +16,7 @@ def surface(result: InflatableResult, robot: int = 0, frame: int = -1) -> tuple[
     Raises:
         ValueError: if nothing was recorded.
     """
-    frames, body = recorded(result), result.body
+    frames, body = recorded(result.frames), result.body
     pose = (a[frame, robot] for a in (frames.positions, frames.orientations, frames.extents))
     return joined_faces(corners(*pose), knots(body), body.topology.faces)
 
@@ -47,7 +47,7 @@ def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float
     through it and its two neighbours (Menger's), seen along the pouch; the mean is taken over all voxels that have two.
     So flat skins have 0, whatever their distance, and a round pouch whose skins have the radius R has 1 / R.
     """
-    body, frames = result.body, recorded(result)
+    body, frames = result.body, recorded(result.frames)
     skin = _is_skin(result)
     layers = np.unique(body.voxels[skin, 2])
     found = []
@@ -72,17 +72,6 @@ def menger_curvature(points: Floats, axis: Floats) -> Floats:
     turn = (np.cross(first, second) * axis).sum(axis=-1)
     lengths = [np.linalg.norm(side, axis=-1) for side in (first, second, first + second)]
     return 2 * turn / (lengths[0] * lengths[1] * lengths[2])
-
-
-def recorded(result: InflatableResult) -> Frames:
-    """Return the recorded frames of a result.
-
-    Raises:
-        ValueError: if nothing was recorded.
-    """
-    if result.frames is None:
-        raise ValueError("frames: nothing was recorded; simulate with record_every")
-    return result.frames
 
 
 def _skin_extent(result: InflatableResult, robot: int, frame: int) -> Floats:

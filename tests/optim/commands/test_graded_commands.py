@@ -16,8 +16,8 @@ from robots.inflatable import INCHING
 from robots.inflatable.design import InflatableDesign, load_design, save_design
 from robots.inflatable.robustness import GaitJudgement
 from robots.inflatable.timing import gait_timeline
+from robots.inflatable.view.schedule_chart import draw_schedule
 from robots.view import scene
-from robots.view.drawing import draw_schedule
 from robots.world import Terrain
 
 SEARCH = "--terrain flat --encoding graded --columns 2 --climbers 3 --generations 3 --geometry small --seed 2 --quiet"

@@ -106,7 +106,8 @@ def test_soft_robots_in_water(morpholab, tmp_path):
 
 def test_the_best_of_a_run_of_gaits(morpholab, tmp_path):
     with pytest.MonkeyPatch.context() as patch:  # evaluated at once, viewed as it is
-        patch.setattr("robots.view.picture.save_motion_picture", lambda design, terrain, path, **_: path.touch())
+        drawn = "robots.inflatable.view.picture.save_motion_picture"
+        patch.setattr(drawn, lambda design, terrain, path, **_: path.touch())
         patch.setattr("robots.inflatable.simulation.simulate", Simulator())
         search = "--climbers 4 --generations 1 --geometry small --quiet"
         assert morpholab(f"codesign --out runs/a --terrain hill:7 {search}")[0] == 0

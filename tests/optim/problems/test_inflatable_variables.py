@@ -170,7 +170,7 @@ def test_commands_refuse_bad_input_before_any_work(morpholab, tmp_path, line, me
 
 def test_a_search_of_a_hundred_variables_runs_and_goes_on(morpholab, linear, monkeypatch, tmp_path):
     picture = lambda design, terrain, path, **_: path.write_text("drawn")  # noqa: E731
-    monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
+    monkeypatch.setattr("robots.inflatable.view.picture.save_motion_picture", picture)
     free = "orientation,shape,control,core,pace,friction,modulus,size"
     line = f"codesign --terrain flat --free {free} --encoding graded --columns 3 --geometry small --steps 60000"
     method = "--warm-up 1000 --window 1 --method gradient-hill-climb --climbers 2 --set blind=mutate --quiet"

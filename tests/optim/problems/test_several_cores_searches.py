@@ -68,7 +68,7 @@ def test_the_slopes_of_a_problem_are_by_each_core(tiny):
 @pytest.mark.kernels
 def test_a_small_search_with_the_simulator_goes_on_where_it_stopped(morpholab, tiny, tmp_path):
     line = "codesign --terrain flat --geometry two-core --columns 1 --repeats 1 --climbers 2 --seed 3 --quiet"
-    drawn = "robots.view.picture.save_motion_picture"
+    drawn = "robots.inflatable.view.picture.save_motion_picture"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(drawn, lambda design, terrain, path, **_: path.write_text("drawn"))
         code, out, error = morpholab(f"{line} --generations 2 --out a --json")

@@ -335,7 +335,7 @@ def test_a_robot_of_ones_own_in_motion(reported, tmp_path):
 def test_the_best_gait_in_motion(morpholab, reported, tmp_path, monkeypatch):
     with monkeypatch.context() as quick:
         quick.setattr("robots.inflatable.simulation.simulate", Simulator())
-        quick.setattr("robots.view.picture.save_motion_picture", lambda *a, **_: a[2].write_text(""))
+        quick.setattr("robots.inflatable.view.picture.save_motion_picture", lambda *a, **_: a[2].write_text(""))
         line = f"codesign {SIZE} --columns 1 --repeats 1 --terrain flat --climbers 2 --generations 0 --threads 1"
         assert morpholab(f"{line} --out a")[0] == 0
     page, document = reported("a", "--frames 12")

@@ -75,7 +75,7 @@ def simulator(monkeypatch):
 def morpholab(morpholab, monkeypatch):
     """The command line, without pictures."""
     picture = lambda design, terrain, path, **_: path.write_text(f"{terrain.name} {design}")  # noqa: E731
-    monkeypatch.setattr("robots.view.picture.save_motion_picture", picture)
+    monkeypatch.setattr("robots.inflatable.view.picture.save_motion_picture", picture)
     return morpholab
 
 
@@ -331,7 +331,8 @@ def test_a_gradient_search_with_the_simulator(morpholab, monkeypatch, tmp_path):
         functools.partial(inflatable.InflatableActuation, **QUICK),
     )
     monkeypatch.setattr("optim.problems.inflatable.problem.RAMP_STEPS", 200)
-    picture = "robots.view.picture.save_motion_picture"  # in the other precision, for which kernels are built anew
+    # A picture is simulated in the other precision, for which kernels are built anew.
+    picture = "robots.inflatable.view.picture.save_motion_picture"
     monkeypatch.setattr(picture, lambda design, terrain, path, **_: path.write_text("drawn"))
     line = "--terrain flat --geometry small --columns 2 --repeats 1 --climbers 2 --precision f64 --learning-rate 0.2"
     code, out, error = morpholab(f"codesign --method gradient --out a --json {line} --generations 2")

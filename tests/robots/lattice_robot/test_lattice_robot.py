@@ -7,7 +7,6 @@ import pytest
 from compiled import noting_compilations
 from voxel_files import material, numbers, vxa
 
-from robots.inflatable.view.motion import lattice_robot_motion
 from robots.lattice_robot import (
     Drive,
     Free,
@@ -18,6 +17,7 @@ from robots.lattice_robot import (
     save_robot,
     simulate,
 )
+from robots.lattice_robot.motion import lattice_robot_motion
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk

@@ -14,10 +14,10 @@ from robots.inflatable import InflatableActuation, InflatableDesign, InflatableG
 from robots.inflatable.gradient import differentiate
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.view.motion import inflatable_motion
+from robots.inflatable.view.picture import inflatable_picture
 from robots.lattice_robot.walker import ACTIVE, WalkerActuation, WalkerDesign
 from robots.lattice_robot.walker import simulate as simulate_walker
 from robots.view.film import strip_picture
-from robots.view.picture import inflatable_picture
 from robots.view.player import page
 from robots.view.still import still_picture
 from robots.world import Terrain

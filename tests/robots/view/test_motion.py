@@ -1,4 +1,4 @@
-"""Motions of all robots, and GLB files of them."""
+"""Motions, and GLB files of them."""
 
 import json
 import struct
@@ -8,58 +8,14 @@ import numpy as np
 import pytest
 import trimesh
 from made_motion import made
+from motions import DESIGN, QUICK, TINY
 
-from robots.inflatable import InflatableActuation, InflatableDesign, InflatableGeometry, simulate
-from robots.inflatable.schedule import GaitSchedule
-from robots.inflatable.view.motion import inflatable_motion, lattice_robot_motion
-from robots.lattice_robot import walker
+from robots.inflatable import simulate
+from robots.inflatable.view.motion import inflatable_motion
 from robots.view.glb import save_glb
 from robots.view.motion import CUBE, Channel, Ground, Node, product
 from robots.world import Terrain
-from taichi_sim.lattice.faces import corners, mean_of_face_corners, rotate
-
-QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)
-TINY = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
-GAIT = GaitSchedule(np.eye(10)[:, [0, 4, 8]], repeats=1)
-DESIGN = InflatableDesign(6e3, 30.0, GAIT)
-
-
-@pytest.fixture(scope="module")
-def inflatable():
-    return simulate(DESIGN, geometry=TINY, actuation=QUICK, precision="f32", record_every=10, threads=1)
-
-
-@pytest.mark.kernels
-def test_boxes_of_voxels_have_their_corners(inflatable):
-    motion = inflatable_motion(inflatable, DESIGN, actuation=QUICK)
-    frame = 7
-    f = inflatable.frames
-    pose = (a[frame, 0].astype(float) for a in (f.positions, f.orientations, f.extents))
-    expected = corners(*pose)
-    signs = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-    shown = motion.translation[frame][:, None] + rotate(
-        motion.rotation[frame][:, None], signs * motion.scale[frame][:, None]
-    )
-    assert np.abs(shown - expected).max() < 1e-6
-    assert len(motion.nodes) == inflatable.body.voxel_count and motion.times == pytest.approx(f.times)
-
-
-@pytest.mark.kernels
-def test_the_timeline_of_a_gait_is_its_matrix(inflatable):
-    motion = inflatable_motion(inflatable, DESIGN, Terrain(10.0), actuation=QUICK)
-    switches = [channel for channel in motion.channels if channel.switch]
-    assert [channel.name for channel in switches] == [f"bladder {i}" for i in range(1, 9)] + ["foot 1", "foot 2"]
-    assert np.array_equal([channel.values[:-1] for channel in switches], GAIT.played)
-    assert switches[0].times[-1] == pytest.approx(inflatable.steps[0] * inflatable.time_step)
-    others = {channel.name: channel for channel in motion.channels if not channel.switch}
-    assert others["core pressure"].values == pytest.approx(np.full(2, 6.0))
-    f = inflatable.frames
-    middle = mean_of_face_corners(inflatable.body, *(a[[0, -1], 0] for a in (f.positions, f.orientations, f.extents)))
-    gone = np.diff(middle[:, :2], axis=0)[0] @ [np.cos(np.pi / 6), np.sin(np.pi / 6)]
-    assert others["distance"].values[-1] == pytest.approx(gone, abs=1e-7)
-    assert motion.ground == Ground(-0.01, 10.0, 30.0)
-    lit = {node.channel for node in motion.nodes}
-    assert lit == {None, *range(10)}
+from taichi_sim.lattice.faces import rotate
 
 
 def test_uphill_is_up():
@@ -69,48 +25,6 @@ def test_uphill_is_up():
         assert uphill == pytest.approx(
             [*np.cos(np.deg2rad(20)) * np.array([np.cos(angle), np.sin(angle)]), np.sin(np.deg2rad(20))]
         )
-
-
-@pytest.mark.kernels
-def test_a_walker_shows_what_its_voxels_do():
-    materials = np.full((3, 2, 2), walker.PASSIVE)
-    materials[:, 0], materials[1, 1, 1] = walker.ACTIVE, walker.ANTIPHASE
-    design = walker.WalkerDesign(materials)
-    drive = walker.WalkerActuation(cycles=1, settling=0.05)
-    result = walker.simulate(design, actuation=drive, precision="f32", record_every=40, threads=1)
-    motion = lattice_robot_motion(result, walker.walker_robot(design, actuation=drive), name="walker")
-    assert [node.channel for node in motion.nodes] == [{1: None, 2: 0, 3: 1}[k] for k in design.connected[1]]
-    active = [n for n, node in enumerate(motion.nodes) if node.channel == 0]
-    told = np.interp(motion.times, motion.channels[0].times, motion.channels[0].values)
-    grows = np.corrcoef(motion.scale[:, active].mean(axis=(1, 2)), told)[0, 1]
-    assert grows > 0.9
-    wrong = walker.WalkerDesign(np.full((2, 2, 2), walker.ACTIVE))
-    with pytest.raises(ValueError, match=r"^frames: they have 12 voxels, the robot 8; give its own$"):
-        lattice_robot_motion(result, walker.walker_robot(wrong))
-
-
-@pytest.mark.kernels
-def test_frames_that_are_missing_or_of_others_are_refused_in_one_line(inflatable):
-    nothing = replace(inflatable, frames=None)
-    with pytest.raises(ValueError, match=r"^frames: nothing was recorded; simulate with record_every$"):
-        inflatable_motion(nothing, DESIGN)
-    other = replace(inflatable, body=replace(TINY, rows=12).body)
-    with pytest.raises(ValueError, match=r"^frames: they have \d+ voxels, the body \d+; give its own$"):
-        inflatable_motion(other, DESIGN)
-    with pytest.raises(ValueError, match=r"^robot: 1 is not allowed; the batch has 1$"):
-        inflatable_motion(inflatable, DESIGN, robot=1)
-    lost = replace(inflatable.frames, positions=np.full_like(inflatable.frames.positions, np.nan))
-    with pytest.raises(ValueError, match=r"^frames: the robot has none; it diverged at once"):
-        inflatable_motion(replace(inflatable, frames=lost), DESIGN)
-
-
-@pytest.mark.kernels
-def test_a_robot_that_diverges_is_shown_until_then(inflatable):
-    frames = inflatable.frames
-    positions = frames.positions.copy()
-    positions[5:] = np.nan
-    motion = inflatable_motion(replace(inflatable, frames=replace(frames, positions=positions)), DESIGN)
-    assert len(motion.times) == 5
 
 
 def test_motions_that_do_not_fit_are_refused_in_one_line():
@@ -188,8 +102,9 @@ def test_tracks_of_a_glb_are_the_frames(tmp_path):
 
 
 @pytest.mark.kernels
-def test_trimesh_loads_a_glb_with_all_nodes_in_place(tmp_path, inflatable):
-    motion = inflatable_motion(inflatable, DESIGN, Terrain(15.0), actuation=QUICK)
+def test_trimesh_loads_a_glb_with_all_nodes_in_place(tmp_path):
+    result = simulate(DESIGN, geometry=TINY, actuation=QUICK, precision="f32", record_every=10, threads=1)
+    motion = inflatable_motion(result, DESIGN, Terrain(15.0), actuation=QUICK)
     file = tmp_path / "robot.glb"
     save_glb(motion, file, rate=200.0)
     scene = trimesh.load(file)

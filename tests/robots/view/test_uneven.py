@@ -11,8 +11,8 @@ import pytest
 from made_motion import made
 
 from robots.ground import Ground as Named
-from robots.inflatable.view.motion import lattice_robot_motion
 from robots.lattice_robot import walker
+from robots.lattice_robot.motion import lattice_robot_motion
 from robots.view.film import strip_picture
 from robots.view.glb import save_glb
 from robots.view.lattice_states import LatticeStates

@@ -1,0 +1,100 @@
+"""Build motions of voxels, from recorded frames of any lattice."""
+
+import numpy as np
+
+from robots.frames import Frames
+from robots.ground import Ground as UnevenGround
+from robots.view.lattice_states import LatticeStates
+from robots.view.mesh import knots
+from robots.view.motion import (
+    Channel,
+    Ground,
+    Motion,
+    Node,
+    Skin,
+    check_place,
+    recorded,
+    speed_channels,
+    way_ahead,
+    whole_frames,
+)
+from robots.world import Terrain
+from taichi_sim.base.arrays import Floats
+from taichi_sim.lattice import LatticeBody
+from taichi_sim.lattice.faces import mean_of_face_corners, rotate
+
+
+def voxel_motion(
+    name: str,
+    frames: Frames | None,
+    body: LatticeBody,
+    robot: int,
+    nodes: list[Node],
+    channels: list[Channel],
+    terrain: Terrain | None = None,
+    heading: float | Floats = 0.0,
+    pressure: float | Floats = 0.0,
+    travelling: LatticeBody | None = None,
+) -> Motion:
+    """Build a motion of cubes that have the size of the voxels and lie in the middle between their sides.
+
+    Channels: those given, then distance and speed along the heading.
+
+    Args:
+        name: name of the motion.
+        frames: of a batch of robots.
+        body: the lattice of each.
+        robot: number of the robot in the batch.
+        nodes: one for each voxel.
+        channels: rows of the timeline before distance and speed.
+        terrain: where it was; flat ground by default.
+        heading: direction in which distance counts, one or in each frame [degrees].
+        pressure: on the body's pressurised faces [Pa], one or of each voxel.
+        travelling: whose path is followed, if not all of the body's: a body whose voxels come first.
+
+    Raises:
+        ValueError: for frames that were not recorded, or are of other robots.
+    """
+    frames = _checked(frames, body, robot)
+    poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
+    last = whole_frames(*poses)
+    places, turns, extents, rest = (a[:last].astype(float) for a in poses)
+    own = travelling or body
+    path = mean_of_face_corners(own, *(each[:, : own.voxel_count] for each in (places, turns, extents)))
+    times = frames.times[:last]
+    headings = np.broadcast_to(heading, len(frames.times))[:last]
+    middles = places + rotate(turns, (extents[..., 1::2] - extents[..., 0::2]) / 2)
+    sizes = extents[..., 1::2] + extents[..., 0::2]
+    if terrain is not None and terrain.is_fluid:
+        ground = Ground(float(middles[..., 2].min() - sizes.max()), 0.0, float(headings[0]), solid=False)
+    else:
+        ground = _ground(terrain or Terrain(), float(headings[0]), body.voxel_size)
+    return Motion(
+        name,
+        times,
+        tuple(nodes),
+        middles,
+        turns,
+        sizes,
+        path,
+        (*channels, *speed_channels(times, way_ahead(path, np.deg2rad(headings[1:])))),
+        ground=ground,
+        skin=Skin(knots(body), body.topology.faces),
+        lattice=LatticeStates(body, places, turns, extents, rest, pressure, ground.relief),
+    )
+
+
+def _checked(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
+    """Return the frames if they were recorded, fit this body and have this robot."""
+    frames = recorded(frames)
+    _, batch, voxels, _ = frames.positions.shape
+    if voxels != body.voxel_count:
+        raise ValueError(f"frames: they have {voxels} voxels, the body {body.voxel_count}; give its own")
+    check_place("robot", robot, batch, "the batch has")
+    return frames
+
+
+def _ground(terrain: Terrain, heading: float, edge: float) -> Ground:
+    """The ground that a robot of voxels of an edge [m] stands on, heading somewhere [degrees]."""
+    relief = UnevenGround(terrain.ground).relief(heading, edge) if terrain.ground else None
+    return Ground(-0.5 * edge, terrain.slope, heading, relief=relief)
