@@ -23,6 +23,17 @@ MODULES = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix("
 # Imports that close a circle.
 CIRCLES: set[tuple[str, str]] = set()
 
+# What knows robots only through robots.robot, and the commands in it that are about one kind of robot.
+KINDS = {f"robots.{path.parent.name}" for path in (ROOT / "robots").glob("*/kind.py")}
+OF_ANY_KIND = ("robots.view", "optim.commands", "optim.report", "optim.runs", "optim.search")
+OF_ONE_KIND = {
+    ("optim.commands.calibrate", "robots.inflatable"),
+    ("optim.commands.reproduce", "robots.inflatable"),  # the floor that its feet are on
+    ("optim.commands.sweep", "robots.braitenberg"),
+    ("optim.commands.train", "robots.braitenberg"),
+    ("optim.commands.vehicle_options", "robots.braitenberg"),
+}
+
 # Functions with more parameters than a reader can hold, and how many they have.
 MOST, MOST_IN_KERNELS = 10, 20
 LONG: dict[str, int] = {}
@@ -56,6 +67,17 @@ def imported(tree: ast.Module) -> set[str]:
     return found & MODULES.keys()
 
 
+def kinds_in(tree: ast.Module) -> set[str]:
+    """Packages of kinds of robots that a module imports, inside functions and for type checkers too."""
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {".".join(name.split(".")[:2]) for name in names} & KINDS
+
+
 def functions():
     for path, tree in parsed().items():
         for node in ast.walk(tree):
@@ -68,6 +90,14 @@ def test_no_imports_in_circles_not_even_inside_functions():
     assert edges >= CIRCLES, f"take these off the list: {CIRCLES - edges}"
     graph = {name: {other for this, other in edges - CIRCLES if this == name} for name in MODULES}
     assert list(graphlib.TopologicalSorter(graph).static_order())
+
+
+def test_views_reports_searches_and_commands_know_no_kind_of_robot():
+    general = [name for name in MODULES if f"{name}.".startswith(tuple(f"{package}." for package in OF_ANY_KIND))]
+    known = {(name, kind) for name in general for kind in kinds_in(parsed()[MODULES[name]])}
+    assert len(KINDS) == 7 and len(general) > 100
+    assert known <= OF_ONE_KIND, f"take what is about a kind to its package: {known - OF_ONE_KIND}"
+    assert known == OF_ONE_KIND, f"take these off the list: {OF_ONE_KIND - known}"
 
 
 def test_functions_have_few_parameters():
