@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from optim.maximising import Maximum as Maximum
     from optim.maximising import maximise as maximise
     from optim.measures import homeostasis as homeostasis
-    from optim.measures import interference as interference
     from optim.measures import learnability as learnability
+    from optim.measures import resistance as resistance
     from optim.named import robot as robot
     from optim.named import robots as robots
     from optim.named import world as world

@@ -1,6 +1,6 @@
 """Measures of bodies, controllers and searches, and statistics. Knows neither robots nor physics."""
 
 from optim.measures.homeostasis import homeostasis
-from optim.measures.overlap import interference, learnability
+from optim.measures.overlap import learnability, resistance
 
-__all__ = ["homeostasis", "interference", "learnability"]
+__all__ = ["homeostasis", "learnability", "resistance"]

@@ -29,10 +29,10 @@ def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
     return learnability_of((counts == environments).sum(axis=(-2, -1)), counts.shape[-2] * counts.shape[-1])
 
 
-def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
+def resistance(overlap: ArrayLike, environments: int = 4) -> Floats:
     """M_CI: the share of controllers solving every environment among those that solve any, from 0 to 1.
 
-    It measures *resistance* to catastrophic interference: at 1, whoever learns one environment has learned all; 0 if
+    It is the resistance to catastrophic interference: at 1, whoever learns one environment has learned all; 0 if
     no controller solves anything.
 
     Args:
@@ -47,7 +47,7 @@ def interference(overlap: ArrayLike, environments: int = 4) -> Floats:
     """
     counts = _checked(overlap, environments)
     solving_all, solving_any = ((counts >= least).sum(axis=(-2, -1)) for least in (environments, 1))
-    return interference_of(solving_all, solving_any)
+    return resistance_of(solving_all, solving_any)
 
 
 def learnability_of(solving_all: ArrayLike, controllers: int) -> Floats:
@@ -55,7 +55,7 @@ def learnability_of(solving_all: ArrayLike, controllers: int) -> Floats:
     return np.asarray(np.asarray(solving_all) / controllers)
 
 
-def interference_of(solving_all: ArrayLike, solving_any: ArrayLike) -> Floats:
+def resistance_of(solving_all: ArrayLike, solving_any: ArrayLike) -> Floats:
     """M_CI from how many controllers solve every environment, and how many any, shape (...); 0 if none does."""
     return np.asarray(np.asarray(solving_all) / np.maximum(solving_any, 1))
 

@@ -25,7 +25,7 @@ from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, where, write_records
 from optim.experiments.trials import Trials, computed_trials, record_trials
-from optim.measures.overlap import interference_of, learnability_of
+from optim.measures.overlap import learnability_of, resistance_of
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
 from optim.problem import Evaluation
@@ -267,7 +267,7 @@ def _described(base: Rover, judged: Mapping[str, Any]) -> dict[str, Any]:
         sites: {
             **counts,
             "M_L": float(learnability_of(counts["solving_all"], judged["controllers"])),
-            "M_CF": float(interference_of(counts["solving_all"], counts["solving_any"])),
+            "M_CF": float(resistance_of(counts["solving_all"], counts["solving_any"])),
         }
         for sites, counts in judged["grids"].items()
     }

@@ -18,7 +18,7 @@ from optim.experiments.figures import COLUMN, caption, figure, save_arrays
 from optim.experiments.results import Progress, check_folder, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import write_records
-from optim.measures.overlap import interference, learnability
+from optim.measures.overlap import learnability, resistance
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep, VehicleBody, weight_grid
 from robots.braitenberg.sweeps import Overlap
@@ -161,7 +161,7 @@ def _row(body: str, model: str, overlap: Overlap) -> dict[str, Any]:
     counts = np.bincount(overlap.ravel(), minlength=1 + ENVIRONMENTS).tolist()
     row = {"body": body, "model": model, "controllers": overlap.size}
     row |= {f"solving_{lights}": count for lights, count in enumerate(counts)}
-    row |= {"M_L": float(learnability(overlap)), "M_CF": float(interference(overlap))}
+    row |= {"M_L": float(learnability(overlap)), "M_CF": float(resistance(overlap))}
     published = PUBLISHED[body] if model == MODELS[0] else (None,) * 3
     return row | {f"published_{name}": one for name, one in zip(("solving_4", "M_L", "M_CF"), published, strict=True)}
 

@@ -17,7 +17,7 @@ from optim.experiments.figures import COLOURS, PAGE, caption, figure
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Settings, Study, Whole
 from optim.experiments.tables import column, write_columns
-from optim.measures.overlap import interference_of, learnability_of
+from optim.measures.overlap import learnability_of, resistance_of
 from optim.measures.statistics import spearman
 from optim.studies.chapter3.rover_success import BODIES, MODELS, RoverGrid, both_models
 from optim.studies.chapter3.sensor_placement import distribution
@@ -112,7 +112,7 @@ def _metrics(counts: Mapping[str, Ints], weights: int) -> Iterator[tuple[tuple[s
     """By model and name, the metrics of bodies, from counts of their controllers."""
     for model, (every, some) in COUNTS.items():
         yield (model, "M_L"), learnability_of(counts[every], weights**2)
-        yield (model, "M_CF"), interference_of(counts[every], counts[some])
+        yield (model, "M_CF"), resistance_of(counts[every], counts[some])
 
 
 def _report(

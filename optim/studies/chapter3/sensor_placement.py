@@ -37,7 +37,7 @@ def distribution(values: ArrayLike, bins: int = 40, most: float = 0.0) -> tuple[
 
 def correlation_of_metrics(table: SweepTable) -> Correlation:
     """Pearson's correlation of M_L with M_CI over bodies, its p two-sided."""
-    return pearson(table.learnability, table.interference, "two-sided")
+    return pearson(table.learnability, table.resistance, "two-sided")
 
 
 def notable_designs(table: SweepTable) -> dict[int, str]:

@@ -95,7 +95,7 @@ def report(folder: Path) -> StudyReport:
         words = f"Design {design}{known}: {solving} of {controllers} controllers solve all environments"
         charts[words] = partial(_draw_matrix, overlap)
     labels = [f"design {design}" for design in best.designs]
-    columns = (best.solving_all, best.solving_any, best.learnability, best.interference)
+    columns = (best.solving_all, best.solving_any, best.learnability, best.resistance)
     part = "" if len(labels) == len(found.designs) else f", the best {len(labels)} of {len(found.designs)} by M_L"
     bodies = StudySection(
         "Bodies",

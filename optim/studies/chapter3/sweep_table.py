@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.experiments.results import Progress
 from optim.experiments.tables import read_table, write_columns
-from optim.measures.overlap import interference_of, learnability_of
+from optim.measures.overlap import learnability_of, resistance_of
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, read_sweep, sweep
 from robots.braitenberg.sweeps import holds_sweep, read_sweep_settings
 from taichi_sim.base import checks
@@ -43,14 +43,14 @@ class SweepTable:
         return learnability_of(self.solving_all, self.settings.weights**2)
 
     @property
-    def interference(self) -> Floats:
+    def resistance(self) -> Floats:
         """M_CI, their share of those that solve any environment; 0 if none does."""
-        return interference_of(self.solving_all, self.solving_any)
+        return resistance_of(self.solving_all, self.solving_any)
 
     @property
     def metrics(self) -> dict[str, Floats]:
         """Both metrics, by their names in the papers."""
-        return {"M_L": self.learnability, "M_CI": self.interference}
+        return {"M_L": self.learnability, "M_CI": self.resistance}
 
     def rows(self, designs: ArrayLike) -> "SweepTable":
         """The part of some bodies; raises ValueError if some are missing."""

@@ -24,7 +24,7 @@ from optim.experiments.results import Progress, cached, computed, part_of, write
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, column, where, write_records
 from optim.experiments.trials import NOTHING, Trials, computed_trials, record_trials
-from optim.measures import interference, learnability
+from optim.measures import learnability, resistance
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.space import Space
@@ -151,7 +151,7 @@ def judge(settings: HomeostasisObjective, points: Floats, sweep_folder: Path | N
     bodies = [VehicleBody(tuple(map(tuple, places))) for places in sites.tolist()]
     task = own.task.radius, own.task.time_step, own.task.steps
     overlaps = sweep(bodies, settings.weights, *task, out=sweep_folder, threads=own.threads)
-    arrays["M_L"][there], arrays["M_CI"][there] = learnability(overlaps), interference(overlaps)
+    arrays["M_L"][there], arrays["M_CI"][there] = learnability(overlaps), resistance(overlaps)
     each = (sites, controllers[:, 0], own.task)
     shares = [survival(*each, p, settings.draws, own.seed, own.threads) for p in PERTURBATIONS]
     arrays["survival"][there] = np.mean(shares, axis=0)

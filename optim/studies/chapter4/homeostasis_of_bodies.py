@@ -18,7 +18,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
 from optim.experiments.tables import column, write_columns
-from optim.measures import interference, learnability
+from optim.measures import learnability, resistance
 from optim.measures.statistics import pearson, spearman
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
@@ -74,7 +74,7 @@ def measure(settings: BodyHomeostasis, bodies: Mapping[int, Overlap], _: Progres
     owners = np.repeat(np.arange(len(bodies)), counts)
     every = decimation(task, settings.samples)
     found = sensor_distances(sites, contralateral(np.concatenate(drawn)), task, every, settings.threads)
-    metrics = {"design": np.array(list(bodies)), "M_L": learnability(overlaps), "M_CI": interference(overlaps)}
+    metrics = {"design": np.array(list(bodies)), "M_L": learnability(overlaps), "M_CI": resistance(overlaps)}
     means = [np.bincount(owners, values) / counts for values in found]
     return {**metrics, "controllers": counts, **dict(zip(MEASURES, means, strict=True))}
 

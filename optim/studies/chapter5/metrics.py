@@ -19,7 +19,7 @@ from optim.experiments.figures import PAGE, caption, figure
 from optim.experiments.results import Progress, computed_arrays, write_summary
 from optim.experiments.study import Settings, Study, Whole
 from optim.experiments.tables import Record, column, distinct, where
-from optim.measures.overlap import interference, learnability
+from optim.measures.overlap import learnability, resistance
 from optim.measures.statistics import spearman, wilson
 from optim.studies.chapter5.gaits import Case, Robot, Uphill
 from robots.inflatable.design import InflatableDesign
@@ -172,7 +172,7 @@ def rows_of(bodies: Sequence[tuple[float, float]], speeds: Floats) -> list[dict[
             count = succeeds.sum(axis=0)
             both, either = int((count == 2).sum()), int((count >= 1).sum())
             learns = float(learnability(count[None], 2)), *wilson(both, len(count))
-            resists = (float(interference(count[None], 2)), *wilson(both, either)) if either else (None,) * 3
+            resists = (float(resistance(count[None], 2)), *wilson(both, either)) if either else (None,) * 3
             row = {"pressure": pressure, "orientation": orientation, "threshold": name}
             row |= dict(zip(("flat_least", "hill_least"), least, strict=True))
             row |= {"gaits": len(count), "failed": int(np.isnan(here).any(axis=0).sum())}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optim import cli
-from optim.measures import interference, learnability
+from optim.measures import learnability, resistance
 from robots.braitenberg import VehicleBody, sweep
 
 pytestmark = pytest.mark.kernels
@@ -26,7 +26,7 @@ def test_a_grid_of_weights_is_a_sweep(capsys, tmp_path):
         found = measured(capsys, *words, "--out", str(tmp_path / str(design)))
         overlap = sweep([VehicleBody.published(design)], weights=21, threads=1)[0]
         assert found["learnability"]["value"] == learnability(overlap)
-        assert found["resistance"]["value"] == interference(overlap)
+        assert found["resistance"]["value"] == resistance(overlap)
         assert found["learnability"]["of"] == 441 and len(found["each"]) == 4
 
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from optim.measures import interference, learnability
+from optim.measures import learnability, resistance
 
 OVERLAPS = arrays(
     np.int8, st.tuples(st.integers(1, 3), st.integers(1, 4), st.integers(1, 4)), elements=st.integers(0, 4)
@@ -13,8 +13,8 @@ OVERLAPS = arrays(
 
 def test_measures_by_hand():
     overlap = [[0, 4, 1], [4, 3, 0], [2, 0, 4]]
-    assert learnability(overlap) == 3 / 9 and interference(overlap) == 3 / 6
-    assert learnability(overlap, environments=5) == interference(overlap, environments=5) == 0
+    assert learnability(overlap) == 3 / 9 and resistance(overlap) == 3 / 6
+    assert learnability(overlap, environments=5) == resistance(overlap, environments=5) == 0
 
 
 def test_published_numbers_of_the_baseline():
@@ -23,16 +23,16 @@ def test_published_numbers_of_the_baseline():
     overlap[:26], overlap[26:1830] = 4, 2
     overlap = overlap.reshape(121, 121)
     assert round(float(learnability(overlap)), 4) == 0.0018
-    assert round(float(interference(overlap)), 4) == 0.0142
+    assert round(float(resistance(overlap)), 4) == 0.0142
 
 
 def test_bodies_whose_controllers_all_fail_score_zero():
-    assert learnability(np.zeros((3, 3), int)) == interference(np.zeros((3, 3), int)) == 0
+    assert learnability(np.zeros((3, 3), int)) == resistance(np.zeros((3, 3), int)) == 0
 
 
 @given(OVERLAPS)
 def test_each_matrix_is_measured_alone(overlap):
-    for measure in (learnability, interference):
+    for measure in (learnability, resistance):
         found = measure(overlap)
         assert found.shape == overlap.shape[:1]
         assert np.array_equal(found, [measure(matrix) for matrix in overlap])
@@ -42,9 +42,9 @@ def test_each_matrix_is_measured_alone(overlap):
 @given(OVERLAPS)
 def test_interference_is_learnability_among_those_that_solve_any(overlap):
     some = (overlap >= 1).mean(axis=(1, 2))
-    assert np.all((learnability(overlap) >= 0) & (learnability(overlap) <= interference(overlap)))
-    assert interference(overlap).max() <= 1
-    assert interference(overlap) * some == pytest.approx(learnability(overlap), rel=1e-15)
+    assert np.all((learnability(overlap) >= 0) & (learnability(overlap) <= resistance(overlap)))
+    assert resistance(overlap).max() <= 1
+    assert resistance(overlap) * some == pytest.approx(learnability(overlap), rel=1e-15)
 
 
 @given(OVERLAPS, st.integers(0, 4))
@@ -53,10 +53,10 @@ def test_one_more_controller_that_solves_all_raises_both(overlap, value):
     better = overlap.copy()
     better[:, 0, 0] = 4
     assert np.all(learnability(better) > learnability(overlap))
-    assert np.all(interference(better) >= interference(overlap))
+    assert np.all(resistance(better) >= resistance(overlap))
 
 
-@pytest.mark.parametrize("measure", [learnability, interference])
+@pytest.mark.parametrize("measure", [learnability, resistance])
 @pytest.mark.parametrize(
     ("overlap", "environments", "message"),
     [

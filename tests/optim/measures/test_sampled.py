@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from optim.measures import interference, learnability
+from optim.measures import learnability, resistance
 from optim.measures.sampled import Share, sampled_metrics
 
 
@@ -13,7 +13,7 @@ def test_they_are_those_of_a_sweep():
     overlap = solved.sum(axis=1).reshape(11, 11)
     found = sampled_metrics(solved)
     assert found.learnability.value == learnability(overlap)
-    assert found.resistance.value == interference(overlap)
+    assert found.resistance.value == resistance(overlap)
     assert [each.count for each in found.each] == solved.sum(axis=0).tolist()
 
 

@@ -185,7 +185,7 @@ def test_correlations_are_those_of_runs_and_of_means():
     settings = Sweep(weights=10)
     swept = SweepTable(np.arange(1, 6), np.array([0, 5, 10, 20, 40]), np.array([0, 50, 20, 80, 50]), settings)
     assert swept.learnability.tolist() == [0, 0.05, 0.1, 0.2, 0.4]
-    assert swept.interference.tolist() == [0, 0.1, 0.5, 0.25, 0.8]
+    assert swept.resistance.tolist() == [0, 0.1, 0.5, 0.25, 0.8]
     evaluations = np.array([[[500, 500], [300, 100], [90, 110], [10, 70], [5, 7]]])
     table = TrainingTable(("nes",), swept.designs, evaluations, evaluations < 500)
     found = {(c.metric, c.over): c.found for c in metric_correlations(table, swept)}
@@ -246,7 +246,7 @@ def test_the_compressed_table_of_the_published_sweep_can_be_read(tmp_path):
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress(b"design,all,any\n162,1517,2338\n6553,26,1830\n"))
     table = read_sweep_table(tmp_path / "a.csv.gz")
     assert table.learnability == pytest.approx([0.1036, 0.0018], abs=5e-5)
-    assert table.interference == pytest.approx([0.6488, 0.0142], abs=5e-5)
+    assert table.resistance == pytest.approx([0.6488, 0.0142], abs=5e-5)
     for wrong in (b"design,all,any\n2,1,2\n1,1,2\n", b"design,all,any\n2,3,2\n", b"design,all\n2,1\n"):
         (tmp_path / "b.csv.gz").write_bytes(gzip.compress(wrong))
         with pytest.raises(ValueError, match=r"b\.csv\.gz: is not the table of a sweep"):

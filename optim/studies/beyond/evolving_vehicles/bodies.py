@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.body_metrics import Environments, Measuring, Tries, controllers_of
-from optim.measures.overlap import interference, learnability
+from optim.measures.overlap import learnability, resistance
 from optim.measures.sampled import SampledMetrics, sampled_metrics
 from optim.problems.robot import RobotProblem
 from optim.space import Space, Variable
@@ -61,7 +61,7 @@ def tried(body: Floats, controllers: int, seed: int) -> tuple[SampledMetrics, fl
 def exact(body: Floats, weights: int) -> tuple[float, float]:
     """M_L and M_CI of a body over a grid of so many values of each weight; 121 are the published ones."""
     overlap = sweep([body_of(body)], weights, threads=1)[0]
-    return float(learnability(overlap)), float(interference(overlap))
+    return float(learnability(overlap)), float(resistance(overlap))
 
 
 def _left(outcome: Any) -> Floats:
