@@ -1,1 +1,1 @@
-"""The equations of the lattice, each written once: link, contact, floor, fluid, enclosure, integration."""
+"""The equations of the lattice, each written once: link, contact, floor, fluid, enclosure, motion, group."""
