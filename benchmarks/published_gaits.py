@@ -83,10 +83,11 @@ def table(rows: list[tuple[str, list]], distances: np.ndarray, precision: str, s
         f"- within that tolerance: {np.mean(error <= 1):.0%}; diverged copies: {np.isnan(distances).sum()}",
         f"- copy 0 alone: median {single_median:.2f}, Spearman {single_rank:.4f}",
         "",
-        "The last column is the error over its tolerance. Where the copies spread far, contact decides between two",
-        "outcomes, and the published run is one draw of them.",
+        "Median, lowest and highest are of the copies. Where these spread far, contact decides between two outcomes,",
+        "and the published run is one draw of them.",
         "",
-        "| family | climber | generation | pressure [Pa] | published [m] | median [m] | copies [m] | error |",
+        "| family | climber | generation | pressure [Pa] | published [m] | median [m] | lowest, highest [m] "
+        "| error / tolerance |",
         "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for (family, row), ours, each, ratio in zip(rows, simulated, distances, error, strict=True):
