@@ -112,8 +112,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command.
 
     Returns:
-        The exit code: 0; 2 for bad input; 1 for work that failed; 70 for what nobody foresaw; 130 when interrupted;
-        143 when asked to end; 141 when nobody reads the output any more.
+        The exit code: 0; 2 for bad input; 1 for work that failed; 70 for what nobody foresaw; 129 when the terminal was
+        closed; 130 when interrupted; 143 when asked to end; 141 when nobody reads the output any more.
     """
     _open_streams()
     try:
