@@ -92,9 +92,23 @@ def test_what_documents_set_is_a_setting_of_some_method(name):
     assert set(re.findall(r"`--set (\w+)=", (ROOT / name).read_text())) <= settings | {"NAME"}
 
 
-def test_every_target_of_make_exists():
+def targets_of_make(text: str) -> set[str]:
+    """Targets that a document names: in code, and in a list after the first, as in "`make demo`, `test`"."""
+    found = [line.split()[1] for _, code in FENCE.findall(text) for line in code.splitlines() if line[:5] == "make "]
+    for first, others in re.findall(r"`make ([a-z-]+)[^`]*`((?:, `[a-z-]+`)*)", FENCE.sub("", text)):
+        found += [first, *re.findall(r"[a-z-]+", others)]
+    return set(found)
+
+
+def test_targets_of_make_are_found_whole_and_in_lists():
+    text = "`make test-it DEVICE=a`, or `make demo`, `fuzz-all`, `make a`; we\nmake do\n```sh\nmake site  # all\n```"
+    assert targets_of_make(text) == {"test-it", "demo", "fuzz-all", "a", "site"}
+
+
+@pytest.mark.parametrize("name", [*DOCUMENTS, "CONTRIBUTING.md", "SECURITY.md"])
+def test_every_target_of_make_exists(name):
     makefile = (ROOT / "Makefile").read_text()
-    for target in set(re.findall(r"(?:`|^)make ([a-z]+)", README, re.MULTILINE)):
+    for target in targets_of_make((ROOT / name).read_text()):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
 
 
