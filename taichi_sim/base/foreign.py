@@ -7,8 +7,11 @@ from collections.abc import Iterator
 from importlib import metadata
 from types import FrameType
 
-# What loaders, compilers and C++ say where memory ends.
-NO_MEMORY = ("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory")
+# What loaders, compilers and C++ say where memory ends; the last is of a thread whose stack finds no place.
+NO_MEMORY = (
+    *("memory allocation", "failed to map segment", "bad_alloc", "ut of memory", "annot allocate memory"),
+    "Resource temporarily unavailable",
+)
 BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault they are
 GROUPS = "morpholab."  # how the names of all groups of entry points begin
 

@@ -13,6 +13,7 @@ from taichi_sim.base import foreign
     [
         MemoryError("no room"),
         OSError(errno.ENOMEM, "Cannot allocate memory"),
+        RuntimeError("Resource temporarily unavailable"),
         ImportError("lib.so: failed to map segment from shared object"),
         RuntimeError("std::bad_alloc"),
     ],
