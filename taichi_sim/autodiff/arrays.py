@@ -84,7 +84,7 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """As of any array; so are the others."""
+        """The value's shape."""
         return self.value.shape
 
     @property
@@ -274,7 +274,7 @@ def _where(condition: Any, x: Any, y: Any) -> Any:
 
 
 def _cross(a: Any, b: Any) -> Any:
-    """Of vectors along the last axis."""
+    """Cross product of vectors along the last axis."""
     u, v = plain(a), plain(b)
     return _derived(np.cross(u, v), (a, lambda g: np.cross(v, g)), (b, lambda g: np.cross(g, u)))
 

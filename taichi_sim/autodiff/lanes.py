@@ -187,7 +187,7 @@ def load_all(memory: Any, k: Any, slots: Sequence[Any]) -> tuple[Any, ...]:
 
 @primitive
 def select_all(condition: Any, x: Sequence[Any], y: Sequence[Any]) -> tuple[Any, ...]:
-    """Of each of several reals x where the condition holds, else y."""
+    """For each of several reals, x where the condition holds, else y."""
     mask = emit(condition)
     return tuple(select(mask, a, b) for a, b in zip(x, y, strict=True))
 

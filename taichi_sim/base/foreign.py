@@ -79,7 +79,7 @@ def blamed_package() -> Iterator[None]:
 
 
 def blame_package(error: BaseException) -> str:
-    """In which file and line of a package that adds to morpholab an exception was raised; empty if in none."""
+    """File and line of a package that adds to morpholab in which an exception was raised; empty if in none."""
     if lacks_memory(error) or blame(error):
         return ""
     entries = (entry for package in metadata.distributions() for entry in package.entry_points)
@@ -100,7 +100,7 @@ def _told(error: BaseException, file: str, line: int | None) -> str:
 
 
 def blame(error: BaseException) -> str:
-    """In which file and line of a user's an exception was raised, and what it says; empty if it is not a user's."""
+    """File and line of a user's code in which an exception was raised, and what it says; empty if in none."""
     notes = getattr(error, "__notes__", [])
     return next((note.removeprefix(BLAMED) for note in notes if note.startswith(BLAMED)), "")
 

@@ -103,7 +103,7 @@ def _passes(check: Callable[..., object], value: object) -> bool:
 
 
 def _is_number(value: object) -> bool:
-    """Whether it is finite as a float; JSON writes 1.0 as 1."""
+    """Whether a value is finite as a float; JSON writes 1.0 as 1."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) < 2**1023 and math.isfinite(value)

@@ -201,7 +201,7 @@ def _nodes(name: str, values: Any) -> np.ndarray:
 
 
 def _sides(nodes: np.ndarray) -> list[np.ndarray]:
-    """Of every cell the value at its first corner, and what it grows by along its lower, right, upper and left side."""
+    """For every cell the value at its first corner, and its growth along the lower, right, upper and left side."""
     a, b, c, d = nodes[:-1, :-1], nodes[1:, :-1], nodes[:-1, 1:], nodes[1:, 1:]
     return [a, b - a, d - b, d - c, c - a]
 

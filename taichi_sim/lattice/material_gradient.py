@@ -1,4 +1,4 @@
-"""From the cotangents of a body's tables of constants to those of the numbers of its materials."""
+"""Cotangents of the numbers of a body's materials, from those of its tables of constants."""
 
 from collections.abc import Sequence
 from dataclasses import fields

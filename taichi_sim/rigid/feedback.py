@@ -70,7 +70,7 @@ class Rolled:
         return np.zeros((0, len(self.part.robots))) if self.frames is None else self._of_robots(self.frames.read())
 
     def back(self, cotangents: Floats) -> Floats:
-        """Cotangents of all slots of the whole batch before those steps, those of these robots."""
+        """Carry the batch's cotangents back over the recorded steps; return those of these robots."""
         assert self.tape is not None
         return self.part.go_back(self.tape, cotangents[:, self.part.robots])
 

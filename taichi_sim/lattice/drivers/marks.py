@@ -188,7 +188,7 @@ def next_value(ms: ti.template(), slot, lane):
 
 @ti.func
 def meet_events_back(u: ti.template(), block, lane, step, slots, t: ti.template(), marks: ti.template()):
-    """On the way back: a robot whose run ends here begins; events take their cotangents, recordings give theirs.
+    """Meet a step's marks on the way back: a run that ends here begins, events take cotangents, recordings give theirs.
 
     ``u`` holds scalars; its records are those before and after this step. Returns the step before this one at which
     the robot has something to do again.

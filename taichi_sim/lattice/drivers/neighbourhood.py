@@ -31,7 +31,7 @@ class Extremes:
     """
 
     def __init__(self, channels: np.ndarray, program: PackedProgram) -> None:
-        """Those of a program, with channels as they are at its beginning, shape (B, 25 G, 4)."""
+        """Find the extremes over a program, with channels as they are at its beginning, shape (B, 25 G, 4)."""
         batch, groups = len(channels), channels.shape[1] // QUANTITY_COUNT
         start = channels.reshape(batch, groups, QUANTITY_COUNT, -1)[:, :, SIZES].astype(float)
         self.least = start[..., BASE] + start[..., RATE] * start[..., AGE]

@@ -29,7 +29,9 @@ BY_LANE = -1  # instead of a mask: every lane has a group of its own, and the so
 
 
 class Lanes(NamedTuple):
-    """Where lanes find what they need, the same for all robots; see ``packs``. A place is a slot of a scalar.
+    """Index tables that tell each lane where its neighbours' and groups' numbers lie, the same for all robots.
+
+    See ``packs``. A place is a slot of a scalar.
 
     Attributes:
         width: lanes of a pack.
@@ -80,7 +82,7 @@ def lane_types(real: Real) -> Lanes:
 
 
 class Robot(NamedTuple):
-    """One robot in a kernel: its number, first slots in both memories, these, what stages get, and who may touch whom.
+    """What a kernel knows of the robot that it steps: its number, offsets in the memories, tables, contact lists.
 
     Attributes:
         i, k, h: number; first slot in the vector memory, and in that of groups.
@@ -172,7 +174,7 @@ def plus_all(
     l,
     p: ti.template(),
 ):
-    """Some components of what lies in a section, ``slots`` a pack, of the voxels at the "+" ends of a link pack.
+    """Load components of a section, ``slots`` a pack, for the voxels at the "+" ends of a link pack.
 
     ``own`` are those of the voxels at the "-" ends.
     """
@@ -206,7 +208,7 @@ def minus_all(
     t: ti.template(),
     p: ti.template(),
 ):
-    """Some components of what lies in a section, ``slots`` a link pack, of the links on a pack's "-" sides; or zero."""
+    """Load components of a section, ``slots`` a link pack, for the links on a pack's "-" sides; zero where none is."""
     w = ti.static(p.width)
     found = ti.static(variables([zero for _ in components]))
     how = p.packs[v * PACK_ROW + 2 * axis + KIND]

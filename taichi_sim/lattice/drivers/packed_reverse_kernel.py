@@ -277,7 +277,7 @@ def undo_step(b: ti.template(), n, log: ti.template()):
 
 @ti.func
 def meet_back(b: ti.template(), step, marks: ti.template()):
-    """On the way back: a robot whose run ends here begins; events take their cotangents, recordings give theirs.
+    """Meet a step's marks on the way back: a run that ends here begins, events take cotangents, recordings give theirs.
 
     ``u`` and ``ug`` hold scalars. Returns the step before this one at which the robot has something to do again.
     """

@@ -108,7 +108,7 @@ class PackedTables:
         return (group // width * slots + slot) * width + group % width
 
     def _any(self, of_voxels: np.ndarray) -> np.ndarray:
-        """Whether it holds for any voxel of a pack, shape (P,)."""
+        """Whether a mask of voxels holds for any voxel of each pack, shape (P,)."""
         found: np.ndarray = (of_voxels[self.packs.voxel] & (self.packs.voxel >= 0)).any(axis=1)
         return found
 

@@ -128,7 +128,7 @@ class Cells:
     starts: np.ndarray
 
     def fullest(self, left: np.ndarray, least: int) -> list[np.ndarray]:
-        """Of the voxels that are left, shape (V,), those in cells that hold at least so many of them, cell by cell.
+        """The voxels of those that are left, shape (V,), in cells that hold at least so many of them, cell by cell.
 
         Cells are those of the row whose cells hold most voxels, the first of several; without any such cell, nothing.
         """

@@ -228,11 +228,11 @@ class SteppedDriver(Driver):
         return on_device
 
     def blank(self, shape: tuple[int, ...], dtype: Any) -> Any:
-        """An array of zeros where the kernels run; none of them travel there."""
+        """Allocate zeros where the kernels run; nothing is copied there."""
         return np.zeros(shape, dtype) if self._on_cpu else device_array(self._type(dtype), shape)
 
     def blank_memory(self, slots: int) -> Any:
-        """A memory of zeros where the kernels run; none of them travel there."""
+        """Allocate a memory of zeros where the kernels run; nothing is copied there."""
         return self.blank((self.blocks * slots, self.robot.shape[1]), self.real.numpy)
 
     def _type(self, dtype: Any) -> Any:

@@ -46,7 +46,7 @@ class Surface:
 
     @property
     def volume(self) -> float:
-        """What it encloses."""
+        """Volume that the surface encloses, in its unit cubed."""
         a, b, c = np.moveaxis(self.vertices[self.faces] - self.vertices.mean(axis=0), 1, 0)
         return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 

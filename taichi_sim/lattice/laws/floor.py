@@ -12,7 +12,7 @@ def penetration(mean_size, edge, z):
 
 @law
 def floor_force(fz, vz, depth, stiffness, contact_damping):
-    """Vertical force [N] with that of the floor where a voxel touches it, and the floor's normal force undamped."""
+    """Add the floor's damped normal force to a vertical force [N]; also return the undamped one."""
     normal = stiffness * depth
     return fz + select(depth >= 0.0, normal - contact_damping * vz, 0.0), normal
 

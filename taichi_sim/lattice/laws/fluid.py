@@ -64,7 +64,7 @@ def water_force(
 
 @law
 def slowed_step(z, inverse_mass, size_x, size_y, size_z, mean_size, displaced, edge, level, carried, time_step):
-    """Time step for which forces change a voxel's momentum, as water is to be moved with it: dt m / (m + m_added).
+    """Effective time step of a voxel's momentum in water that moves along with it, dt m / (m + m_added).
 
     ``carried`` is the mass that is carried along per displaced volume [kg/m^3].
     """
@@ -115,7 +115,7 @@ def displaced_volumes(voxels: np.ndarray) -> np.ndarray:
 
 
 def _around(voxels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """In a box around a body: empty parts by number, 0 where it is; what a fluid reaches; places of voxels, (V, 3)."""
+    """A box around a body: empty parts by number, 0 for the body; cells a fluid reaches; places of voxels, (V, 3)."""
     low, high = voxels.min(axis=0) - 1, voxels.max(axis=0) + 1
     shape = high - low + 1
     if np.prod(shape.astype(float)) > MOST_CELLS:

@@ -108,7 +108,7 @@ def end_forces(edge, stiff, minus, plus, pull, twist, turning, hx, strains, halv
 
 @law
 def shear_and_bending(edge, dy, dz, t1y, t1z, t2y, t2z, bent: ti.template()):
-    """Strains of a beam weighted as in its forces, in its moments at the "-" end, and at the "+" end: y, z of each."""
+    """Strains as the shear force and the moments at the "-" and "+" ends weight them before stiffness, y and z each."""
     arm = 0.5 * edge
     lever = (1 / 6) * edge * edge
     ty = t2y

@@ -63,7 +63,7 @@ def evaluate_channel(m: ti.template(), k, i, t: ti.template()):
 
 @ti.func
 def derive(m: ti.template(), k, t: ti.template()):
-    """What follows from the values of all channels."""
+    """Compute all that follows from the values of all channels."""
     for g in range(t.plan[memory.GROUPS]):
         derive_group(m, k, g, t)
     for i in range(t.plan[memory.RESTS]):

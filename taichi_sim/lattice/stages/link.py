@@ -107,7 +107,7 @@ def end_slots(first, axes: ti.template()):
 
 @ti.func
 def is_straight(before, x, y, z, rest):
-    """In which lanes a link is and was in the small-angle regime."""
+    """Mask of the lanes whose link is and was in the small-angle regime."""
     return laws.stays_small(x, y, z, rest) & (before == laws.SMALL)
 
 

@@ -209,7 +209,7 @@ def touch(
     g: ti.template(),
     t: ti.template(),
 ):
-    """Momentum p after a step under force F in axes of the ground, with it, and whether the voxel sticks there.
+    """Momentum after a step in contact with the ground, in the ground's axes, and whether the voxel sticks to it.
 
     ``plane`` is the factor of both coefficients of friction, and the normal.
     """
