@@ -87,11 +87,11 @@ class Robot(Abilities, ShortText):
 
     @property
     def footprint(self) -> tuple[float, float] | None:
-        """Where it begins and ends along its heading as it starts, from its origin [m]; None if unknown."""
+        """Rear and front along the heading at the start, from the robot's origin [m]; None if unknown."""
         return None
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """What it is judged by in all of some worlds; the same everywhere by default."""
+        """The measures by which it is judged in all of some worlds; the same everywhere by default."""
         return self.measures
 
     def run_in(
@@ -170,7 +170,7 @@ class Robot(Abilities, ShortText):
         return world
 
     def perturbed(self, drawn: "Perturbation") -> Self:
-        """This robot with what a draw says of itself, such as the levels of its actuators; the world is another's."""
+        """This robot with the part of a draw that concerns it, such as levels of its actuators, and not its world."""
         return self
 
     def differentiate(
@@ -261,7 +261,7 @@ class Robot(Abilities, ShortText):
         write_record(path, DESIGN_FORMAT, record)
 
     def describe(self) -> dict[str, Any]:
-        """Everything that results depend on, as values that fit JSON; the fields of a dataclass."""
+        """All that results depend on, as JSON values: the fields of a dataclass."""
         return dataclasses.asdict(self) if dataclasses.is_dataclass(self) and not isinstance(self, type) else {}
 
     @property
@@ -357,7 +357,7 @@ class FixedRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float] | None:
-        """That of the robot."""
+        """Rear and front of the robot along its heading [m]."""
         return self.robot.footprint
 
     @property

@@ -84,7 +84,7 @@ class Ground:
 
     @property
     def _parts(self) -> list[str]:
-        """What the text names, one by one."""
+        """The parts of the text, one by one: the ground, then what is on it."""
         return _parts_of(self.text)
 
     @property
@@ -201,7 +201,7 @@ class Ground:
 
     @property
     def spoken(self) -> str:
-        """Such as ``"smooth random hills of sand (rough:0.01+sand:2e5)"``."""
+        """The ground in words, such as ``"smooth random hills of sand (rough:0.01+sand:2e5)"``."""
         named, _ = self._checked()
         told = "ground of a file" if named is None else named.told
         sand = " of sand" if self.yield_per_depth else ""
@@ -308,7 +308,7 @@ def level(edge: float) -> "Relief":
 
 
 def _spacing(edge: float) -> float:
-    """Of nodes, for voxels of an edge [m]."""
+    """Distance between nodes of the ground [m], for voxels of an edge [m]."""
     return max(edge / 2, (BEHIND + AHEAD) / MOST_NODES_ALONG)
 
 

@@ -25,7 +25,7 @@ Choices = Mapping[str, tuple[float, float] | list[Any]]
 
 
 def choices(**given: tuple[float, float] | list[Any]) -> Choices:
-    """What is worth moving of a robot: pairs, lowest and highest, and lists by name."""
+    """Values of a robot that are worth trying, by name: pairs of lowest and highest, or lists."""
     return MappingProxyType(given)
 
 
@@ -82,7 +82,7 @@ class RobotKind(ABC):
         return self.build(None, description)
 
     def options_for(self, command: str) -> list[Option]:
-        """Those of ``options`` that a command has."""
+        """The ones of ``options`` that a command has."""
         return [option for option in self.options if not option.commands or command in option.commands]
 
     @property

@@ -45,7 +45,7 @@ class Measure:
 
     @property
     def spoken(self) -> str:
-        """What it means, for people."""
+        """Its name for people."""
         return self.title or self.name.replace("_", " ")
 
     def value(self, number: float) -> str:

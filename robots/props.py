@@ -61,7 +61,7 @@ class Prop:
 
     @property
     def name(self) -> str:
-        """As :meth:`parse` reads it, such as ``"ball:0.04,0.12,0.0"``."""
+        """Its text as :meth:`parse` reads it, such as ``"ball:0.04,0.12,0.0"``."""
         numbers = [*self.size, self.x, self.y]
         if self.z is not None or self.density != DENSITY:
             numbers += [math.nan if self.z is None else self.z]

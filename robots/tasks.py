@@ -62,7 +62,7 @@ class Success:
 
     @property
     def text(self) -> str:
-        """As it is written."""
+        """The condition as it is written."""
         return f"{self.measure} {self.sign} {shortest(self.bound)}"
 
     def kept(self, outcome: Outcome) -> Bools:

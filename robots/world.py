@@ -150,7 +150,7 @@ class Terrain:
 
     @property
     def name(self) -> str:
-        """Such as ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"flat+light:0.5,0.1"``, as :meth:`parse` reads it.
+        """Its name as :meth:`parse` reads it: ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"flat+light:0.5,0.1"``.
 
         Coefficients are not part of it.
         """
@@ -161,7 +161,7 @@ class Terrain:
 
     @property
     def friction(self) -> str:
-        """What replaces the robot's own friction, such as ``"friction 0.56,0.7 (wood)"``; empty if nothing does."""
+        """The friction that replaces the robot's own, such as ``"friction 0.56,0.7 (wood)"``; empty if none does."""
         feet = self.low_friction, self.high_friction
         floor = next((f" ({name})" for name, pair in FLOORS.items() if pair == feet), "")
         given = [f"{value:g}" for value in feet if value is not None]
@@ -178,7 +178,7 @@ class Terrain:
 
     @property
     def spoken(self) -> str:
-        """After the name of a robot: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"`` or ``"in water"``."""
+        """The terrain after a robot's name: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"``, ..."""
         light = "to a light at ({:g}, {:g}) m".format(*self.light) if self.light else ""
         props = f"with {' and '.join(f'a {prop.kind}' for prop in self.props)}" if self.props else ""
         if self.is_fluid:
@@ -301,7 +301,7 @@ class Environment(World):
 
     @property
     def spoken(self) -> str:
-        """Such as ``environment 1``."""
+        """The environment in words, such as ``environment 1``."""
         return f"environment {self.number}"
 
     @classmethod

@@ -71,7 +71,7 @@ class DriveReflexes(Answering):
 
 @dataclass(frozen=True)
 class Sensed:
-    """What there is to feel of a robot.
+    """What the senses of a robot may read: its touch sensors, hinges, light sensor and drives.
 
     Attributes:
         touch: bodies with touch sensors.
@@ -88,7 +88,7 @@ class Sensed:
     length: float
 
     def network(self, reflexes: DriveReflexes) -> LayeredNetwork:
-        """What answers.
+        """The network that answers for some reflexes.
 
         Raises:
             ValueError: for senses without sensors, and weights that are not as many.

@@ -211,7 +211,7 @@ class ArticulatedRobot(Robot):
         return tuple(found)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as values that fit JSON; :func:`robot_of_record` gives it back."""
+        """All that results depend on, as JSON values; :func:`robot_of_record` gives it back."""
         found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         light = None if self.light is None else list(self.light)
         friction = "inf" if self.friction == math.inf else self.friction
@@ -266,7 +266,7 @@ class ArticulatedRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """From the rear to the front of what may touch the ground."""
+        """Rear and front of what may touch the ground, along the heading [m]."""
         centres, radii = self.model.tree.balls()
         along = centres @ self.direction
         return float((along - radii).min()), float((along + radii).max())

@@ -133,7 +133,7 @@ def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, comp
 
 
 def _engine(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:
-    """What moves a robot in a world, and how it stands there at the start; None where it is on the level floor."""
+    """The engine that moves a robot in a world, and its state at the start; None on the level floor."""
     relief, physics = relief_under(robot, world), tilted(robot, world)
     engine = RigidEngine(robot.model.tree, physics, robot.senses, robot.network, ground=relief, **compute.options)
     return engine, None if relief is None else engine.standing()
@@ -185,7 +185,7 @@ def _length(robot: "ArticulatedRobot") -> float:
 
 
 def sensed_of(robot: "ArticulatedRobot") -> Sensed:
-    """What there is to feel of a robot."""
+    """What the senses of a robot may read."""
     touch, hinges = len(robot.senses.touch), len(robot.model.tree.hinges)
     return Sensed(touch, hinges, robot.light is not None, len(robot.drives), _length(robot))
 
@@ -213,7 +213,7 @@ def _slopes(robot: "ArticulatedRobot", points: Floats, of_commands: Floats, loop
 
 
 def _driven(robot: "ArticulatedRobot", points: Floats) -> dict[str, Any]:
-    """What drives the robot at some points, as arguments of the engine."""
+    """Arguments of the engine that say how the robot is driven at some points."""
     light = {} if robot.light is None else {"lights": np.array([robot.light])}
     if robot.controller == "network":
         return {"weights": points.reshape(len(points), robot.senses.count, len(robot.drives)), **light}

@@ -166,7 +166,7 @@ class VehicleRobot(Robot):
 
     @property
     def steps(self) -> int:
-        """None that may be left out: motions end at the light, and are thinned afterwards."""
+        """0, so that all steps are recorded: motions end at the light, and are thinned afterwards."""
         return 0
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
@@ -188,7 +188,7 @@ class VehicleRobot(Robot):
         write_record(path, FORMAT, record)
 
     def describe(self) -> dict[str, Any]:
-        """Body, controller and task."""
+        """All that results depend on, as JSON values: body, controller and task."""
         fields = ("starts", "lights", "radius", "time_step", "steps")
         task = {name: np.asarray(getattr(self.task, name)).tolist() for name in fields}
         body = None if self.body is None else [list(site) for site in self.body.sensors]

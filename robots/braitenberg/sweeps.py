@@ -69,7 +69,7 @@ def sweep(
     out: Path | str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Overlap:
-    """In how many environments each controller of a grid reaches the light, for every body.
+    """Number of environments in which each controller of a grid reaches the light, for every body.
 
     Args:
         bodies: with two sensors each.

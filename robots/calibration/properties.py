@@ -28,7 +28,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Properties:
-    """What a fit may change.
+    """Properties of the inflatable robot that a fit may change.
 
     Attributes:
         friction: Coulomb coefficient of skin and gripping feet on the ground, static and kinetic; bladders have a
@@ -48,7 +48,7 @@ class Properties:
 
     @classmethod
     def of(cls, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION) -> Self:
-        """Those of a robot as it is described."""
+        """The properties of a robot as it is described."""
         rate = actuation.inflation_rate / geometry.time_step
         return cls(actuation.high_friction, actuation.low_friction, geometry.youngs_modulus, rate)
 

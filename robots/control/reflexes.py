@@ -56,7 +56,7 @@ class Answering:
 
     @property
     def spoken(self) -> str:
-        """Such as ``"feels strain and clock, 8 hidden nodes"``."""
+        """The reflexes in words, such as ``"feels strain and clock, 8 hidden nodes"``."""
         *others, last = self.senses
         senses = f"{', '.join(others)} and {last}" if others else last
         hidden = f", {', '.join(map(str, self.hidden))} hidden nodes" if self.hidden else ""
@@ -70,7 +70,7 @@ class Answering:
         return LayeredNetwork(felt, outputs, self.hidden, self.gain)
 
     def oscillators_of(self, network: LayeredNetwork) -> Oscillators | None:
-        """Those that a network modulates; None where it answers itself."""
+        """The oscillators that a network modulates; None where it answers itself."""
         given = {} if self.coupling is None else {"coupling": self.coupling}
         return Oscillators(network, **given) if self.kind == "oscillators" else None
 

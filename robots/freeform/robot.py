@@ -136,11 +136,11 @@ class FreeformRobot(Robot):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """Those of lattice robots; speeds are in lengths of the grid."""
+        """The measures of lattice robots, with speeds in lengths of the grid."""
         return measures_of(self.target is not None)
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """Where there is a light, how far it remains; where there are props, what becomes of the first of them."""
+        """Its measures in all of some worlds: with lights the distance that remains, with props those of the first."""
         terrains = [terrain_of(world) for world in worlds]
         return measures_among(terrains, self.target is not None or all(each.light for each in terrains))
 
@@ -176,7 +176,7 @@ class FreeformRobot(Robot):
         return self._cycle(self._stable_step)
 
     def cycle_on(self, terrain: Terrain) -> Cycle:
-        """As :attr:`cycle`, on a terrain whose props may take shorter time steps.
+        """The :attr:`cycle` on a terrain, whose props may take shorter time steps.
 
         Raises:
             ValueError: for props too light or too heavy for their contact with the tissues.
@@ -198,21 +198,21 @@ class FreeformRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """From the rear to the front of its grid, whose first cells are about the origin."""
+        """Rear and front of its grid along the heading, whose first cells are about the origin [m]."""
         return -self.grid.voxel_size / 2, self.length - self.grid.voxel_size / 2
 
     @property
     def aim(self) -> Aim:
-        """What its motion is measured by."""
+        """How its motion is measured: heading, length, and target."""
         return Aim(0.0, self.length, self.target)
 
     @property
     def actuators(self) -> int:  # type: ignore[override]
-        """As many as cells: so many muscles it can have at most."""
+        """Number of muscles that it can have at most: its cells."""
         return self.grid.count
 
     def perturbed(self, drawn: Perturbation) -> "FreeformRobot":
-        """With the friction of its tissues, the amplitudes of its muscles and the period multiplied as drawn."""
+        """This robot with tissue friction, muscle amplitudes and period multiplied as drawn."""
         drive = self.actuation
         frequency = min(max(drive.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
         tissues = (dataclasses.replace(t, material=drawn.rubbed(t.material)) for t in self.palette.tissues)
@@ -291,7 +291,7 @@ class FreeformRobot(Robot):
         self.design(point).save((), path)
 
     def describe(self) -> dict[str, Any]:
-        """Everything that results depend on, fit for JSON."""
+        """All that results depend on, as JSON values."""
         palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
         own = {name: value for name, value in dataclasses.asdict(self).items() if name != "gains"}
         return {**own, "palette": palette}

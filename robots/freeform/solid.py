@@ -1,4 +1,4 @@
-"""From fields to a robot that can be built: whole cells, in one piece, of a palette, with few channels."""
+"""A robot that can be built from fields: whole cells, in one piece, of a palette, with few channels."""
 
 from dataclasses import dataclass
 
@@ -77,7 +77,7 @@ def solid_of(grid: Grid, palette: Palette, fields: Fields, row: int, feature: in
 
 
 def thick(there: Bools, feature: int) -> Bools:
-    """Those cells of a grid that lie in a cube of ``feature`` cells that all are there."""
+    """Mask of the cells that lie in some cube of ``feature`` cells a side that all are there."""
     if feature == 1:
         return there
     found: Bools = ndimage.binary_opening(there, np.ones((feature,) * 3))

@@ -71,7 +71,7 @@ class Calibration:
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """What one line of a rig is to do.
+    """A periodic course that one line of a rig is to play.
 
     Attributes:
         name: of the channel.
@@ -288,7 +288,7 @@ def _without_waits(rig: PneumaticRig) -> PneumaticRig:
 
 
 def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_slew: bool) -> Commands:
-    """What lines are told: to where the cycle begins, its pieces twice, vented.
+    """Commands to the lines of a rig: to where the cycle begins, its pieces twice, vented.
 
     Args:
         waves: of the channels.

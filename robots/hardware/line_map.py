@@ -1,4 +1,4 @@
-"""From what is simulated to pressures on the lines of a rig, and back.
+"""The map between what is simulated and pressures on the lines of a rig.
 
 A line has not the pressure that is simulated: the core of the physical robot is round at 50 kPa, the simulated one at
 12 kPa, and bladders and feet are simulated as on or off. Source: Powers 2021 dissertation, ch. 5, "Simulation
@@ -102,7 +102,10 @@ class LineMap:
         return core, np.clip(levels, 0.0, 1.0).T
 
     def told(self, pressures: ArrayLike) -> Self:
-        """This map without its ramp if no pressure of the core [Pa] lies on it, as earlier versions read it, too."""
+        """This map as the header of a table states it: without the ramp if no core pressure [Pa] lies on it.
+
+        Earlier versions, which know no ramp, read such a header, too.
+        """
         given = np.asarray(pressures, float)
         return self if ((given > 0) & (given < self.ramp_pa)).any() else replace(self, ramp_pa=0.0)
 

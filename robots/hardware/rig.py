@@ -127,7 +127,7 @@ class PneumaticRig:
 
     @property
     def channel_names(self) -> tuple[str, ...]:
-        """What its lines drive, in their order."""
+        """Names of what its lines drive, in their order."""
         return channel_names(self.cores)
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -36,7 +36,7 @@ STRETCHED = Response(**dict.fromkeys(CAUSES, False))  # the table's times alone
 
 
 def causes_of(rig: PneumaticRig) -> tuple[str, ...]:
-    """Those of ``CAUSES`` that a rig has; limits of rate every one."""
+    """The ``CAUSES`` of deviations that a rig has; limits of rate every one."""
     has = {
         "delay": any(channel.valve_delay_s for channel in rig.channels),
         "slew": True,

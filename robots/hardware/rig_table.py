@@ -80,7 +80,7 @@ class RigTable(ABC):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What the lines drive, in the order of their pressures."""
+        """Names of what the lines drive, in the order of their pressures."""
         return channel_names(self.pressures.shape[1] - ROWS)
 
     @property

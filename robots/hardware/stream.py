@@ -186,7 +186,7 @@ class Stream:
             yield Sample(last.number + step, last.time_s + step / rate, "vent", pressures)
 
     def extremes(self) -> list[tuple[str, float, float, float, float]]:
-        """Of every channel its name, lowest and highest pressure, and the rig's lowest and highest, in its units."""
+        """Each channel's name, lowest and highest pressure, and the rig's lowest and highest, in the table's units."""
         factor = KPA_PER_UNIT[self.table.units]
         low, high = self.table.pressures.min(axis=0), self.table.pressures.max(axis=0)
         return [

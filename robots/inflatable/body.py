@@ -157,7 +157,7 @@ class InflatableGeometry:
 
     @property
     def voxel_mass(self) -> float:
-        """[kg]"""
+        """Mass of a voxel [kg]."""
         return self.density * self.voxel_size**3
 
     @property
@@ -167,7 +167,7 @@ class InflatableGeometry:
 
     @property
     def time_step(self) -> float:
-        """dt [s]."""
+        """Time step of the simulation [s]."""
         return self.body.recommended_time_step / self.time_step_safety
 
     def relative_time_step(self, modulus: float) -> float:

@@ -77,12 +77,12 @@ class InflatableGradient:
 
     @property
     def inflation(self) -> Floats:
-        """By the levels of the bladders, shape (B, 8, T)."""
+        """Derivatives by the levels of the bladders, shape (B, 8, T)."""
         return self.levels[:, :BLADDERS]
 
     @property
     def grip(self) -> Floats:
-        """By the levels of the feet, shape (B, 2, T)."""
+        """Derivatives by the levels of the feet, shape (B, 2, T)."""
         return self.levels[:, BLADDERS:]
 
 

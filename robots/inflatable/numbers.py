@@ -43,7 +43,7 @@ class Numbers:
 
     @property
     def given(self) -> dict[str, Any]:
-        """Those that there are, by name."""
+        """The numbers that a design has, by name."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
 

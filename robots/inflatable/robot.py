@@ -116,13 +116,13 @@ class InflatableRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """From the rear to the front of the flat pouch, along its heading."""
+        """Rear and front of the flat pouch along its heading, from the robot's origin [m]."""
         from robots.lattice_robot.rollout import ahead, footprint_of
 
         return footprint_of(self.parts[0].body, ahead(self.gait.orientation))
 
     def changed(self, options: Mapping[str, Any]) -> "InflatableRobot":
-        """With another body, the properties of another rig, a part of the gait, or noise."""
+        """This robot with another body, properties of another rig, part of the gait, or noise, as options say."""
         from robots.calibration import load_calibration
 
         rig = load_calibration(options["calibration"]) if "calibration" in options else None
@@ -137,7 +137,7 @@ class InflatableRobot(Robot):
 
     @property
     def foot_friction(self) -> tuple[float, float]:  # type: ignore[override]
-        """Of feet that grip and that slide."""
+        """Friction coefficients of gripping and of sliding feet."""
         return self.parts[1].high_friction, self.parts[1].low_friction
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
@@ -145,7 +145,7 @@ class InflatableRobot(Robot):
         return self.run_in(points, (trial.world,), trial)[0]
 
     def perturbed(self, drawn: "Perturbation") -> "InflatableRobot":
-        """With bladders that play the gait as drawn."""
+        """This robot with bladders that play the gait as drawn."""
         return dataclasses.replace(self, drawn=drawn)
 
     def run_in(

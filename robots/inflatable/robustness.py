@@ -105,7 +105,7 @@ class GaitJudgement(NoisySpeeds):
 
     @property
     def least_hard_speed(self) -> float:
-        """What has to remain under the harder conditions [body lengths/s]."""
+        """The least speed that has to remain under the harder conditions [body lengths/s]."""
         return LEAST_HARD_SHARE * abs(self.speed) if self.level else LEAST_HARD_SPEED
 
     @property

@@ -37,13 +37,13 @@ class Conditions:
 
     @property
     def friction(self) -> tuple[float, float]:
-        """Of sliding and of gripping feet."""
+        """Friction coefficients of sliding and of gripping feet."""
         own = self.actuation.on(self.terrain)
         return own.low_friction, own.high_friction
 
 
 def on_floor(conditions: Conditions, floor: str) -> Conditions:
-    """On a floor on which friction was measured, with bladders that keep their weight."""
+    """The conditions on a floor on which friction was measured, with bladders that keep their weight."""
     low, high = FLOORS[floor]
     return replace(
         conditions,
@@ -54,7 +54,7 @@ def on_floor(conditions: Conditions, floor: str) -> Conditions:
 
 
 def with_friction(conditions: Conditions, part: float) -> Conditions:
-    """With a part of all coefficients of friction."""
+    """The conditions with all coefficients of friction multiplied by ``part``."""
     low, high = conditions.friction
     return replace(
         conditions,
@@ -64,7 +64,7 @@ def with_friction(conditions: Conditions, part: float) -> Conditions:
 
 
 def _with_feet(design: InflatableDesign, part: float | None) -> InflatableDesign:
-    """A design with a part of the friction that its feet have of their own, if any; None takes it away."""
+    """A design whose feet have ``part`` of their own friction, if they have any; None takes it away."""
     made = design.materials
     if made is None or made.friction is None:
         return design
@@ -75,7 +75,7 @@ def _with_feet(design: InflatableDesign, part: float | None) -> InflatableDesign
 
 
 def at_half_step(conditions: Conditions) -> Conditions:
-    """In steps half as long: twice as many of them, each with half the change."""
+    """The conditions with half the time step: twice as many steps, each with half the change."""
     drive, gait = conditions.actuation, conditions.design.schedule
     ramp = drive.ramp_steps
     slower = replace(

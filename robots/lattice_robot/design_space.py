@@ -86,7 +86,7 @@ class DesignSpace:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What is free; a phase that may be all of a cycle is an angle."""
+        """The free variables; a phase that may be all of a cycle is an angle."""
         phases = {name for drive in self.drives for name in drive.free if name.startswith(f"{drive.name}_phase")}
         return tuple(
             Parameter(
@@ -101,7 +101,7 @@ class DesignSpace:
         )
 
     def shares(self, points: Any) -> list[Any]:
-        """What of points, shape (N, P), is free of each drive."""
+        """The parts of points, shape (N, P), that belong to each drive."""
         ends = np.cumsum([len(drive.free) for drive in self.drives]).tolist()
         return [points[:, first:end] for first, end in zip([0, *ends], ends, strict=False)]
 

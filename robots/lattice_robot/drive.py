@@ -153,7 +153,7 @@ class Drive:
         return replace(self, **self._each(lambda value: next(numbers) if isinstance(value, Free) else value))
 
     def describe(self) -> dict[str, Any]:
-        """All of the drive, fit for JSON; a free value is a record of its fields."""
+        """All that results depend on, as JSON values; a free value is a record of its fields."""
         told = {"name": self.name, "regions": list(self.regions), "quantity": self.quantity, "axes": self.axes}
         if self.proportions:
             told["proportions"] = list(self.proportions)
@@ -161,7 +161,7 @@ class Drive:
         return told | {field: list(held) if isinstance(held, tuple) else held for field, held in values.items()}
 
     def _each(self, change: Callable[[Value], Any]) -> dict[str, Any]:
-        """What a function makes of each value, one after the other, by fields; without a mean that is not given."""
+        """Apply a function to each value, by fields; without a mean that is not given."""
         found: dict[str, Any] = {}
         for field in FIELDS:
             held = getattr(self, field)

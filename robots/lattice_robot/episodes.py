@@ -171,7 +171,7 @@ class Episodes:
 
     @property
     def velocity(self) -> Floats:
-        """Of the middle of each robot [m/s], shape (B, 3); 0 of one that diverged."""
+        """Velocity of the middle of each robot [m/s], shape (B, 3); 0 for one that diverged."""
         found: Floats = np.nan_to_num(self._rollout.engine.state().velocities[:, : self.own].mean(axis=1))
         return found
 

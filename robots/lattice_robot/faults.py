@@ -44,7 +44,7 @@ def settles_at_rest(robot: "LatticeRobot", points: Floats) -> Bools:
 
 
 def caution_of(robot: "LatticeRobot", point: ArrayLike) -> str:
-    """What misleads differences at a point, shape (P,): that nothing moves while it settles; else empty."""
+    """A warning where differences mislead at a point, shape (P,), as nothing moves while it settles; else empty."""
     if not settles_at_rest(robot, robot.points(point))[0]:
         return ""
     phases = [name for drive in robot.drives for name in drive.free if name.startswith(f"{drive.name}_phase")]

@@ -73,7 +73,7 @@ class Record:
         return cls(*(np.ascontiguousarray(each[:, :FRAMES_FROM]) for each in parts))
 
     def own(self, placed: Placed) -> "Record":
-        """That of the robot without props."""
+        """The record of the robot without props."""
         own = placed.own
         strains = self.strains[:, :, placed.own_links]
         strains = revalued(strains, np.ascontiguousarray(value_of(strains)))  # summed as in a batch of one
@@ -124,7 +124,7 @@ class Constants:
 
     @property
     def own(self) -> "Constants":
-        """Those of the robot without props."""
+        """The constants of the robot without props."""
         assert self.placed is not None
         own = self.placed.own
         parts = {"density": self.density, "modulus": self.modulus, "driven": self.driven, "raised": self.raised}

@@ -45,7 +45,7 @@ class Placed:
 
     @property
     def own(self) -> int:
-        """How many voxels are the robot's."""
+        """Number of the robot's voxels."""
         return self.robot.voxel_count
 
     @cached_property
@@ -55,17 +55,17 @@ class Placed:
         return found
 
     def of(self, group: int) -> Bools:
-        """Which voxels are those of a body, shape (V,)."""
+        """Mask of the voxels of one body, shape (V,)."""
         found: Bools = self.groups == group
         return found
 
     def own_part(self, positions: Any, orientations: Any, strains: Any) -> tuple[Any, Any, Any]:
-        """What of positions and orientations (B, V, ...) and strains (B, L) is the robot's."""
+        """The robot's part of positions and orientations (B, V, ...) and strains (B, L)."""
         own = np.ascontiguousarray(strains[:, self.own_links])  # summed as in a batch of one
         return positions[:, : self.own], orientations[:, : self.own], own
 
     def widened(self, positions: Floats, orientations: Floats, strains: Floats) -> tuple[Floats, Floats, Floats]:
-        """Derivatives by what is the robot's as those by all."""
+        """Derivatives by all bodies' voxels and links from those by the robot's: zero for props."""
         batch, count, links = len(positions), self.body.voxel_count, len(self.body.topology.links)
         every = np.zeros((batch, count, 3)), np.zeros((batch, count, 4)), np.zeros((batch, links))
         every[0][:, : self.own], every[1][:, : self.own], every[2][:, self.own_links] = positions, orientations, strains

@@ -85,7 +85,7 @@ class Reflexes(Answering):
         return self.network(regions).weight_count
 
     def least(self, nodes: Floats, shares: Floats) -> float:
-        """A bound of what answers leave of muscles, as far as they move each.
+        """Bound below the values that answers can bring muscles to.
 
         Args:
             nodes: values of their waves, shape (C, 16).

@@ -43,7 +43,7 @@ class Repertoire:
         return cls(replace(robot.fixed, drives=resting), swing[:, first])
 
     def actions(self, shares: Floats, node: int) -> Floats:
-        """By how much scales differ from rest at a node of the cycle, shape (B, R), for shares of gaits, (B, G)."""
+        """Deviations of the regions' scales from rest at a node, shape (B, R), for gaits mixed by shares, (B, G)."""
         return shares @ self.nodes[:, :, node]
 
 
@@ -86,6 +86,6 @@ def play(episodes: Episodes, repertoire: Repertoire, pilot: Pilot) -> Played:
 
 
 def _places(episodes: Episodes) -> Floats:
-    """Of the middle of each robot along its heading [m]."""
+    """Place of the middle of each robot along its heading [m], shape (B,)."""
     now: Floats = episodes.positions[:, : episodes.own].mean(axis=1) @ episodes.robot.direction
     return now

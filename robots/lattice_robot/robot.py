@@ -126,7 +126,7 @@ class LatticeRobot(OutOfTheLab):
 
     @cached_property
     def _space(self) -> DesignSpace:
-        """What is free, and what points say of it."""
+        """Its free values, and their places in points."""
         return DesignSpace(self.body, self.drives, self.moduli, self.reflexes, self.highest_moduli)
 
     @property
@@ -141,7 +141,7 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """What is free; a phase that may be all of a cycle is an angle."""
+        """The free variables; a phase that may be all of a cycle is an angle."""
         return self._space.parameters
 
     @property
@@ -187,11 +187,11 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """What it is judged by; a target, or a light that it feels, adds the distance that remains."""
+        """Its measures; with a target, or a light that it feels, also the distance that remains."""
         return measures_of(self.target is not None or self.feels_light, self.has_muscles)
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """Where there are props, what becomes of the first of them, too."""
+        """Its measures in all of some worlds; where there are props, those of the first of them, too."""
         terrains = [terrain_of(world) for world in worlds]
         targeted = self.target is not None or all(map(self.light_in, terrains))
         return measures_among(terrains, targeted, self.has_muscles)
@@ -204,7 +204,7 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def feels_light(self) -> bool:
-        """Whether it has that sense."""
+        """Whether its reflexes feel light."""
         return self.reflexes is not None and "light" in self.reflexes.senses
 
     @property
@@ -221,12 +221,12 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """From the rear to the front of its voxels."""
+        """Rear and front of its voxels along the heading [m]."""
         return footprint_of(self.body, self.direction)
 
     @property
     def aim(self) -> Aim:
-        """What its motion is measured by."""
+        """How its motion is measured: heading, length, target, and the robot among props."""
         return Aim(self.heading, self.length, self.target, self.placed)
 
     def starts(self, count: int, seeds: Ints | None = None) -> Floats | None:
@@ -254,11 +254,11 @@ class LatticeRobot(OutOfTheLab):
         return ("slope", "levels", "timing") if driven else ("friction", "slope", "levels", "timing")
 
     def perturbed(self, drawn: Perturbation) -> "LatticeRobot":
-        """With the friction of its materials, the amplitudes of its drives and the period multiplied as drawn."""
+        """This robot with material friction, drive amplitudes and period multiplied as drawn."""
         return perturbed_robot(self, drawn)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
-        """With the friction, the light and the props of a terrain, where it has any; a light is the target by default.
+        """This robot with a terrain's friction, light and props, where it has any; a light is the target by default.
 
         Raises:
             ValueError: if the terrain gives a friction for parts of the inflatable robot, or has no light to feel.
@@ -370,7 +370,7 @@ class LatticeRobot(OutOfTheLab):
         return self.filled(self.start) if self.free else self
 
     def describe(self) -> dict[str, Any]:
-        """All of the robot, with what is free of it, fit for JSON; ``robot_of_record`` gives it back to the bit."""
+        """All that results depend on, as JSON values; ``robot_of_record`` gives the robot back to the bit."""
         return {
             **{name: getattr(self, name) for name in SETTINGS},
             **{

@@ -40,7 +40,7 @@ def turned(place: tuple[float, float], heading: float) -> tuple[float, float]:
 
 
 def footprint_of(body: LatticeBody, direction: Floats) -> tuple[float, float]:
-    """From where to where a body reaches along a direction, shape (3,), as it starts [m]."""
+    """Rear and front of a body along a direction, shape (3,), at its start [m]."""
     along, half = body.start_positions @ direction, body.voxel_size / 2
     return float(along.min()) - half, float(along.max()) + half
 

@@ -45,7 +45,7 @@ class Scenes:
         return cls(every, tuple(terrains), lights, lights is not None and robots[0].target is None)
 
     def rows(self, which: Ints) -> "Scenes":
-        """Those of some of the robots."""
+        """The scenes of some of the robots."""
         lights = None if self.lights is None else self.lights[which]
         numbers = which.tolist()
         robots, terrains = (tuple(each[n] for n in numbers) for each in (self.robots, self.terrains))
@@ -83,7 +83,7 @@ def sharing(robots: "Sequence[LatticeRobot]", terrains: Sequence[Terrain]) -> li
 
 
 def _shared(robot: "LatticeRobot") -> Hashable:
-    """What the robots of a batch agree in, to be compared."""
+    """All that robots must have in common to share a batch, as a key to compare."""
     body = robot.body
     materials = tuple(replace(material, **_SMOOTH) for material in body.materials)  # type: ignore[arg-type]
     drives = tuple(replace(drive, gains=()) for drive in robot.drives)

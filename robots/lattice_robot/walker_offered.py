@@ -70,7 +70,7 @@ class WalkerRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """From the rear to the front of its lattice, whose first voxels are about the origin."""
+        """Rear and front of its lattice along the heading [m], whose first voxels are about the origin."""
         edge = WalkerTissue().voxel_size
         return -edge / 2, (self.shape[0] - 0.5) * edge
 
@@ -152,7 +152,7 @@ class WalkerRobot(Robot):
         walker.save_walker(self.bodies(point)[0], path)
 
     def describe(self) -> dict[str, Any]:
-        """Lattice, encoding and actuation."""
+        """All that results depend on, as JSON values: lattice, encoding and actuation."""
         return {"shape": list(self.shape), "encoding": self.encoding, "actuation": asdict(self.actuation)}
 
     def facts(self) -> Facts:

@@ -83,7 +83,7 @@ class OfferedQuadruped(LightSeeker):
         return quadruped_motion(self.body, outcome.result, [light_of(world).place], name=name)
 
     def describe(self) -> dict[str, Any]:
-        """Body, variant and length of a trial."""
+        """All that results depend on, as JSON values: body, variant and length of a trial."""
         return {**asdict(self.body), "variant": self.variant, "looks": self.looks}
 
     def facts(self) -> Facts:

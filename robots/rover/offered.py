@@ -42,7 +42,7 @@ class OfferedRover(LightSeeker):
 
     @property
     def name(self) -> str:
-        """With the number of its sensors in the published grid, if they have one."""
+        """Its name for people, with the number of its sensors in the published grid, if they have one."""
         number = self.body.vehicle.design
         return "rover" if number is None else f"rover {number}"
 
@@ -64,7 +64,7 @@ class OfferedRover(LightSeeker):
         return rover_motion(self.body, outcome.result, [light_of(world).place], name=name)
 
     def describe(self) -> dict[str, Any]:
-        """Body and length of a trial."""
+        """All that results depend on, as JSON values: body and length of a trial."""
         sensors = [x for site in self.body.sensors for x in site]
         return {**asdict(self.body), "sensors": sensors, "looks": self.looks}
 
