@@ -117,7 +117,7 @@ class Problem(Protocol):
         return ("",) * len(self.objective_names)
 
     def describe(self) -> dict[str, Any]:
-        """Everything that results depend on, as values that fit JSON and TOML; run folders keep it."""
+        """All that results depend on, as values that fit JSON and TOML; run folders keep it."""
         return {"kind": type(self).__name__}
 
     def evaluate(self, points: ArrayLike) -> Evaluation:

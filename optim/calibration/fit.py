@@ -29,7 +29,7 @@ _NEAR_BOUND = 0.01  # of the logarithm
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """What was found."""
+    """Properties that a fit has found, beside those before it, and how sure they are."""
 
     before: Properties  # properties that the search began with
     after: Properties  # those found

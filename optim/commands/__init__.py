@@ -28,7 +28,7 @@ def stopped_by(interrupt: KeyboardInterrupt) -> int:
 
 @dataclass(frozen=True)
 class Report:
-    """What a command has to say.
+    """The outcome of a command, for machines and people.
 
     Attributes:
         document: for machines, fits JSON.

@@ -192,7 +192,7 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
 
 
 def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: str) -> list[str]:
-    """What is told of the numbers of a design: those of no single world, then a line for each of several worlds.
+    """Lines about the numbers of a design: those of no single world, then a line for each of several worlds.
 
     Where there is one world, the score in it goes by the name of the world: what it is is told before.
     """
@@ -222,7 +222,7 @@ def _of_task(report: Report, given: str | None, problem: "Problem", last: "Gener
 
 
 def _interrupted(planned: Plan, folder: Path, code: int) -> Report:
-    """What is kept: the generation that was written last may not have been shown."""
+    """The report of an interrupted search: its last complete generation, which may not have been shown."""
     from optim.runs.history import read_history
 
     kept = read_history(folder).generations

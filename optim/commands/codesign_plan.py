@@ -75,7 +75,7 @@ SEARCH_OPTIONS = (
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be done.
+    """A search to be done, new or continued.
 
     Attributes:
         problem: what is designed.
@@ -121,7 +121,7 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
 
 
 def plan(args: argparse.Namespace) -> Plan:
-    """What the options, and the run in the folder if it continues, ask for.
+    """The search that the options, and the run in the folder if it continues, ask for.
 
     Raises:
         ValueError: if they do not fit.

@@ -166,7 +166,7 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
 
 
 def _rig_of(args: argparse.Namespace) -> "PneumaticRig":
-    """The rig that is asked for; else that of a table, whose pressures mean what they do there; else the usual one."""
+    """The rig that is asked for; else that of the table, if the source is one; else the usual one."""
     from robots.hardware import read_csv
     from robots.hardware.rig import PneumaticRig
     from robots.hardware.stream import rig_of_table

@@ -78,7 +78,7 @@ def compute(args: argparse.Namespace, precision: str) -> Compute:
 
 
 def given_compute(args: argparse.Namespace) -> dict[str, Any]:
-    """Those of precision, device and threads that were given."""
+    """The options of precision, device and threads that were given, by name."""
     return given((precision(""), DEVICE, THREADS), args)
 
 

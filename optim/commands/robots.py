@@ -32,7 +32,7 @@ OptionsOf = Callable[[RobotKind], Sequence[Option]]
 
 @dataclass(frozen=True)
 class Named:
-    """What a command line names.
+    """The robot that a command line names.
 
     Attributes:
         kind: of the robot.

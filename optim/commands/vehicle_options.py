@@ -16,7 +16,7 @@ SIMULATION = {"task and simulation": (*TASK, options.precision("f64", "f64"), op
 
 
 def task_settings(args: argparse.Namespace) -> dict[str, Any]:
-    """Those of radius, time step and steps that are given."""
+    """The settings of radius, time step and steps that were given, by name."""
     return options.given(TASK, args)
 
 

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _others(kind: RobotKind, worlds: Sequence[World]) -> str:
-    """What is told of the other worlds of a run, of which the first is shown."""
+    """A remark on the other worlds of a run, of which the first is shown; empty without any."""
     if len(worlds) < 2:
         return ""
     names = ", ".join(world.name for world in worlds[1:])

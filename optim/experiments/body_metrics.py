@@ -180,7 +180,7 @@ class Tries:
     compute: Compute
 
     def outcomes(self, points: Floats, progress: Progress = None) -> Any:
-        """What they do in each."""
+        """Outcomes of controllers in each environment."""
         trial = Trial(self.environments.worlds[0], self.compute, progress=progress)
         return self.robot.run_in(self.robot.points(points), self.environments.worlds, trial)
 

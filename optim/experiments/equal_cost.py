@@ -64,12 +64,12 @@ class Arm:
 
     @property
     def gradients(self) -> bool:
-        """Whether it asks for gradients."""
+        """Whether the method asks for gradients."""
         return METHODS[self.method].takes_gradients
 
 
 def of_kind(arms: Mapping[str, Arm], names: Iterable[str], gradients: bool) -> list[str]:
-    """Those of some arms that follow gradients, or do not."""
+    """Names of the arms that follow gradients, or of those that do not."""
     return [name for name in names if arms[name].gradients == gradients]
 
 

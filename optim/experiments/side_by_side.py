@@ -21,7 +21,7 @@ class Search(Protocol):
 
     @property
     def done(self) -> bool:
-        """Whether it takes no further turn."""
+        """Whether the search takes no further turn."""
 
     def ask(self) -> Request:
         """Points that the search wants evaluated next; asking changes nothing."""

@@ -25,7 +25,7 @@ class Settings:
         checks.check_fields(self)
 
     def describe(self) -> dict[str, Any]:
-        """Describe all that results depend on, for JSON."""
+        """All that results depend on, as JSON values."""
         return {name: value for name, value in asdict(self).items() if name not in WHERE}
 
     def lasting(self, *grows: str) -> dict[str, Any]:

@@ -100,7 +100,7 @@ def _play(legs: Sequence[Leg], trials: Trials, progress: Progress) -> Arrays:
 
 
 def _judged(ground: Terrain, design: InflatableDesign, way: str, found: Arrays, task: PipelineTask) -> Change:
-    """What the runs say of a way."""
+    """A way of changing shape, judged by its runs."""
     worst = {name: float(found[name].max()) for name in ("shape_error", "moved", "turned", "deepest")}
     judgement = TransitionJudgement(**worst, diverged=not found["ok"].all())
     ratio = float(found["next"].mean() / found["alone"].mean())

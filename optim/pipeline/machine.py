@@ -129,7 +129,7 @@ def weight_of(simulated: Mapping[str, Any]) -> str:
 
 
 def _check_state(state: Mapping[str, Any]) -> None:
-    """That a state can be replayed, from a table in the package."""
+    """Check that the table of a state lies in the package and that its values are allowed."""
     table = Path(state["table"])
     if table.is_absolute() or ".." in table.parts:
         raise ValueError(f"table: {state['table']!r} is not allowed; it must be in the package")

@@ -205,7 +205,7 @@ def _change(pair: tuple[str, str], change: Change | None) -> tuple[Text, ...]:
 
 
 def _crossings(package: Package) -> list[Html]:
-    """What a change of terrain mid-way does to the robot."""
+    """The section on robots that cross from one terrain to another."""
     rows = []
     for pair, crossing in package.crossings.items():
         robots = ("state machine", crossing.machine), (crossing.gait, crossing.single)
@@ -217,7 +217,7 @@ def _crossings(package: Package) -> list[Html]:
 
 
 def _playing(package: Package) -> list[Html]:
-    """What a controller does with the files."""
+    """The section on how a controller plays the files."""
     files = [(state.terrain.name, f"tables/{state.name}.csv") for state in package.states]
     files += [(" to ".join(pair), f"tables/{change_name(pair)}.csv") for pair, c in package.changes.items() if c]
     return [facts("Tables of line pressures", files), *map(paragraph, RULES), code("machine.json says the same")]

@@ -43,7 +43,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Trials:
-    """What simulates for a task, and keeps what comes of it."""
+    """Simulations of a task, whose results a folder keeps."""
 
     task: PipelineTask  # says which robot, how often and how precisely
     folder: ResultsFolder  # keeps what is simulated
@@ -56,7 +56,7 @@ class Trials:
         return {**self.task.robot, **noise, "threads": self.threads}
 
     def journey(self, legs: Sequence[Leg], progress: Progress, record_every: int | None = None) -> JourneyResult:
-        """What several noisy runs of some legs come to."""
+        """Several noisy runs of some legs, in one batch."""
         return simulate_journey(legs, **self.noisy, runs=self.task.runs, progress=progress, record_every=record_every)
 
     def shown(self, legs: Sequence[Leg], steps: int, progress: Progress) -> JourneyResult:

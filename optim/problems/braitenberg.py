@@ -70,14 +70,14 @@ class VehicleProblem(JudgedRobot):
 
     @property
     def objective_names(self) -> tuple[str, ...]:
-        """One, or one for each environment."""
+        """A name for the one objective, or one for each environment."""
         if self.objectives == "total":
             return ("total",)
         return tuple(f"environment_{world.name}" for world in self.tried_in)
 
     @property
     def objective_units(self) -> tuple[str, ...]:
-        """Metres."""
+        """The unit of all objectives: metres."""
         return ("m",) * len(self.objective_names)
 
     def split(self, points: ArrayLike) -> tuple[Floats, Floats]:
@@ -102,7 +102,7 @@ class VehicleProblem(JudgedRobot):
 
     @property
     def curves(self) -> Mapping[str, str]:
-        """In how many environments the best vehicle reaches the light."""
+        """Curves of a search: the number of environments in which the best vehicle reaches the light."""
         return {"solved": "environments solved"}
 
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
@@ -154,7 +154,7 @@ class VehicleProblem(JudgedRobot):
         return self.offered.batch(self.space.validate(np.atleast_2d(points)))
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on; :meth:`from_description` builds the problem again."""
+        """All that results depend on, as JSON values; :meth:`from_description` builds the problem again."""
         task = {
             "starts": self.task.starts.tolist(),
             "lights": self.task.lights.tolist(),

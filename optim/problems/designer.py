@@ -64,7 +64,7 @@ class Request:
     resume: bool = False
 
     def same(self, field_name: str, given: str | None, known: str) -> str:
-        """What a run that continues has.
+        """A setting of the run that continues, which may be given again but not changed.
 
         Raises:
             ValueError: if something else is given; it is refused before that fits nothing else.
@@ -74,7 +74,7 @@ class Request:
         return known
 
     def chosen(self, options: Sequence[str]) -> dict[str, Any]:
-        """Those of some options that were given."""
+        """The given ones among some options, by name."""
         return {name: self.given[name] for name in options if name in self.given}
 
 
@@ -259,7 +259,7 @@ def options_of(kind: RobotKind) -> tuple[Option, ...]:
 
 
 def _of_several(option: Option) -> str:
-    """What the help says of an option that names a world, where it may be repeated."""
+    """Help text of an option that names a world and may be repeated."""
     return f"{option.help.partition(' (default')[0]}; repeat it for several"
 
 

@@ -91,7 +91,7 @@ class FunctionProblem(PlainProblem):
         return Evaluation(evaluation.objectives, evaluation.status, evaluation.details, slopes)
 
     def describe(self) -> dict[str, Any]:
-        """Variables and objectives; the function itself is described by its name alone."""
+        """Variables and objectives, as JSON values; the function itself is described by its name alone."""
         return {
             "kind": "function",
             "name": getattr(self.function, "__qualname__", type(self.function).__name__),

@@ -73,7 +73,7 @@ class Goal:
 
     @property
     def factor(self) -> float:
-        """By which its scores are multiplied to be maximised."""
+        """Factor that turns a score into a value to maximise: the weight, negative if minimised."""
         return -self.weight if self.minimised else self.weight
 
     def weighted(self, name: str) -> str:
@@ -81,7 +81,7 @@ class Goal:
         return name if self.weight == 1 else f"{shortest(self.weight)}*{name}"
 
     def told(self, one: Objective) -> Objective:
-        """What searches call an objective with the weight and the sign of this goal."""
+        """The name by which searches call an objective with the weight and the sign of this goal."""
         return Objective(("minus " if self.minimised else "") + self.weighted(one.name), one.unit)
 
 
@@ -117,7 +117,7 @@ def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
 
 
 def goals_in(texts: Sequence[str]) -> list[str]:
-    """Those that are neither words nor limits."""
+    """The texts that are goals: neither limits nor words that say how worlds are combined."""
     return [text for text in texts if text not in WORDS and not is_bound(text)]
 
 
@@ -202,11 +202,11 @@ class Part:
 
     @cached_property
     def over(self) -> RobotObjective:
-        """What combines the worlds."""
+        """The objective that combines the worlds."""
         return self.scored if self.combines else OBJECTIVES[self.word]()
 
     def about(self, usual: Measure) -> Measure:
-        """The measure of its score."""
+        """The measure that the goal judges by: its own, or the usual one."""
         return self.measure or usual
 
     def objectives(self, usual: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
@@ -217,7 +217,7 @@ class Part:
         return tuple(map(self.goal.told, self.over.named(self.scored.objective(measure), worlds)))
 
     def values(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
-        """What is maximised, shape (N, K)."""
+        """Values to be maximised, shape (N, K)."""
         if self.combines:
             return self.goal.factor * self.scored.values(outcomes, self.about(usual))
         return self.over.combined(self.scores(outcomes, usual))
@@ -289,7 +289,7 @@ class Goals(RobotObjective):
         return tuple(dict.fromkeys(needed))
 
     def objectives(self, measure: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """Those of all goals in their order, or their sum; each name says ``where`` limits are kept."""
+        """The objectives of all goals in their order, or their sum; each name says ``where`` limits are kept."""
         each = tuple(one for part in self.parts for one in part.objectives(measure, worlds))
         if not self.summed:
             return tuple(Objective(one.name + self._where, one.unit) for one in each)
@@ -313,7 +313,7 @@ class Goals(RobotObjective):
         return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.terms], axis=0))
 
     def sum_of(self, each: Sequence[Objective]) -> Objective:
-        """What the sum of objectives is called, such as ``speed minus 0.1*energy where mass <= 0.1``."""
+        """Name and unit of the sum of objectives, such as ``speed minus 0.1*energy where mass <= 0.1``."""
         units = {one.unit for one in each}
         name = " plus ".join(one.name for one in each).replace(" plus minus ", " minus ")
         return Objective(name + self._where, units.pop() if len(units) == 1 else "")
@@ -325,12 +325,12 @@ class Goals(RobotObjective):
 
     @property
     def bounds(self) -> tuple[Success, ...]:
-        """Those of the limits."""
+        """Bounds of the limits."""
         return tuple(part.scored.bound for part in self.limits if isinstance(part.scored, Missing))
 
     @property
     def _where(self) -> str:
-        """What names of the limits say, after those of the goals."""
+        """The part of an objective's name that says which limits are kept, such as ``where mass <= 0.1``."""
         return f" where {' and '.join(bound.text for bound in self.bounds)}" if self.limits else ""
 
 

@@ -49,7 +49,7 @@ class LatticeRobotProblem(JudgedRobot):
         return self.robot.filled(self.space.validate(point))
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on; :meth:`from_description` builds the problem again, and runs no code for it."""
+        """All that results depend on, as JSON values; :meth:`from_description` runs no code to rebuild the problem."""
         return {
             "kind": ROBOT,
             "robot": json.dumps(self.robot.describe(), separators=(",", ":")),

@@ -64,7 +64,7 @@ class RobotObjective:
         return self.combined_slopes(scores, np.array([self.slopes(outcome, measure) for outcome in outcomes]))
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """What comes of a score of this name and unit, by combining W worlds."""
+        """Names and units of the objectives that become of a score in W worlds."""
         return (one,)
 
     def combined(self, scores: Floats) -> Floats:
@@ -88,7 +88,7 @@ class EachWorld(RobotObjective):
     """The score in each world is an objective."""
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """One for each world."""
+        """Names and units of the score in each world."""
         return tuple(Objective(f"{one.name}_{world.name}", one.unit) for world in worlds)
 
     def combined(self, scores: Floats) -> Floats:
@@ -104,7 +104,7 @@ class WorstWorld(RobotObjective):
     """The score in the world in which it is lowest."""
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """One, named after the score."""
+        """Name and unit of the one objective, the worst score."""
         return (Objective(f"worst {one.name}", one.unit),)
 
     def combined(self, scores: Floats) -> Floats:

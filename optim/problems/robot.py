@@ -61,7 +61,7 @@ class JudgedRobot(RobotDesigning):
 
     @cached_property
     def space(self) -> Space:
-        """What is free."""
+        """The robot's free parameters."""
         if not self.offered.parameters:
             raise ValueError("robot: nothing of it is free to change; make some value Free")
         return Space.of_parameters(self.offered.parameters)
@@ -231,7 +231,7 @@ class JudgedRobot(RobotDesigning):
 
     @property
     def subject(self) -> str:
-        """What is designed and where."""
+        """The robot and its worlds, in words."""
         return subject_of(self.offered.name, self.tried_in)
 
     @property
@@ -267,7 +267,7 @@ class JudgedRobot(RobotDesigning):
 
     @property
     def descriptors(self) -> Mapping[str, tuple[float, float]]:
-        """Those of the robot, in the first world."""
+        """The robot's descriptors in the first world, by their names in evaluations, with lowest and highest values."""
         world = f"_{self.tried_in[0].name}" if len(self.tried_in) > 1 else ""
         ends = {f"{name}{world}": ends for name, ends in self.offered.descriptors.items()}
         return {name: each for name, each in ends.items() if (name,) != self.objective_names}
@@ -277,7 +277,7 @@ class JudgedRobot(RobotDesigning):
         return self.offered.columns(points)
 
     def command_options(self, folder: Path) -> dict[str, Any]:
-        """What saved designs of the robot do not hold."""
+        """Options of the robot that its saved designs do not hold."""
         return self.offered.command_options()
 
     def facts(self) -> Facts:
@@ -371,7 +371,7 @@ class RobotProblem(JudgedRobot):
         return self.worlds
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on; :meth:`from_description` builds the problem again."""
+        """All that results depend on, as JSON values; :meth:`from_description` builds the problem again."""
         kind = KINDS.of(self.robot)
         return {
             "kind": self.robot.kind,

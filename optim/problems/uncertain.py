@@ -93,7 +93,7 @@ class Trials:
 
     @classmethod
     def of(cls, robot: Robot, worlds: Sequence[World], uncertain: str, draws: int) -> Self:
-        """Those of a robot in worlds, with so many draws of what is uncertain as a text says."""
+        """Trials of a robot in some worlds, in each of ``draws`` draws of what is uncertain."""
         if not uncertain:
             return cls(worlds, (), len(worlds))
         drawn = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators)
@@ -103,7 +103,7 @@ class Trials:
         return cls(around, variants, len(worlds))
 
     def part(self, rows: Indices, count: int) -> Self:
-        """Some of them, by number, ``count`` for each draw."""
+        """Trials in some of the worlds, by number, ``count`` for each draw."""
         variants = [self.variants[row] for row in rows] if self.variants else ()
         return type(self)([self.worlds[row] for row in rows], variants, count)
 
@@ -140,7 +140,7 @@ def held_out_products(
     compute: Compute,
     score: Callable[[Robot], Score],
 ) -> Mapping[str, Callable[[Path], None]]:
-    """What writes that file; nothing, if nothing is uncertain.
+    """A function that writes ``ROBUST_FILE``, by the file's name; none if nothing is uncertain.
 
     Args:
         robot: makes the best one.

@@ -86,7 +86,7 @@ class FileProblem(PlainProblem):
             save(point, path)
 
     def describe(self) -> dict[str, Any]:
-        """The file's name and checksum, variables and objectives; neither its source nor where it is."""
+        """The file's name and checksum, variables and objectives, as JSON values; not its source, nor where it is."""
         return {"kind": FILE, "file": self.file, "sha256": sha256(self.source), **self.table()}
 
 

@@ -65,7 +65,7 @@ class WalkerProblem(JudgedRobot):
         return dataclasses.replace(found, details={**found.details, "voxels": voxels})
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on; :meth:`from_description` builds the problem again."""
+        """All that results depend on, as JSON values; :meth:`from_description` builds the problem again."""
         return {
             "kind": WALKER,
             "shape": list(self.shape),

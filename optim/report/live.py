@@ -57,7 +57,7 @@ class LiveRuns:
         self._simulating = threading.Lock()
 
     def state(self) -> list[dict[str, Any]]:
-        """Of each run: how far it is, and the curve of its score; of one that cannot be read, why.
+        """How far each run is, and the curve of its score; for one that cannot be read, why.
 
         Raises:
             ValueError: if there is no run.

@@ -46,7 +46,7 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """What links call it."""
+        """Name of the section in links to it."""
         return re.sub(r"[^a-z0-9]+", "-", self.title.lower()).strip("-")
 
 
@@ -127,12 +127,12 @@ def side_by_side(parts: Iterable[Html]) -> Html:
 
 
 def folded(summary: str, content: Html) -> Html:
-    """What is shown on demand."""
+    """Content that is shown when its summary is clicked."""
     return Html(f"<details><summary>{html.escape(summary)}</summary>{content}</details>")
 
 
 def tiles(numbers: Iterable[tuple[str, Text]]) -> Html:
-    """What matters most, in large type."""
+    """The most important numbers, in large type."""
     parts = (f"<div><dt>{html.escape(name)}</dt><dd>{text(value)}</dd></div>" for name, value in numbers)
     return Html(f'<dl class="tiles">{"".join(parts)}</dl>')
 

@@ -94,7 +94,7 @@ class OneRun:
 
     @property
     def lead(self) -> list[Html]:
-        """What matters most."""
+        """The first lines and numbers of a run's page: the best score, and how far the run is."""
         last, score, known = self.last, self.subject.score, [s for s in self.history.seconds if not math.isnan(s)]
         said = {
             "finished": "It has finished.",

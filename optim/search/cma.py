@@ -187,7 +187,7 @@ def _inner(strategy: "CMAwM") -> Any:
 
 
 def to_arrays(strategy: "CMAwM") -> Arrays:
-    """What changes of a strategy, by name; to be taken after it was told, before it is asked again."""
+    """The changing state of a strategy, by name; to be taken after it was told, before it is asked again."""
     inner = {name.strip("_"): np.array(getattr(_inner(strategy), name)) for name in INNER}
     return inner | {name.strip("_"): np.array(getattr(strategy, name)) for name in MARGIN if hasattr(strategy, name)}
 

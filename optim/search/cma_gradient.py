@@ -76,7 +76,7 @@ class CMAGradient(CMAESWithMargin):
         return self.relaxed.round(self.relaxed.reflect(self.space.low + self._around() * self.space.span))
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
-        """As without gradients; then move the mean to a point on the step that beat all others."""
+        """Take in scores as without gradients; then move the mean to a point on the step that beat all others."""
         tried, restarts = self._tried(), self.restarts
         scores = below_all(evaluation.objectives[:, 0])
         best = int(np.argmax(scores))
@@ -88,7 +88,7 @@ class CMAGradient(CMAESWithMargin):
         self.step = np.zeros(self.space.size)
 
     def _draw(self) -> tuple[Any, Floats, Floats]:
-        """As without gradients, but the first points are those on the step."""
+        """Draw points as without gradients, but with those on the step first."""
         strategy, places, raw = super()._draw()
         tried, mean = self._tried(), self.strategy["mean"]
         places[: len(tried)] = tried

@@ -60,7 +60,7 @@ class CovarianceMapElites(MapElites):
 
     @property
     def _middle(self) -> Floats:
-        """What lies in the middle of the unit cube, shape (D,)."""
+        """The point in the middle of the unit cube, shape (D,)."""
         return (self.space.low + self.space.high) / 2
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:
@@ -92,12 +92,12 @@ class CovarianceMapElites(MapElites):
         return guides
 
     def archive_settings(self) -> dict[str, float]:
-        """How the map that guides emitters accepts points, as pyribs calls it."""
+        """pyribs' settings of the archive that guides emitters: how it accepts points."""
         return {}
 
     @property
     def ranker(self) -> str:
-        """By what emitters rank points, as pyribs calls it."""
+        """pyribs' name of the ranking by which emitters order points."""
         return "2imp"
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
@@ -126,12 +126,12 @@ class AnnealedMapElites(CovarianceMapElites):
     lowest: float = number(0.0, -LARGEST, LARGEST)
 
     def archive_settings(self) -> dict[str, float]:
-        """How the map that guides emitters accepts points, as pyribs calls it."""
+        """pyribs' settings of the archive that guides emitters: how it accepts points."""
         return {"learning_rate": self.learning_rate, "threshold_min": self.lowest}
 
     @property
     def ranker(self) -> str:
-        """By what emitters rank points, as pyribs calls it."""
+        """pyribs' name of the ranking by which emitters order points."""
         return "imp"
 
 

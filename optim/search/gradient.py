@@ -151,7 +151,7 @@ class GradientAscent(IndependentSearches):
         self.seeking = np.zeros(self.climbers, bool)
 
     def _advance(self) -> None:
-        """On to the next generation; values from before a doubling cannot be compared with those after it."""
+        """Start the next generation; where its sharpness is new, drop values, which cannot be compared any more."""
         before = self.sharpness
         self.generation += 1
         if self.sharpness != before:

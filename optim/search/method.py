@@ -104,7 +104,7 @@ class Method(Protocol):
 
     @property
     def minibatch(self) -> Minibatch | None:
-        """In which few of a problem's worlds, or draws, the next points are judged; None is in all."""
+        """The few worlds, or draws, in which the next points are judged; None for all."""
         return None
 
     def ask(self) -> Floats:

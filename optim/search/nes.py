@@ -74,7 +74,7 @@ class SeparableNES(PopulationSearch):
 
     @property
     def minibatch(self) -> Minibatch | None:
-        """Another one each generation."""
+        """A new minibatch for each generation."""
         if self.minibatch_size is None or self._judges:
             return None
         judged = self.generation // (self.judging + 1) + 1  # generations before this one that judged the mean

@@ -83,12 +83,12 @@ class GradientRace(IndependentSearches):
 
     @property
     def through_mixtures(self) -> bool:  # type: ignore[override]
-        """Whether some of its moves do."""
+        """Whether some of the moves of a round go through mixtures."""
         return self.between > 0
 
     @property
     def sharpness(self) -> float:
-        """From 1 to ``sharpest`` through the mixtures of a round, then infinite."""
+        """The sharpness: it rises from 1 to ``sharpest`` through the mixtures of a round, then is infinite."""
         if self.move >= self.between:
             return np.inf
         return float(self.sharpest ** (self.move / max(self.between - 1, 1)))

@@ -57,7 +57,7 @@ class ShapeGenes:
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of variables."""
         return (self.orientation is None) + self.cores * (self.pressure is None)
 
     def values(self, point: ArrayLike) -> tuple[Pressure, float]:
@@ -109,7 +109,7 @@ class MaterialGenes:
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """Number of variables."""
         return len(self.variables())
 
     def _tables(self, values: Floats) -> dict[str, Floats]:

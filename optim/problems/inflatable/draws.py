@@ -56,7 +56,7 @@ class Draws:
 
     @property
     def frictions(self) -> Floats:
-        """By which the friction of each copy is multiplied, shape (K,)."""
+        """Friction factor of each copy, shape (K,)."""
         return np.asarray((1.0 + self.spread) ** np.linspace(-1, 1, self.count) if self.count > 1 else np.ones(1))
 
     def copies(self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation) -> Copies:

@@ -59,7 +59,7 @@ class GaitEncoding(ABC):
         return dataclasses.replace(self.schedule(values), skip_idle=False)
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
-        """From d / d level of the relaxed schedule, shape (10, T), to d / d gene, shape (G,); zero by whole numbers.
+        """Derivatives by the genes, shape (G,), from those by the relaxed schedule's levels; zero by whole numbers.
 
         Args:
             values: of a genome.
@@ -106,7 +106,7 @@ class BitwiseGait(GaitEncoding):
     """Every bit of the schedule, ``bladder1_1`` to ``foot2_8``, row by row."""
 
     def variables(self) -> list[Variable]:
-        """One a bit."""
+        """One binary variable for each bit of the schedule."""
         names = [f"{row}_{column + 1}" for row in GaitSchedule.row_names for column in range(self.columns)]
         return [Variable(name, 0, 1, "binary", step=BIT_STEP) for name in names]
 
@@ -119,7 +119,7 @@ class BitwiseGait(GaitEncoding):
         return self._levels(values).sharpened(sharpness)
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
-        """Through the sharpening."""
+        """Derivatives by the genes: those by the levels through the sharpening."""
         return (slopes * self._levels(values).sharpening_slope(sharpness)).ravel()
 
     @staticmethod
@@ -195,11 +195,11 @@ class GradedGait(GaitEncoding):
         return [Variable(f"settle_{column}", -SETTLING, SETTLING, step=SETTLING_STEP) for column in columns]
 
     def schedule(self, values: Floats) -> GaitSchedule:
-        """With feet that grip or slide."""
+        """The schedule of a genome, with feet that either grip or slide."""
         return self.relaxed(values, 0.0)
 
     def relaxed(self, values: Floats, sharpness: float) -> GaitSchedule:
-        """With feet that grip a little, sharpened; as often as the steps allow."""
+        """The schedule with feet that may grip in part, sharpened; repeated as often as the steps allow."""
         gait, drive = self._graded(values), self.actuation
         repeats = most_repeats(gait, self.steps, drive)
         while self.warm_up and cycle_starts(dataclasses.replace(gait, repeats=repeats), drive)[-1] < self.warm_up:
@@ -208,7 +208,7 @@ class GradedGait(GaitEncoding):
         return dataclasses.replace(gait, levels=levels, repeats=repeats)
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
-        """By what is not cut, by grip through the sharpening; zero by times."""
+        """Derivatives by the genes: by levels that are not clipped, by grip through the sharpening; zero for times."""
         inflation = self._tables(values)[0]
         free = (inflation > 0) & (inflation < 1)
         sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
@@ -235,7 +235,7 @@ class GradedGait(GaitEncoding):
         return {**({"core_pressure": core} if self.cores else {}), **({"pace": pace} if self.paced else {})}
 
     def _inside(self, values: Floats) -> dict[str, Bools]:
-        """Which of these are not cut."""
+        """Which core pressures and paces are not clipped, by name."""
         ends = {"core_pressure": (0.0, np.inf), "pace": (-np.inf, 1.0)}
         return {name: (own > ends[name][0]) & (own < ends[name][1]) for name, own in self._own(values).items()}
 
@@ -373,12 +373,12 @@ class GradedWaveGait(GradedGait):
 
 
 def _wave(levels: Floats, shift: int) -> Floats:
-    """What all bladders play if the first plays such levels, shape (8, T)."""
+    """Levels of all bladders, shape (8, T): each plays those of the one before, ``shift`` columns earlier."""
     return np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
 
 
 def _pattern(values: Floats, columns: int) -> Floats:
-    """What a network of such genes says of all actuators and columns, shape (10, T)."""
+    """Output of a network of such genes for all actuators and columns, shape (10, T)."""
     column = np.arange(columns)
     phase = 2 * np.pi * column / columns
     times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / columns - 1], axis=1)

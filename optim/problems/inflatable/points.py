@@ -47,7 +47,7 @@ class GaitPoints(GaitSettings):
         return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
 
     def _genes(self, point: ArrayLike) -> Floats:
-        """What a point, shape (D,), says of the schedule; it comes last."""
+        """The genes of the schedule, the last values of a point, shape (D,)."""
         return np.asarray(point, float)[self.shape.size + self.made_of.size :]
 
     @cached_property

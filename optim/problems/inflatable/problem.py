@@ -69,12 +69,12 @@ class GaitProblem(GaitPoints):
 
     @property
     def objective_units(self) -> tuple[str, ...]:
-        """Body lengths per second."""
+        """The unit of all objectives: body lengths per second."""
         return ("BL/s",) * len(self.objective_names)
 
     @cached_property
     def conditions(self) -> tuple[Condition, ...]:
-        """Under which gaits are simulated."""
+        """Conditions under which gaits are simulated."""
         found: list[Condition] = []
         below = None
         for terrain in self.terrains:
@@ -265,11 +265,11 @@ class GaitProblem(GaitPoints):
 
     @cached_property
     def _all_draws(self) -> UncertainDraws:
-        """Those of what is uncertain."""
+        """The draws of all that is uncertain."""
         return UncertainDraws(self.draws, uncertainty=Uncertainty.parse(self.uncertain), risk=Risk.parse(self.risk))
 
     def _draws(self, relaxed: bool) -> Draws:
-        """Over which gaits are judged."""
+        """The draws over which gaits are judged."""
         if self.uncertain:
             return self._all_draws
         return Draws(self.draws, self.noise, self.friction_spread) if relaxed else Draws()
@@ -309,11 +309,11 @@ class GaitProblem(GaitPoints):
 
     @property
     def subject(self) -> str:
-        """Where the robot travels."""
+        """The robot and the terrains on which it travels, in words."""
         return subject_of("inflatable robot", self.terrains)
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
-        """Pressures and orientation."""
+        """Columns of pressures and orientation in a table of points."""
         designs = [self.design(point) for point in points]
         each = [kilopascals("Pressure", design) for design in designs]
         found = {f"{name} [kPa]": [f"{pressures[name]:.2f}" for pressures in each] for name in each[0]} if each else {}
@@ -332,7 +332,7 @@ class GaitProblem(GaitPoints):
         return [{} if v is None else {"speed": v, "distance": float(v * metres)} for v in speeds]
 
     def command_options(self, folder: Path) -> dict[str, Any]:
-        """Body and rig."""
+        """Options for body and rig, which saved designs do not hold."""
         rig = {} if self.properties is None else {"calibration": folder / RIG_FILE}
         return {"geometry": self.geometry, "weight": self.weight, **rig}
 

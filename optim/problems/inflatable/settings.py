@@ -275,7 +275,7 @@ class GaitSettings(RobotDesigning):
         ]
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on; :meth:`from_description` builds the problem again."""
+        """All that results depend on, as JSON values; :meth:`from_description` builds the problem again."""
         fixed = {
             "orientation": self.orientation,
             "pressure": list(self.pressure) if isinstance(self.pressure, tuple) else self.pressure,

@@ -62,7 +62,7 @@ def asymmetry(paths: Floats, lights: Sequence[Sequence[float]]) -> Floats:
 
 
 def divergence(paths: Floats, times: Floats) -> Floats:
-    """When the paths of a robot's environments first are a body length apart, (R,) [s], pairs averaged.
+    """Time [s] at which a robot's paths in two environments first lie a body length apart, mean of all pairs, (R,).
 
     Paths that never are count as if they were at the end.
     """

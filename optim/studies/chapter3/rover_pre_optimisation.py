@@ -101,7 +101,7 @@ class RoverProblem:
         return self.evaluate(points)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on."""
+        """All that results depend on, as JSON values."""
         numbers = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "threads"}
         return {**numbers, "variables": {v.name: [v.low, v.high] for v in self.space.variables}}
 

@@ -37,7 +37,7 @@ class SensorPlacement:
         return sorted({*NOTABLE, *sample_designs(self.sample)})
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on."""
+        """All that results depend on, as JSON values."""
         return {**asdict(self.sweep), "bodies": len(self.designs)}
 
 

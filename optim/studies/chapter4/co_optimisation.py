@@ -77,7 +77,7 @@ class CoOptimisation(Settings):
         return VehicleProblem(objectives=objectives, task=self.task, threads=self.threads, **given)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, but for arms."""
+        """All that results depend on but the arms, as JSON values."""
         numbers = {name: getattr(self, name) for name in ("runs", "budget", "seed")}
         return {**numbers, "problem": self.problem().describe()}
 

@@ -99,7 +99,7 @@ class HomeostasisObjective(Settings):
     draws: Count = 10  # of every random perturbation
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on."""
+        """All that results depend on, as JSON values."""
         numbers = {name: getattr(self, name) for name in ("samples", "weights", "draws")}
         return {**self.searches.describe(), **numbers, "borg": BORG, "box": BOX}
 

@@ -132,7 +132,7 @@ class RealityGap(Settings):
     threads: int | None = None  # CPU threads, all available if None; changes no result
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on."""
+        """All that results depend on, as JSON values."""
         return {**super().describe(), "perturbations": [[p.name, p.strength] for p in PERTURBATIONS]}
 
 

@@ -115,7 +115,7 @@ class Training(Settings):
         return VehicleProblem(task=self.task, precision=self.precision, threads=threads)
 
     def describe(self) -> dict[str, Any]:
-        """All that outcomes depend on, but for body and method."""
+        """All that outcomes depend on but body and method, as JSON values."""
         numbers = {name: getattr(self, name) for name in ("repetitions", "budget", "seed")}
         methods = {name: dict(settings) for name, settings in BLACK_BOX_OPTIM.items()}
         return {**numbers, "methods": methods, "problem": self.problem().describe()}
@@ -223,7 +223,7 @@ class TrainingInBodies:
         return sample_designs(self.bodies)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on."""
+        """All that results depend on, as JSON values."""
         return {**self.training.describe(), "bodies": self.bodies, "weights": self.weights}
 
 

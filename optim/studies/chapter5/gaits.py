@@ -37,7 +37,7 @@ class Case:
     terrain: Terrain
 
     def describe(self) -> dict[str, Any]:
-        """Describe gait and terrain for JSON."""
+        """Gait and terrain, as JSON values."""
         schedule = self.design.schedule
         return {
             "pressure": self.design.pressure,
@@ -64,7 +64,7 @@ class Robot(Settings):
         checks.number("noise", self.noise, 0.0, self.geometry.voxel_size, "m")
 
     def describe(self) -> dict[str, Any]:
-        """Describe all settings for JSON; those that version 1.0 did not know only where they are given."""
+        """All that results depend on, as JSON values; what version 1.0 did not know only where it is given."""
         described = super().describe()
         if not self.geometry.closed:
             del described["geometry"]["closed"]

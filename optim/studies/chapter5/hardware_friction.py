@@ -95,7 +95,7 @@ class HardwareFriction(Settings):
     rigs: Annotated[tuple[str, ...], _rigs] = ("dissertation", "dissertation-lag")
 
     def describe(self) -> dict[str, Any]:
-        """Describe all settings, and what is simulated, for JSON."""
+        """All that results depend on, as JSON values: settings, and what is simulated."""
         played = [Case(m.gait, m.terrain).describe() for m in MEASURED]
         return {**super().describe(), "robot": self.robot.describe(), "measured": played}
 

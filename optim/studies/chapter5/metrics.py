@@ -123,12 +123,12 @@ def _begun(data: Data) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def _flat_part(pressure: float) -> str:
-    """What the part of a body on flat ground is called."""
+    """Name of the part of a body on flat ground."""
     return f"flat_{pressure:g}"
 
 
 def _hill_part(pressure: float, orientation: float) -> str:
-    """What the part of a body on the hill is called."""
+    """Name of the part of a body on the hill."""
     return f"hill_{pressure:g}_{orientation:g}"
 
 

@@ -212,7 +212,7 @@ def tell(data: Data, folder: Path) -> None:
 
 
 def _part(name: str, factor: float) -> str:
-    """What the part of a change is called."""
+    """Name of the part of a change."""
     return re.sub(r"\W+", "_", f"{name} {factor:.6g}")
 
 

@@ -106,7 +106,7 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
 
 
 def told_at(speeds: Floats) -> Bools:
-    """At which slopes a copy of every gait is left, shape (S,), of speeds of shape (S, gaits, copies)."""
+    """Which slopes have a copy of every gait that did not diverge, shape (S,); speeds have shape (S, gaits, copies)."""
     return np.all(~np.isnan(speeds).all(axis=2), axis=1)
 
 

@@ -176,7 +176,7 @@ def test(settings: UniversalControl, weights: Floats, told: bool) -> Arrays:
 
 
 def _told(number: int, told: bool) -> Floats:
-    """What describes a body, or nothing but the one."""
+    """The numbers that describe a body, or none of them but the constant one."""
     numbers = described(number)
     return numbers if told else np.append(np.zeros(len(numbers) - 1), 1.0)
 

@@ -69,7 +69,7 @@ class EvolvableWalker(Robot):
 
     @property
     def name(self) -> str:
-        """What people call it."""
+        """Its name for people."""
         return "walker"
 
     @property
@@ -79,11 +79,11 @@ class EvolvableWalker(Robot):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """Those of a lattice robot."""
+        """The measures of the walker, a lattice robot."""
         return body_of([1] * GENES, self.cycles).measures
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """Those of a lattice robot."""
+        """The measures of the walker, a lattice robot, in all of some worlds."""
         return body_of([1] * GENES, self.cycles).measures_in(worlds)
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
@@ -122,7 +122,7 @@ class EvolvableWalker(Robot):
         return body_of(given[:GENES], self.cycles).design(given[GENES:])
 
     def describe(self) -> dict[str, object]:
-        """What results depend on."""
+        """All that results depend on, as JSON values."""
         return {
             "evolvable": json.loads(json.dumps(body_of([1] * GENES, self.cycles).describe())),
             "cycles": self.cycles,

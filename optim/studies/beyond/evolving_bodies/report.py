@@ -92,7 +92,7 @@ def _interval(values: Floats, form: str) -> str:
 
 
 def _difference(bodies: Sequence[Record], arm: str, name: str, scale: float, form: str) -> str:
-    """What an arm has more than bodies evolved for speed, seed by seed."""
+    """The difference of an arm from bodies evolved for speed, seed by seed, with its interval."""
     a, b = (_values(bodies, "arm", each, name) * scale for each in ("speed", arm))
     if len(a) < 2:
         return format(float((b - a).mean()), f"+{form}")

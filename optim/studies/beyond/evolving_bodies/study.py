@@ -54,7 +54,7 @@ class EvolvingBodies(Settings):
 
     @property
     def evolving(self) -> Evolving:
-        """What concerns the evolution for metrics."""
+        """Settings of the evolution for metrics."""
         learning = BodyAndLearning(
             repetitions=self.repetitions, budget=self.budget, nearer=self.nearer, cycles=self.cycles
         )

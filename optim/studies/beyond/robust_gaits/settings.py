@@ -47,7 +47,7 @@ class RobustGaits(Settings):
 
     @cached_property
     def told(self) -> Uncertainty:
-        """What is not known exactly."""
+        """The uncertainty that the setting ``uncertain`` states."""
         return Uncertainty.parse(self.uncertain)
 
     def terrain(self, slope: float) -> Terrain:

@@ -48,7 +48,7 @@ def machine(cycles: int) -> LatticeRobot:
 
 @dataclass(frozen=True)
 class Grounds:
-    """What stretches of courses are like, as of ``robots.course.Course``."""
+    """Properties of the stretches of courses, as in ``robots.course.Course``."""
 
     length: float
     degrees: float
@@ -65,7 +65,7 @@ class Grounds:
 
     @property
     def pure(self) -> dict[str, Terrain]:
-        """For each kind of stretch ground that is like it everywhere; the slope begins ahead of the machine."""
+        """A terrain for each kind of stretch that is of that kind everywhere; the slope begins ahead of the machine."""
         grounds = {
             "level": Terrain(),
             "slope": Terrain(ground=f"ramp:{self.degrees!r},{RUN_UP!r}"),

@@ -39,17 +39,17 @@ class Crew:
 
 
 def fixed(gait: int) -> Pilot:
-    """A machine that cannot change its gait."""
+    """A pilot that never changes the gait."""
     return lambda felt, places: np.full(len(felt), gait)
 
 
 def told(course: Course, answers: Sequence[int]) -> Pilot:
-    """A machine that is told on what ground its middle is, and plays the gait for that."""
+    """A pilot that knows on what ground the machine's middle is, and plays the gait for that."""
     return lambda felt, places: np.array(answers)[course.kind(places)]
 
 
 def staying(pilot: Pilot, looks: int) -> Pilot:
-    """One machine that keeps a gait for so many looks at least, whatever its pilot says."""
+    """A pilot of one machine that obeys another one, but keeps each gait for at least ``looks`` looks."""
     kept, since = np.zeros(1, int), looks
 
     def told_again(felt: Floats, places: Floats) -> Ints:
@@ -64,13 +64,13 @@ def staying(pilot: Pilot, looks: int) -> Pilot:
 
 
 def sensing(switching: Switching) -> Pilot:
-    """One machine that has its senses alone; it begins with the gait for level ground."""
+    """A pilot of one machine that switches by its senses alone; it begins with the gait for level ground."""
     switcher = Switcher(switching, [switching.answers[0]])
     return lambda felt, places: switcher.look(felt)
 
 
 def by_chance(gaits: int, count: int, seed: tuple[int, ...]) -> Pilot:
-    """Machines that draw a gait, and draw again after ``REDRAWN`` looks in the mean."""
+    """A pilot that draws a gait for each machine, and draws again after ``REDRAWN`` looks in the mean."""
     rng = np.random.default_rng(seed)
     playing = rng.integers(gaits, size=count)
 
@@ -83,7 +83,7 @@ def by_chance(gaits: int, count: int, seed: tuple[int, ...]) -> Pilot:
 
 
 def exploring(course: Course, answers: Sequence[int], gaits: int, count: int, seed: tuple[int, ...]) -> Pilot:
-    """Machines that play by turns what they are told and what they draw, so that every gait is felt everywhere."""
+    """A pilot that plays by turns the right gait and a drawn one, so that every gait is felt on every ground."""
     guide, chance = told(course, answers), by_chance(gaits, count, (*seed, 0))
     often = by_chance(2, count, (*seed, 1))
 

@@ -104,7 +104,7 @@ class SenseAndSwitch(Settings):
 
     @property
     def grounds(self) -> Grounds:
-        """What stretches are like."""
+        """Properties of the stretches of courses."""
         return Grounds(self.length, self.degrees, self.ridge, self.factor)
 
     @property
@@ -310,7 +310,7 @@ def _report(
 
 
 def _example(folder: Path, settings: SenseAndSwitch, rows: Sequence[Record]) -> Example | None:
-    """Of the first repertoire the held-out course on which the sensing machine keeps its median share.
+    """The held-out course of the first repertoire on which the sensing machine keeps its median share.
 
     None where what machines did there is not kept.
     """
