@@ -44,7 +44,9 @@ WORKERS = (
         "slurm_option", 'of sbatch, as in --slurm-option="--partition=x"; may be repeated', str, "OPTION", several=True
     ),
 )
-LANES = {"f32": 16, "f64": 8}  # robots that a CPU thread simulates side by side, see docs/architecture.md
+# Points of a worker's part, for each of its threads: as many vehicles or rigid robots as fill a vector on a CPU. A
+# lattice robot fills vectors with its own voxels; for those it is just few points, so that no worker waits long.
+POINTS_PER_THREAD = {"f32": 16, "f64": 8}
 
 
 @contextlib.contextmanager
@@ -69,7 +71,7 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
         backend=backend,
         address=args.ray if args.workers_dir is None else str(args.workers_dir),
         threads=threads,
-        part=LANES[getattr(problem, "precision", "f32")] * threads,
+        part=POINTS_PER_THREAD[getattr(problem, "precision", "f32")] * threads,
         silence=SILENCE if args.silent_after is None else args.silent_after,
         save_failed=lambda points, reason: save_failed(folder, problem.space, points, reason),
         note=_note,
