@@ -21,7 +21,7 @@ from robots.calibration import BOUNDS, KINDS, NAMES, Drag, Experiment, Laborator
 from taichi_sim.base.arrays import Floats
 
 Told = Callable[[float, str], None]
-LOOK = 16  # robots side by side, see docs/performance.md
+LOOK = 16  # points of a look for each property; so many robots filled a vector in version 1.0
 _STEPS = 8  # evaluations of the joint fit
 _INSIDE = 1e-6  # between bounds and where SciPy may begin
 _NEAR_BOUND = 0.01  # of the logarithm

@@ -116,9 +116,9 @@ class LatticeEngine:
             self_contact: whether voxels of a robot collide with each other; ``"published"``: as in the simulator of
                 the dissertation, which misses some collisions of voxels of more than 1.2 edges.
             fluid: whether a fluid at rest resists all outer faces, as much as ``Quantity.RESISTANCE`` says. Pressure
-                then acts on the closed surface that the voxels with pressurised faces must form, see ``enclosure``,
-                and links keep momentum and angular momentum, see ``beams.balanced``. On a body with several chambers
-                pressure always acts so.
+                then acts on the closed surface that the voxels with pressurised faces must form, see
+                ``laws.enclosure``, and links keep momentum and angular momentum, see ``laws.link.balanced``. On a body
+                with several chambers pressure always acts so.
             gravity: uniform acceleration along -z [m/s^2].
             driver: "packed" (CPU: the voxels of a robot in vector lanes), "stepped" (a thread per link or voxel) or
                 "auto" (packed on a CPU, else stepped). Runs do not depend on it; the last bits of gradients do.

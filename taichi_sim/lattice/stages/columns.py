@@ -94,7 +94,7 @@ class Shared(NamedTuple):
         medium: what surrounds the robots, known when the kernel is compiled.
         shape: where voxels lie in lanes: what the table of voxels says of them, as reals by pack (see above).
         packed: whether they do.
-        lanes: where such voxels find what they need, see ``packed_kernel.Lanes``.
+        lanes: where such voxels find what they need, see ``packed_lanes.Lanes``.
         grid: where the ground of the robot begins in ``relief`` whose voxels lie in lanes.
         transverse: gives the transverse strains at both ends of links between such voxels.
     """

@@ -2,7 +2,7 @@
 
 A stage loads reals, applies laws and stores; all drivers run the same ones. ``m`` is the memory of all robots and k a
 robot's or block's key to it (see ``lanes.load``); ``t`` is what the robots share (see ``columns.Shared``). Slots are
-given by functions that a stage and its reverse share. The reverse of a stage takes ``u``, see ``columns.Undo``.
+given by functions that a stage and its reverse share. The reverse of a stage takes ``u``, see ``undo.Undo``.
 """
 
 from taichi_sim.autodiff.lanes import consecutive, load, load_all, slots_at, store, store_all
