@@ -65,7 +65,7 @@ def open_workers(
         checks.integer(name, value, 1)
     checks.choice("backend", backend, get_args(BackendName))
     if address is not None and backend == "processes":
-        raise ValueError(f"address: {address!r} is not allowed with {backend}; it belongs to ray")
+        raise ValueError(f"address: {address!r} is not allowed with {backend}; it belongs to ray or folder")
     if address is None and backend == "folder":
         raise ValueError("address: None is not allowed with folder; give the folder")
     checks.number("silence", silence, 0.0)

@@ -222,7 +222,7 @@ def test_workers_do_not_outlive_their_parent(tmp_path, how):
         ({"threads": 0}, "threads: 0 is not allowed"),
         ({"part": 1.5}, "part: 1.5 is not allowed"),
         ({"backend": "threads"}, "backend: 'threads' is unknown; choose one of processes, ray"),
-        ({"address": "auto"}, "address: 'auto' is not allowed with processes; it belongs to ray"),
+        ({"address": "auto"}, "address: 'auto' is not allowed with processes; it belongs to ray or folder"),
     ],
 )
 def test_settings_that_are_not_allowed_are_one_line(workers, options, message):
