@@ -4,8 +4,8 @@ Source: dissertation, chapter 2, "Measuring catastrophic interference": Eq. dist
 runchampion, m1 (worst distance), m2 (angle from the diagonal), m3 (length), and quadrant I (M4).
 
 A run is the evaluations that its climbers kept, in the order of generations: which climber, shape (N,), and how far
-from the light it ended in each environment, shape (N, E). The first of a climber is its start, each other one a
-beneficial mutation.
+from success it ended in each environment, shape (N, E), in any unit: chapter 2 has metres from the light, other uses
+parts of a bound. The first of a climber is its start, each other one a beneficial mutation.
 """
 
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class RunMeasures:
 
     Attributes:
         champion: number of the climber whose worst distance is ``worst``.
-        worst: M1, distance of the champion in its worst environment [m].
+        worst: M1, distance of the champion in its worst environment, in the unit of the distances given.
         angle: M2, mean angle between changes and the diagonal [degrees]; NaN without changes.
-        length: M3, mean length of changes [m]; NaN without changes.
+        length: M3, mean length of changes, in the same unit; NaN without changes.
         share: M4, share of changes that are better in every environment, from 0 to 1; NaN without changes.
         changes: number of changes in the line.
     """
@@ -38,7 +38,7 @@ class RunMeasures:
 
 
 def changes_of(line: ArrayLike) -> Floats:
-    """Changes of distance along a line, (A, E) [m], from its distances, (A + 1, E) [m]; positive if nearer.
+    """Changes of distance along a line, (A, E), from its distances, (A + 1, E); positive if nearer.
 
     Eq. dist_record. Failed evaluations (NaN), which only starts can be, are left out.
     """
@@ -58,7 +58,7 @@ def angles(changes: ArrayLike) -> Floats:
 
 
 def lengths(changes: ArrayLike) -> Floats:
-    """Length of each change, (A, E) [m], as a vector over environments, shape (A,) (Eq. m3)."""
+    """Length of each change, (A, E), as a vector over environments, shape (A,) (Eq. m3)."""
     return np.asarray(np.linalg.norm(np.asarray(changes, float), axis=1))
 
 
@@ -81,7 +81,7 @@ def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
 
     Args:
         climber: number of the climber of each evaluation kept, (N,).
-        distance: distance from the light at the end of each, (N, E) [m]; NaN if it failed.
+        distance: distance from success at the end of each, (N, E); NaN if it failed.
 
     Raises:
         ValueError: for other shapes, or a run without evaluations.
