@@ -61,7 +61,7 @@ class Trials:
         """Number of the design with the highest value of a measure, of the first by default; failures never win."""
         values = self[measure or self.robot.measures[0].name]
         if np.isnan(values).all():
-            raise ValueError(f"designs: none of {len(self)} succeeded; the first: {self.outcome.told[0]}")
+            raise ValueError(f"designs: none of {len(self)} succeeded; the first: {self.outcome.status_or_reason[0]}")
         return int(np.nanargmax(values))
 
     def show(self, design: int = 0, *, height: int = 860) -> "Player":
@@ -100,7 +100,7 @@ class Trials:
             for n, name in enumerate(names)
         }
         given = dict(zip(names, self.points.T, strict=True))
-        return {**given, "status": self.outcome.told, **self.outcome.measures, **slopes}
+        return {**given, "status": self.outcome.status_or_reason, **self.outcome.measures, **slopes}
 
     def replay(self, design: int = 0) -> Replay:
         """One design again, with its motion; a single one has been recorded already."""
@@ -123,7 +123,9 @@ class Trials:
     def __repr__(self) -> str:
         fine = self.outcome.status == OK
         if len(self) == 1:
-            measures = [m.value(self[m.name][0]) for m in self._measures] if fine[0] else [self.outcome.told[0]]
+            measures = (
+                [m.value(self[m.name][0]) for m in self._measures] if fine[0] else [self.outcome.status_or_reason[0]]
+            )
             return f"{self._spoken}: {', '.join(map(str, measures))}"
         ranges = [
             f"{m.name.replace('_', ' ')} {self[m.name][fine].min():.4g} to {self[m.name][fine].max():.4g} {m.unit}"

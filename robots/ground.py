@@ -203,7 +203,7 @@ class Ground:
     def spoken(self) -> str:
         """The ground in words, such as ``"smooth random hills of sand (rough:0.01+sand:2e5)"``."""
         named, _ = self._checked()
-        told = "ground of a file" if named is None else named.told
+        told = "ground of a file" if named is None else named.description
         sand = " of sand" if self.yield_per_depth else ""
         water = " with water" if self.water else ""
         return f"{told}{sand}{water} ({self.text})"

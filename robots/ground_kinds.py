@@ -21,13 +21,13 @@ class Named:
     """A kind of ground that is made from a few numbers.
 
     Attributes:
-        told: what it is, for help.
+        description: what it is, for help.
         numbers: names of its numbers, with the value of those that may be left out, else None.
         make: height [m] at places (x, y) [m], from these numbers.
         friction: factor of friction there, from these numbers; None is 1 everywhere.
     """
 
-    told: str
+    description: str
     numbers: tuple[tuple[str, float | None], ...]
     make: Callable[..., Floats]
     friction: Callable[..., Floats] | None = None

@@ -123,7 +123,7 @@ class Outcome:
             object.__setattr__(self, name, np.array(getattr(self, name)) if len(getattr(self, name)) else nothing)
 
     @property
-    def told(self) -> NDArray[np.str_]:
+    def status_or_reason(self) -> NDArray[np.str_]:
         """Status of each point, or the reason why it is no robot, shape (N,)."""
         return np.where(self.reason == "", self.status, self.reason)
 

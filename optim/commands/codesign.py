@@ -166,7 +166,7 @@ def _write_table(robot: "Robot", seed: int, path: Path) -> None:
 def _report(last: "Generation", folder: Path, written: list[str], planned: Plan) -> Report:
     from optim.problems.robot import JudgedRobot
     from optim.problems.uncertain import ROBUST_FILE
-    from optim.runs.robust import read_robust, told_of
+    from optim.runs.robust import lines_of, read_robust
     from robots.hardware.rig_table import clipped_in
 
     document = {"folder": str(folder), **dataclasses.asdict(last), "files": written}
@@ -187,7 +187,7 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
         told.append(f"{TABLE_FILE}: clipped to what the rig can do {count}, as its header tells; first {clipped[0]}")
     if ROBUST_FILE in written:
         document["robust"] = read_robust(folder)
-        told[-1:-1] = told_of(folder)
+        told[-1:-1] = lines_of(folder)
     return Report(document, "\n".join(told))
 
 

@@ -134,8 +134,8 @@ def _report(
     }
     if args.out is not None:
         _write(args.out, robot, world, document, outcome)
-    told = outcome.told[0] if outcome.reason[0] else f"{outcome.status[0]} after {document['steps']:,} steps"
-    text = f"{title}: {told}" + (f"\n{robot.spoken(outcome)}" if ok else "")
+    status = outcome.reason[0] or f"{outcome.status[0]} after {document['steps']:,} steps"
+    text = f"{title}: {status}" + (f"\n{robot.spoken(outcome)}" if ok else "")
     return Report(document, text, 0 if ok else FAILED)
 
 

@@ -18,9 +18,9 @@ COMMAND = options.Command(
 def run(args: argparse.Namespace) -> Report:
     """Look at each run."""
     from optim.runs.history import runs_below
-    from optim.runs.told import told_of
+    from optim.runs.run_status import read_status
 
-    documents = [told_of(path)[0] for path in runs_below(args.runs)]
+    documents = [read_status(path)[0] for path in runs_below(args.runs)]
     damaged = any(document["state"] == "damaged" for document in documents)
     return Report(documents, "\n".join(map(_text, documents)), FAILED if damaged else 0)
 

@@ -42,7 +42,7 @@ class Output:
 
     Attributes:
         name: of its option.
-        told: what it is, for people.
+        description: what it is, for people.
         writer: module and name of the function that writes a motion, or several, to a path, and tells the bytes.
         settings: options that the writer takes, by the same name.
         several: whether it can hold several robots.
@@ -51,7 +51,7 @@ class Output:
     """
 
     name: str
-    told: str
+    description: str
     writer: str
     settings: tuple[str, ...] = ()
     several: bool = False
@@ -61,7 +61,7 @@ class Output:
     @property
     def option(self) -> Option:
         """The option that asks for it."""
-        return path_to(self.name, self.metavar, self.told)
+        return path_to(self.name, self.metavar, self.description)
 
     def write(self, motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
         """Write motions to a path; the bytes."""

@@ -68,14 +68,14 @@ class Tried:
         world: where.
         replay: outcome and motion.
         rows: name, unit and value of each measure; nothing of a trial that failed.
-        told: why it failed; empty if it did not.
+        failure: why it failed; empty if it did not.
     """
 
     robot: Robot
     world: World
     replay: Replay
     rows: tuple[tuple[str, str, float], ...]
-    told: str
+    failure: str
 
 
 class Exploration:
@@ -170,7 +170,7 @@ class Exploration:
         replay = robot.replay((), world, frames=FRAMES, compute=self.compute, progress=progress)
         outcome = replay.outcome
         if outcome.status[0] != OK:
-            return Tried(robot, world, replay, (), outcome.told[0])
+            return Tried(robot, world, replay, (), outcome.status_or_reason[0])
         shown = [m for m in robot.measures if m.name in (self.measures or outcome.measures)]
         rows = tuple((m.spoken, m.unit, float(outcome.measures[m.name][0])) for m in shown)
         return Tried(robot, world, replay, rows, "")

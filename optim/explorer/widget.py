@@ -70,7 +70,7 @@ class Explorer(anywidget.AnyWidget):
                 self.values = whole  # which tries them
                 return
             self.latest = self.exploration.tried(whole, self._progress)
-            self.message = self.latest.told
+            self.message = self.latest.failure
         except Exception as error:  # of the user's function, or the simulator: the notebook goes on
             self.message = f"{error}" if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
         self._show()

@@ -51,12 +51,12 @@ def _search(
     about = {"name": search.method, **task.method_settings}
     config = {"problem": problem.describe(), "method": about, "generations": search.generations}
 
-    def told(done: Generation) -> None:
+    def on_generation(done: Generation) -> None:
         if progress:
             progress((done.generation + 1) / (search.generations + 1))
 
     with open_run(folder, config, resume=True) as run:
-        last = run_search(problem, method, run, search.generations, told)
+        last = run_search(problem, method, run, search.generations, on_generation)
     return problem.in_full().design(problem.space.from_dict(last.best_point)) if last.best_point else None
 
 

@@ -80,7 +80,7 @@ class Goal:
         """A name with the weight, unless that is 1."""
         return name if self.weight == 1 else f"{shortest(self.weight)}*{name}"
 
-    def told(self, one: Objective) -> Objective:
+    def renamed(self, one: Objective) -> Objective:
         """The name by which searches call an objective with the weight and the sign of this goal."""
         return Objective(("minus " if self.minimised else "") + self.weighted(one.name), one.unit)
 
@@ -213,8 +213,8 @@ class Part:
         """Names and units of what is maximised."""
         measure = self.about(usual)
         if self.combines:
-            return tuple(map(self.goal.told, self.scored.objectives(measure, worlds)))
-        return tuple(map(self.goal.told, self.over.named(self.scored.objective(measure), worlds)))
+            return tuple(map(self.goal.renamed, self.scored.objectives(measure, worlds)))
+        return tuple(map(self.goal.renamed, self.over.named(self.scored.objective(measure), worlds)))
 
     def values(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Values to be maximised, shape (N, K)."""
@@ -352,7 +352,7 @@ def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
     parts = objective.parts
     if any(part.combines for part in parts) or (len(parts) > 1 and not objective.summed):
         return None
-    told = objective.sum_of([part.goal.told(part.scored.objective(part.about(measure))) for part in parts])
+    told = objective.sum_of([part.goal.renamed(part.scored.objective(part.about(measure))) for part in parts])
 
     def summed(outcome: Outcome) -> Floats:
         return np.asarray(np.sum([part.scores([outcome], measure)[0] for part in objective.terms], axis=0))

@@ -219,7 +219,7 @@ class JudgedRobot(RobotDesigning):
         details = {} if lost is None else {LOST: lost}
         single = len(outcomes) == 1
         for world, outcome in zip(self._judged_in, outcomes, strict=True):
-            status = np.where(status == OK, outcome.told, status)
+            status = np.where(status == OK, outcome.status_or_reason, status)
             for name, found in outcome.measures.items():
                 if not (single and (name,) == self.objective_names):
                     details[name if single else f"{name}_{world.name}"] = found

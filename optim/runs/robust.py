@@ -113,8 +113,8 @@ def _judgements(found: object) -> Mapping[str, Mapping[str, Any]]:
     return judged
 
 
-def told_of(folder: Path) -> list[str]:
-    """Lines for people, one for each world."""
+def lines_of(folder: Path) -> list[str]:
+    """The judgements in a run's folder as lines for people, one for each world."""
     return [f"{world}: {spoken(judged)}" for world, judged in read_robust(folder).items()]
 
 

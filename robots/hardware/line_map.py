@@ -101,7 +101,7 @@ class LineMap:
         levels = (given[:, -ROWS:] - off) / (np.array(self.on_kpa) - off)
         return core, np.clip(levels, 0.0, 1.0).T
 
-    def told(self, pressures: ArrayLike) -> Self:
+    def without_unused_ramp(self, pressures: ArrayLike) -> Self:
         """This map as the header of a table states it: without the ramp if no core pressure [Pa] lies on it.
 
         Earlier versions, which know no ramp, read such a header, too.

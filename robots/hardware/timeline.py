@@ -259,7 +259,7 @@ def gait_table(
     design = on_lines(design, rig)
     after = design.schedule.core_pressure
     pressures = np.append(design.pressure, [] if after is None else after)
-    line_map, clip = rig.line_map.told(pressures), on_violation == "clip"
+    line_map, clip = rig.line_map.without_unused_ramp(pressures), on_violation == "clip"
     commands = commands_of(design, line_map, rig.cores)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:

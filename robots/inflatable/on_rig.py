@@ -77,8 +77,8 @@ def played_by_rig(robot: "InflatableRobot", trial: Trial) -> tuple[InflatableRes
     return reordered(played, np.array([0])), {"speed_designed": designed.speed_simulated, **speeds}
 
 
-def told(rig: PneumaticRig, numbers: Mapping[str, float]) -> str:
-    """What people are told of speeds on a rig, as two lines."""
+def speed_lines(rig: PneumaticRig, numbers: Mapping[str, float]) -> str:
+    """Two lines for people about speeds on a rig."""
     designed, stretched = numbers["speed_designed"], numbers["speed_without_valves"]
     lost = {SOURCES[cause]: stretched - numbers[f"speed_with_{cause}"] for cause in causes_of(rig)}
     return (

@@ -97,7 +97,7 @@ def write_gait(
     if after is not None:
         before: Any = own.pressure  # one number, unless every core has pressures in columns
         core = (before if after.ndim == 1 else np.stack(each_pressure(before, geometry)), after)
-    columns, steps = play(design.schedule, actuation, told=own.levels, core=core, pace=own.pace)
+    columns, steps = play(design.schedule, actuation, targets=own.levels, core=core, pace=own.pace)
     begin = actuation.initial_steps(highest_pressure(design.pressure))
     events = RobotEvents.of(
         builder, robot, own.pressure, own.orientation, terrain, actuation, geometry, own.friction, own.size

@@ -273,9 +273,9 @@ class InflatableRobot(Robot):
             "simulated)"
         )
         if self.rig is not None:
-            from robots.inflatable.on_rig import told
+            from robots.inflatable.on_rig import speed_lines
 
-            text += "\n" + told(self.rig, numbers)
+            text += "\n" + speed_lines(self.rig, numbers)
         return text
 
     def facts_of(self, point: ArrayLike) -> Facts:

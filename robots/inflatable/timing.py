@@ -162,7 +162,7 @@ def play(
     schedule: GaitSchedule,
     actuation: InflatableActuation = ACTUATION,
     *,
-    told: Array | None = None,
+    targets: Array | None = None,
     core: tuple[float | Array, Array] | None = None,
     pace: Array | None = None,
     levels: Array | None = None,
@@ -172,28 +172,28 @@ def play(
     Args:
         schedule: what is played.
         actuation: rates and times.
-        told: the levels of the schedule as numbers with derivatives, shape (10, T).
+        targets: the levels of the schedule as numbers with derivatives, shape (10, T).
         core: pressure before the gait, shape (), and at the end of each column's motion, shape (T,) [Pa]; of several
             cores (N,) and (N, T); None keeps that of the design.
         pace: that of the schedule as numbers with derivatives, shape (8, T).
         levels: thickness of the bladders before the gait, shape (8,); those of a new robot by default.
     """
     columns, step = [], 0
-    told = schedule.levels if told is None else told
+    targets = schedule.levels if targets is None else targets
     pace = schedule.pace if pace is None else pace
     levels = np.full(BLADDER_COUNT, actuation.deflated) if levels is None else levels
     pressure = None if core is None else core[0]
     for number, (least, settle) in enumerate(durations(schedule, actuation)):
         t = number % schedule.columns
         own = None if pace is None else pace[:, t]
-        motion = approach(levels, told[:BLADDERS, t], schedule.skip_idle, actuation, own)
+        motion = approach(levels, targets[:BLADDERS, t], schedule.skip_idle, actuation, own)
         after = None if core is None else core[1][..., t]
         column = Column(
             start=step,
             # A bladder is found done in a step in which it no longer changes, and that step is run too.
             motion_steps=max(least, int(motion.moving.max()) + 1),
-            inflation=told[:BLADDERS, t],
-            grip=told[BLADDERS:, t],
+            inflation=targets[:BLADDERS, t],
+            grip=targets[BLADDERS:, t],
             motion=motion,
             pressures=None if pressure is None or after is None else (pressure, after),
         )

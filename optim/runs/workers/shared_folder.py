@@ -38,7 +38,7 @@ class Seat:
         content: its file.
         count: number of its points.
         fresh: whether the place has just been made, and owes the pool its first answer.
-        told: who answered, and what; None so far.
+        answered: who answered, and what; None so far.
         losses: how often a worker fell silent with it.
         damages: how often its files were damaged.
         copies: how often it was given to another worker, too.
@@ -49,7 +49,7 @@ class Seat:
     content: bytes = b""
     count: int = 0
     fresh: bool = True
-    told: tuple[str, Evaluation | Raised | Gone] | None = None
+    answered: tuple[str, Evaluation | Raised | Gone] | None = None
     losses: int = 0
     damages: int = 0
     copies: int = 0
@@ -57,7 +57,7 @@ class Seat:
     def submit(self, request: Request) -> None:
         """Put a request into the folder."""
         self.losses, self.damages, self.copies = 0, 0, 0
-        self.told, self.count = None, len(request.points)
+        self.answered, self.count = None, len(request.points)
         self.folder.put(self, request)
 
     def answer(self) -> Answer:
@@ -65,9 +65,9 @@ class Seat:
         if self.fresh:
             self.fresh = False
             return None
-        if self.told is None:
+        if self.answered is None:
             raise Died("its place in the folder is gone")
-        worker, told = self.told
+        worker, told = self.answered
         self.kill()
         if isinstance(told, Gone):
             raise protocol.died(worker, told)
@@ -76,7 +76,7 @@ class Seat:
     def kill(self) -> None:
         """Take the part out of the folder."""
         self.folder.withdraw(self)
-        self.part, self.told = None, None
+        self.part, self.answered = None, None
 
 
 @dataclass(eq=False)
@@ -121,7 +121,7 @@ class SharedFolder:
         begun = time.monotonic()
         while True:
             self._gather()
-            found = [seat for seat in workers if seat.fresh or seat.told is not None]
+            found = [seat for seat in workers if seat.fresh or seat.answered is not None]
             if found or not wait:
                 return found
             if time.monotonic() - self._helped > LOOK_EVERY:
@@ -160,7 +160,7 @@ class SharedFolder:
         self._untimed.discard(seat.part)
         for state in (OPEN, DONE):
             protocol.part_path(self.path, state, seat.part).unlink(missing_ok=True)
-        if seat.losses or seat.copies or seat.told is None:  # else its worker has removed the claim
+        if seat.losses or seat.copies or seat.answered is None:  # else its worker has removed the claim
             for claim in protocol.parts_in(self.path, CLAIMED):
                 if protocol.part_of_claim(claim)[0] == seat.part:
                     protocol.part_path(self.path, CLAIMED, claim).unlink(missing_ok=True)
@@ -173,7 +173,7 @@ class SharedFolder:
         """Read the answers that have come; a damaged one is removed, and its part put out again."""
         for part in protocol.parts_in(self.path, DONE):
             seat, path = self._pending.get(part), protocol.part_path(self.path, DONE, part)
-            if seat is None or seat.told is not None:
+            if seat is None or seat.answered is not None:
                 continue
             try:
                 worker, told = protocol.unpacked_answer(path.read_bytes(), part, seat.count)
@@ -185,7 +185,7 @@ class SharedFolder:
                 self._mend(seat, path, files.why_unread(error))
                 continue
             self._met = True
-            seat.told = worker, told
+            seat.answered = worker, told
             if part not in self._untimed:
                 self._times.append(time.monotonic() - self._begun[part] if part in self._begun else LOOK_EVERY)
 
@@ -215,7 +215,7 @@ class SharedFolder:
         late = LATE * float(np.median(self._times)) + LOOK_EVERY
         for part, since in self._begun.items():
             seat = self._pending[part]
-            if seat.told is None and now - since > late * 2**seat.copies:
+            if seat.answered is None and now - since > late * 2**seat.copies:
                 seat.copies += 1
                 self._write(seat)
 
@@ -228,12 +228,12 @@ class SharedFolder:
         for claim, (part, worker) in claims.items():
             self._met = True
             seat = self._pending.get(part)
-            if seat is not None and seat.told is None:
+            if seat is not None and seat.answered is None:
                 self._listen(claim, worker, seat, now)
         known = {part for part, _ in claims.values()}
         known |= {*protocol.parts_in(self.path, OPEN), *protocol.parts_in(self.path, DONE)}
         for part, seat in self._pending.items():
-            if part in known or seat.told is not None:
+            if part in known or seat.answered is not None:
                 self._missing.pop(part, None)
             elif now - self._missing.setdefault(part, now) > self.offer.silence:
                 self._missing.pop(part)
@@ -259,7 +259,7 @@ class SharedFolder:
                 seat.losses += 1
                 self.note(f"note: {worker} has been silent for {self.offer.silence:g} s: its part is given to others")
             if seat.losses == LOSSES:
-                seat.told = worker, Gone(f"its workers fell silent {LOSSES} times")
+                seat.answered = worker, Gone(f"its workers fell silent {LOSSES} times")
 
 
 @contextlib.contextmanager

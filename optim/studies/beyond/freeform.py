@@ -133,7 +133,7 @@ class Comparison(Settings):
         """CPU times at which designs are judged [s]."""
         return [self.share * times * PROBLEMS[problem].seconds for times in self.times]
 
-    def told(self, run: tuple[str, str, int], rows: Sequence[Record]) -> bool:
+    def has_rows(self, run: tuple[str, str, int], rows: Sequence[Record]) -> bool:
         """Whether rows tell what a run had found at every time."""
         problem, arm, seed = run
         known = {row["seconds"] for row in where(rows, problem=problem, search=arm, seed=seed)}
@@ -161,7 +161,7 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
     """
     check_folder(folder, FILES, NAME)
     known = [read_records(folder / name) if (folder / name).exists() else [] for name in TABLES]
-    missing = [run for run in settings.runs if not settings.told(run, known[0])]
+    missing = [run for run in settings.runs if not settings.has_rows(run, known[0])]
     tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in missing]
     run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
     for number, (run, (_, task)) in enumerate(zip(missing, tasks, strict=True)):
@@ -196,7 +196,7 @@ def _task(
     """Run a search, and judge what it had found at each time, if that is not done."""
     problem, name, seed = run
     kept, contest = _kept(folder, *run), settings.contest(problem, folder)
-    if kept.exists() and settings.told(run, read_records(kept)):
+    if kept.exists() and settings.has_rows(run, read_records(kept)):
         return
     warm_up(contest.entries[name].problem(), ARMS[name].gradients)
     contest.run_one(name, seed)

@@ -67,7 +67,7 @@ def _report(folder: Path, slopes: Sequence[float], played: Floats) -> dict[str, 
         for gait, copies in zip(GAITS, both, strict=True)
     ]
     place = transition(slopes, speeds[:, 0], speeds[:, 1])
-    unknown = [slope for slope, told in zip(slopes, told_at(speeds), strict=True) if not told]
+    unknown = [slope for slope, told in zip(slopes, known_at(speeds), strict=True) if not told]
     summary = {"transition": place, "unknown": unknown, "rows": rows}
     write_summary(folder, "slopes", summary, text_of(summary))
     draw(slopes, speeds, place, folder / "slopes.png")
@@ -89,7 +89,7 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
         and a share where fewer than ``LEAST_COPIES`` are. None if inching does not overtake.
     """
     both = np.stack([np.asarray(rolling, float), np.asarray(inching, float)], axis=1)
-    told = told_at(both)
+    told = known_at(both)
     known_slopes, both = np.asarray(slopes, float)[told], both[told]
     means = np.nanmean(both, axis=2)
     if (found := crossing(known_slopes, means[:, 0] - means[:, 1])) is None:
@@ -105,7 +105,7 @@ def transition(slopes: Sequence[float], rolling: ArrayLike, inching: ArrayLike) 
     return {"slope": place, "low": low, "high": high, "between": between, "cross": known.size / len(resampled)}
 
 
-def told_at(speeds: Floats) -> Bools:
+def known_at(speeds: Floats) -> Bools:
     """Which slopes have a copy of every gait that did not diverge, shape (S,); speeds have shape (S, gaits, copies)."""
     return np.all(~np.isnan(speeds).all(axis=2), axis=1)
 

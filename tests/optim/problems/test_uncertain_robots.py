@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from optim.problems.robot import RobotProblem
-from optim.runs.robust import checked_robust, told_of
+from optim.runs.robust import checked_robust, lines_of
 from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.robot import Measure, Outcome, Parameter, Robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty
@@ -108,7 +108,7 @@ def test_the_best_design_is_judged_by_what_the_search_judges(tmp_path, settings,
     scores = [float(of(each)[0]) for each in found]
     assert (judged["mean"], judged["worst"]) == pytest.approx((np.mean(scores), np.min(scores)))
     first = f"{told[0]}, the first measure, over 64 held-out" if told[2:] else f"{told[0]} over 64 held-out"
-    assert told_of(tmp_path)[0].startswith(f"hill:9: {first} draws: worst ")
+    assert lines_of(tmp_path)[0].startswith(f"hill:9: {first} draws: worst ")
 
 
 def test_without_uncertainty_all_is_as_ever():

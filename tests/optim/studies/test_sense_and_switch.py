@@ -11,7 +11,15 @@ from optim.experiments.data import Data
 from optim.experiments.tables import read_records, write_records
 from optim.studies.beyond.sense_and_switch.machine import Grounds, machine
 from optim.studies.beyond.sense_and_switch.noticing import LAST, noticed
-from optim.studies.beyond.sense_and_switch.pilots import Crew, by_chance, exploring, fixed, samples, staying, told
+from optim.studies.beyond.sense_and_switch.pilots import (
+    Crew,
+    by_chance,
+    exploring,
+    fixed,
+    knowing_ground,
+    samples,
+    staying,
+)
 from optim.studies.beyond.sense_and_switch.report import ratio
 from optim.studies.beyond.sense_and_switch.study import FIRST_HELD_OUT, STUDY, SenseAndSwitch
 from robots.lattice_robot.repertoire import Played, Repertoire
@@ -62,7 +70,7 @@ def test_pilots():
     middles = np.append(0.0, COURSE.ends[:-1]) + 0.02
     places, felt = middles[:6], np.zeros((6, 1))
     answers = (0, 1, 2, 3)
-    guide = told(COURSE, answers)
+    guide = knowing_ground(COURSE, answers)
     assert guide(felt, places).tolist() == COURSE.kinds[:6].tolist()
     kept = staying(lambda felt, places: places.astype(int), 3)
     assert [int(kept(felt[:1], np.array([gait]))[0]) for gait in (1, 2, 2, 2, 0, 0)] == [1, 1, 1, 2, 2, 2]

@@ -120,7 +120,7 @@ class Walks:
         """Speed of one body at a point; NaN if it fails."""
         robot, space = walker(number, self.cycles), self.space
         outcome = robot.run(robot.points(space.low + space.span * unit), Trial(WORLD, HERE))
-        return float(outcome.measures["speed"][0]) if outcome.told[0] == "ok" else np.nan
+        return float(outcome.measures["speed"][0]) if outcome.status_or_reason[0] == "ok" else np.nan
 
     def slope(self, number: int, unit: Floats) -> Floats:
         """Gradient of the way in body lengths, by ranges, shortened to ``STEEPEST``; zero if the body fails."""
@@ -135,7 +135,7 @@ def train(settings: UniversalControl, seed: int, told: bool, progress: Progress 
     begun, walks = time.process_time(), Walks(settings.cycles)
     controller = Controller(walks.start(seed), len(described(0)), settings.rate)
     for step, numbers in enumerate(drawn_bodies(settings, seed)):
-        bodies = [_told(int(number), told) for number in numbers]
+        bodies = [_description(int(number), told) for number in numbers]
         slopes = [walks.slope(int(n), controller.point(body)) for n, body in zip(numbers, bodies, strict=True)]
         controller.step(bodies, slopes)
         if progress:
@@ -157,7 +157,7 @@ def train_each(settings: UniversalControl, seed: int, weights: Floats | None, pr
     steps, speeds = max(1, settings.gradients // settings.tested), []
     for count in range(settings.tested):
         number = FIRST_TESTED + count
-        first = walks.start(seed) if weights is None else np.clip(weights @ _told(number, True), 0.0, 1.0)
+        first = walks.start(seed) if weights is None else np.clip(weights @ _description(number, True), 0.0, 1.0)
         one = np.ones(1)
         own = Controller(first, 1, settings.rate)
         for _ in range(steps):
@@ -171,11 +171,11 @@ def train_each(settings: UniversalControl, seed: int, weights: Floats | None, pr
 def test(settings: UniversalControl, weights: Floats, told: bool) -> Arrays:
     """Speeds of the test bodies with a universal controller, shape (T,)."""
     walks, numbers = Walks(settings.cycles), FIRST_TESTED + np.arange(settings.tested)
-    points = [np.clip(weights @ _told(int(number), told), 0.0, 1.0) for number in numbers]
+    points = [np.clip(weights @ _description(int(number), told), 0.0, 1.0) for number in numbers]
     return {"speeds": np.array([walks.speed(int(n), point) for n, point in zip(numbers, points, strict=True)])}
 
 
-def _told(number: int, told: bool) -> Floats:
+def _description(number: int, told: bool) -> Floats:
     """The numbers that describe a body, or none of them but the constant one."""
     numbers = described(number)
     return numbers if told else np.append(np.zeros(len(numbers) - 1), 1.0)

@@ -66,4 +66,6 @@ def exact(body: Floats, weights: int) -> tuple[float, float]:
 
 def _left(outcome: Any) -> Floats:
     """Distance left of each controller [m]; NaN where it failed."""
-    return np.where(np.asarray(outcome.told) == "ok", np.asarray(outcome.measures["closest"], float), np.nan)
+    return np.where(
+        np.asarray(outcome.status_or_reason) == "ok", np.asarray(outcome.measures["closest"], float), np.nan
+    )

@@ -67,7 +67,10 @@ def ends(loops: Sequence[Record]) -> list[Record]:
 def rows(bodies: Sequence[Record]) -> list[list[str]]:
     """Cells of what bodies of each arm are worth."""
     return [
-        [title, *(told(column(where(bodies, arm=arm), name), form) for name, (_, form) in COLUMNS.items())]
+        [
+            title,
+            *(mean_with_interval(column(where(bodies, arm=arm), name), form) for name, (_, form) in COLUMNS.items()),
+        ]
         for arm, title in ARMS.items()
     ]
 
@@ -92,11 +95,11 @@ def loop_rows(looped: Sequence[Record]) -> list[list[str]]:
         part = where(looped, arm=arm)
         best = column(part, "best")
         more = "-" if arm == "flat" else against(best, flat, ".4f")
-        found.append([title, told(best, ".4f"), more, told(column(part, "seconds"), ".1f")])
+        found.append([title, mean_with_interval(best, ".4f"), more, mean_with_interval(column(part, "seconds"), ".1f")])
     return found
 
 
-def told(values: Floats, form: str) -> str:
+def mean_with_interval(values: Floats, form: str) -> str:
     """A mean with its 95 % interval, of those that are finite."""
     values = values[np.isfinite(values)]
     if not len(values):

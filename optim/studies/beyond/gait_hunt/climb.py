@@ -134,7 +134,7 @@ def _step_row(step: Step) -> dict[str, Any]:
 
 def write_reports(folder: Path, settings: Climb, rows: Sequence[Record], steps: Sequence[Record]) -> None:
     """Write ``summary.json``, ``table.md`` and ``climb.png``, all that follows from the records of both tables."""
-    write_json(folder / "summary.json", {**settings.told, "seeds": rows, "steps": steps})
+    write_json(folder / "summary.json", {**settings.about_hill, "seeds": rows, "steps": steps})
     write_text(folder / "table.md", text_of(rows))
     _draw(settings, rows, steps, folder / "climb.png")
 

@@ -62,7 +62,7 @@ class Finals(Settings):
         return Terrain(self.slope, high, low)
 
     @property
-    def told(self) -> dict[str, Any]:
+    def about_hill(self) -> dict[str, Any]:
         """The slope, and the friction where it is not the robot's own."""
         return {"slope": self.slope, **({} if self.friction is None else {"friction": list(self.friction)})}
 
@@ -98,7 +98,7 @@ FOUND: dict[str, Kind] = {
 
 
 def hill_of(summary: Mapping[str, Any]) -> dict[str, Any]:
-    """What a study's summary says of its hill, as ``Finals.told`` gave it."""
+    """What a study's summary says of its hill, as ``Finals.about_hill`` gave it."""
     return {"slope": summary["slope"], **({"friction": summary["friction"]} if "friction" in summary else {})}
 
 

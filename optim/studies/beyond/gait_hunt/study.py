@@ -150,7 +150,7 @@ def write_reports(folder: Path, hunt: Hunt, rows: Sequence[Record], generations:
     starts = {name: [row["mean"] for row in where(generations, search=name, generation=0)] for name in groups}
     apart = differences({name: column(group, "speed") for name, group in groups.items()}, starts)
     found = {"searches": summary, "differences": apart, "runs": rows}
-    write_json(folder / "summary.json", {"budget": hunt.budget, **hunt.told, **found})
+    write_json(folder / "summary.json", {"budget": hunt.budget, **hunt.about_hill, **found})
     labels = {name: row["label"] for name, row in summary.items()}
     write_text(folder / "table.md", text_of(summary) + ("\n" + table_of_differences(apart, labels) if apart else ""))
     _draw(groups, generations, folder / "hunt.png")

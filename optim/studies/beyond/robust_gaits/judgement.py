@@ -30,7 +30,7 @@ def judged(
     progress: Progress,
 ) -> list[dict[str, Any]]:
     """Speeds of all gaits under the held-out draws, and under none (draw -1)."""
-    drawn = settings.told.draw(settings.held_out, HELD_OUT, actuators=BLADDERS)
+    drawn = settings.uncertainty.draw(settings.held_out, HELD_OUT, actuators=BLADDERS)
     compute = Compute(precision=settings.precision, threads=threads)
 
     def speeds(name: str, first: int, told: Progress) -> Floats:

@@ -46,7 +46,7 @@ class RobustGaits(Settings):
     rig: Annotated[str, partial(checks.choice, names=tuple(PRESETS))] = "dissertation-lag"  # that plays what is found
 
     @cached_property
-    def told(self) -> Uncertainty:
+    def uncertainty(self) -> Uncertainty:
         """The uncertainty that the setting ``uncertain`` states."""
         return Uncertainty.parse(self.uncertain)
 
@@ -57,7 +57,9 @@ class RobustGaits(Settings):
 
     def problem(self, slope: float, robust: bool, threads: int | None = None, rolls: bool = True) -> GaitProblem:
         """The problem of a search on a slope, over draws or without, for waves that roll or a flat body."""
-        own: dict[str, Any] = {"uncertain": self.told.text, "draws": self.draws, "risk": "worst"} if robust else {}
+        own: dict[str, Any] = (
+            {"uncertain": self.uncertainty.text, "draws": self.draws, "risk": "worst"} if robust else {}
+        )
         return GaitProblem(
             (self.terrain(slope),),
             orientation=0.0 if rolls else None,

@@ -43,7 +43,7 @@ def fixed(gait: int) -> Pilot:
     return lambda felt, places: np.full(len(felt), gait)
 
 
-def told(course: Course, answers: Sequence[int]) -> Pilot:
+def knowing_ground(course: Course, answers: Sequence[int]) -> Pilot:
     """A pilot that knows on what ground the machine's middle is, and plays the gait for that."""
     return lambda felt, places: np.array(answers)[course.kind(places)]
 
@@ -52,7 +52,7 @@ def staying(pilot: Pilot, looks: int) -> Pilot:
     """A pilot of one machine that obeys another one, but keeps each gait for at least ``looks`` looks."""
     kept, since = np.zeros(1, int), looks
 
-    def told_again(felt: Floats, places: Floats) -> Ints:
+    def pilot_that_stays(felt: Floats, places: Floats) -> Ints:
         nonlocal since
         wanted = pilot(felt, places)
         since += 1
@@ -60,7 +60,7 @@ def staying(pilot: Pilot, looks: int) -> Pilot:
             kept[:], since = wanted, 0
         return kept.copy()
 
-    return told_again
+    return pilot_that_stays
 
 
 def sensing(switching: Switching) -> Pilot:
@@ -84,7 +84,7 @@ def by_chance(gaits: int, count: int, seed: tuple[int, ...]) -> Pilot:
 
 def exploring(course: Course, answers: Sequence[int], gaits: int, count: int, seed: tuple[int, ...]) -> Pilot:
     """A pilot that plays by turns the right gait and a drawn one, so that every gait is felt on every ground."""
-    guide, chance = told(course, answers), by_chance(gaits, count, (*seed, 0))
+    guide, chance = knowing_ground(course, answers), by_chance(gaits, count, (*seed, 0))
     often = by_chance(2, count, (*seed, 1))
 
     def pilot(felt: Floats, places: Floats) -> Ints:

@@ -28,11 +28,11 @@ from optim.studies.beyond.sense_and_switch.pilots import (
     distances,
     exploring,
     fixed,
+    knowing_ground,
     play_course,
     samples,
     sensing,
     staying,
-    told,
 )
 from optim.studies.beyond.sense_and_switch.report import CHANCE, LOOK, RULES, TOLD, TOLD_STAYING, report
 from robots.control.switching import Switching, fitted
@@ -204,8 +204,8 @@ class Part:
         course, gaits = self.grounds.course(seed), len(found.points)
         crew = Crew(
             [
-                (1, told(course, found.answers)),
-                (1, staying(told(course, found.answers), rules["sensing"].stay)),
+                (1, knowing_ground(course, found.answers)),
+                (1, staying(knowing_ground(course, found.answers), rules["sensing"].stay)),
                 *((1, sensing(rule)) for rule in rules.values()),
                 (1, by_chance(gaits, 1, (self.seed, seed))),
                 *_alone(found),

@@ -1,4 +1,4 @@
-"""What a run can be told of while it goes on, as values that fit JSON."""
+"""Status of a run while it goes on, as values that fit JSON."""
 
 import dataclasses
 from pathlib import Path
@@ -8,8 +8,8 @@ from optim.runs.config import score_in
 from optim.runs.history import History, read_history
 
 
-def told(history: History) -> dict[str, Any]:
-    """How far a run is, and what it has found."""
+def status_of(history: History) -> dict[str, Any]:
+    """Status of a run: how far it is, and what it has found."""
     last = history.generations[-1] if history.generations else None
     return {
         "folder": str(history.path),
@@ -30,10 +30,10 @@ def told(history: History) -> dict[str, Any]:
     }
 
 
-def told_of(folder: Path) -> tuple[dict[str, Any], History | None]:
-    """The same of the run in a folder, with its history; of one that cannot be read, only why, and None."""
+def read_status(folder: Path) -> tuple[dict[str, Any], History | None]:
+    """Status of the run in a folder, with its history; of one that cannot be read, only why, and None."""
     try:
         history = read_history(folder)
     except ValueError as error:
         return {"folder": str(folder), "state": "damaged", "reason": str(error)}, None
-    return told(history), history
+    return status_of(history), history
