@@ -88,12 +88,14 @@ def test_pressure_pushes_along_the_normals_of_turned_faces(side):
 
 
 @pytest.mark.kernels
-def test_pressure_acts_on_every_voxel_of_the_skin_and_cancels_out():
+def test_pressure_acts_on_every_voxel_of_the_skin_and_nearly_cancels_out():
     lattice = motions.inflatable().lattice
     places, forces = lattice.pressure_forces(0)
     skin = 2 * motions.TINY.columns * motions.TINY.rows
     assert places.shape == forces.shape == (skin, 3)
-    assert np.linalg.norm(forces, axis=1) == pytest.approx(6e3 * motions.TINY.voxel_size**2, rel=0.3)
+    sizes = np.linalg.norm(forces, axis=1)
+    assert sizes == pytest.approx(6e3 * motions.TINY.voxel_size**2, rel=0.3)
+    assert np.linalg.norm(forces.sum(axis=0)) < 0.01 * sizes.sum()  # not 0, as each voxel's faces turn by themselves
     outward = ((places - places.mean(axis=0)) * forces).sum(axis=1)
     assert (outward > 0).mean() > 0.9
 
