@@ -140,22 +140,12 @@ class LatticeEngine:
             time_step = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
             if fluid or (ground is not None and ground.water):
                 time_step /= FLOATING
-        self.time_step = float(time_step)
-        if not (math.isfinite(self.time_step) and self.time_step > 0):
-            raise ValueError(f"time_step: {time_step!r} is not allowed; it must be positive")
-        if not math.isfinite(gravity):
-            raise ValueError(f"gravity: {gravity!r} is not a finite number")
         if compute is not None and options:
             raise ValueError(f"compute: give it or {', '.join(options)}, not both")
         self.compute = compute or Compute.given(options)
+        _check_settings(time_step, gravity, self_contact, driver, self.compute.device)
+        self.time_step, self.gravity = float(time_step), float(gravity)
         precision, on_cpu = self.compute.precision, self.compute.device == "cpu"
-        if self_contact not in (True, False, "published"):
-            raise ValueError(f"self_contact: {self_contact!r} is not allowed; give True, False or 'published'")
-        if driver not in DRIVERS:
-            raise ValueError(f"driver: {driver!r} is unknown; choose one of {', '.join(DRIVERS)}")
-        if driver == "packed" and not on_cpu:
-            raise ValueError(f"driver: {driver!r} runs on a cpu only, not on {self.compute.device!r}; use 'auto'")
-        self.gravity = float(gravity)
         runtime.start(self.compute)
         self.order = self.body.topology.order
         self.place = np.argsort(self.order)  # of each of the body's voxels in the engine's order
@@ -352,6 +342,20 @@ class LatticeEngine:
         inverse = np.take(self.inverse_masses, self.place, axis=1)
         position, orientation, momentum, spin = (voxel[..., part] for part in memory.MOTION.values())
         return LatticeState(position, orientation, momentum * inverse[..., :1], spin * inverse[..., 1:])
+
+
+def _check_settings(time_step: float, gravity: float, self_contact: object, driver: str, device: str) -> None:
+    """Check the settings of an engine that do not depend on its bodies."""
+    if not (math.isfinite(float(time_step)) and time_step > 0):
+        raise ValueError(f"time_step: {time_step!r} is not allowed; it must be positive")
+    if not math.isfinite(gravity):
+        raise ValueError(f"gravity: {gravity!r} is not a finite number")
+    if self_contact not in (True, False, "published"):
+        raise ValueError(f"self_contact: {self_contact!r} is not allowed; give True, False or 'published'")
+    if driver not in DRIVERS:
+        raise ValueError(f"driver: {driver!r} is unknown; choose one of {', '.join(DRIVERS)}")
+    if driver == "packed" and device != "cpu":
+        raise ValueError(f"driver: {driver!r} runs on a cpu only, not on {device!r}; use 'auto'")
 
 
 def _made_again(made: dict[str, Any], radius: float, saved: SavedLattice) -> LatticeEngine:
