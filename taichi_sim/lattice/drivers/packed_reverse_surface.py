@@ -76,7 +76,7 @@ def undo_contacts(b: ti.template(), first, end, contacts: ti.template()):
     w = ti.static(p.width)
     one = ti.static(contact_rows(contacts, i, 0, first, end, t, p))
     two = ti.static(contact_rows(contacts, i, 1, first, end, t, p))
-    touching = contact_mask(contacts, first, end, t, p)
+    touching = contact_mask(first, end, t, p)
     motion = ti.static((0, 1, 2, memory.MOMENTUM, memory.MOMENTUM + 1, memory.MOMENTUM + 2))
     before = (u.r + u.old + t.plan[memory.VOXEL]) * w
     mass, stiff, damp = ti.static((materials.INVERSE_MASS, materials.STIFFNESS, materials.CONTACT_DAMPING))
@@ -124,7 +124,7 @@ def contact_rows(contacts: Any, i: Any, end_of: int, first: Any, end: Any, t: An
 
 
 @primitive
-def contact_mask(contacts: Any, first: Any, end: Any, t: Any, p: Any) -> Any:
+def contact_mask(first: Any, end: Any, t: Any, p: Any) -> Any:
     """1 in lanes that have a contact."""
     kind = load(t.shape, 0, 0)
     one = emit(0.0 * element(emit(kind), 0) + 1.0)
