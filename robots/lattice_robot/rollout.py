@@ -13,7 +13,7 @@ from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.props import Placed
 from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
 from robots.robot import Progress
-from robots.world import Terrain, medium_of, one_each, standing
+from robots.world import Medium, Terrain, medium_of, one_each, standing
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.compute import Compute
@@ -183,37 +183,47 @@ class Rollout:
             **medium,
             compute=compute,
         )
-        at = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
-        level, floor = at, medium["floor"]
-        self.reliefs: Sequence[Relief] | None = None if isinstance(floor, bool) else floor
-        if aim.placed is not None and self.reliefs is not None:
-            pairs = zip(at, self.reliefs, strict=True)
-            at = np.array([aim.placed.standing(each, relief) for each, relief in pairs])
-        else:
-            at = standing(at, medium, first.voxel_size)
-        self.start = at
+        level = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
+        self.reliefs: Sequence[Relief] | None = None if isinstance(medium["floor"], bool) else medium["floor"]
+        self.start = self._standing(level, medium)
         if starts is not None or self.reliefs is not None:
-            self.engine.set_positions(at)
+            self.engine.set_positions(self.start)
         if aim.placed is not None:
-            events = np.concatenate([aim.placed.holding(at), self.program.events])
+            events = np.concatenate([aim.placed.holding(self.start), self.program.events])
             self.program = replace(self.program, events=events)
-        self._loop: ReflexLoop | None = None
-        if (feeling := channels.feeling) is not None:
-            robot = first if aim.placed is None else aim.placed.robot
-            anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.reliefs, feeling.lights)
-            anatomy = replace(anatomy, placed=aim.placed)
-            rest = np.broadcast_to(np.asarray(channels.rest, float), swing.shape[:2])
-            self._loop = ReflexLoop(feeling, anatomy, cycle, rest, swing, at[:, : robot.voxel_count])
+        self._loop = None if channels.feeling is None else self._reflex_loop(channels.feeling)
+        if self._loop is not None:
             self.program = self._loop.plan(self.program)
+        raised = 0.0 if self.reliefs is None else self.start[:, :, 2] - level[:, :, 2]
+        self._constants = self._constants_of(driven, raised)
+
+    def _standing(self, level: Floats, medium: Medium) -> Floats:
+        """Voxel centres at the start [m] on the robots' ground, by those on level ground, shape (B, V, 3) each."""
+        placed = self._aim.placed
+        if placed is None or self.reliefs is None:
+            return standing(level, medium, self.bodies[0].voxel_size)
+        return np.array([placed.standing(each, relief) for each, relief in zip(level, self.reliefs, strict=True)])
+
+    def _reflex_loop(self, feeling: Feeling) -> ReflexLoop:
+        """The loop that reads the senses and changes the cycle by what the reflexes answer."""
+        aim, swing = self._aim, self._swing
+        robot = self.bodies[0] if aim.placed is None else aim.placed.robot
+        anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.reliefs, feeling.lights)
+        anatomy = replace(anatomy, placed=aim.placed)
+        rest = np.broadcast_to(np.asarray(self.channels.rest, float), swing.shape[:2])
+        return ReflexLoop(feeling, anatomy, self.cycle, rest, swing, self.start[:, : robot.voxel_count])
+
+    def _constants_of(self, driven: Floats | None, raised: Floats | float) -> Constants:
+        """What measures know of the robots, of which the ground raises voxels where they start [m], shape (B, V)."""
+        first, aim, cycle = self.bodies[0], self._aim, self.cycle
         moduli, densities, expansions = (
-            np.array([[getattr(m, field) for m in body.materials] for body in bodies])[:, first.material_index]
+            np.array([[getattr(m, field) for m in body.materials] for body in self.bodies])[:, first.material_index]
             for field in ("youngs_modulus", "density", "thermal_expansion")
         )
         if driven is None:
-            driven = channels.driven(np.asarray(first.regions), expansions)
-        told = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
-        raised = 0.0 if self.reliefs is None else at[:, :, 2] - level[:, :, 2]
-        self._constants = Constants(densities, moduli, driven, first, *told, raised)
+            driven = self.channels.driven(np.asarray(first.regions), expansions)
+        about = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
+        return Constants(densities, moduli, driven, first, *about, raised)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""
