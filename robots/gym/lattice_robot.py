@@ -169,7 +169,7 @@ class Rewarded(Batch):
         return found
 
     def _prop_middles(self) -> Floats:
-        """Those of the first prop."""
+        """Middles of the first prop, shape (B, 3) [m]."""
         e = self.episodes
         assert e.robot.placed is not None
         found: Floats = e.positions[:, e.robot.placed.of(1)].mean(axis=1).astype(float)
