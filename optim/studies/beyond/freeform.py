@@ -17,6 +17,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
+from optim.experiments.figures import COLOURS, COLUMN, figure, logarithmic
 from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, part_of, write_json
@@ -38,7 +39,8 @@ from taichi_sim.lattice import Material
 
 NAME = "freeform"
 TABLES = ("runs.csv", "curves.csv", "trials.csv")
-FILES = ("table.md", *TABLES, "summary.json", "runs", "designs")
+FIGURE = "advantage.png"
+FILES = ("table.md", *TABLES, "summary.json", FIGURE, "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
 CURVE = 40  # points of a curve in the table, at most
 BONE = Tissue(
@@ -243,14 +245,17 @@ def _curve(contest: Contest, problem: str, name: str, seed: int) -> list[Record]
 
 
 def _report(folder: Path, share: float, rows: Sequence[Record]) -> None:
-    """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
+    """Write ``summary.json``, ``table.md`` and a figure, which follow from the table of runs."""
     found = {
         f"{problem}-{seconds:g}": _summary(where(rows, problem=problem, seconds=seconds))
         for problem in distinct(rows, "problem")
         for seconds in distinct(where(rows, problem=problem), "seconds")
     }
     write_json(folder / "summary.json", {"share": share, "problems": found})
-    write_text(folder / "table.md", page(*(part for each in found.values() for part in _table(each))))
+    advantages = sorted((each for each in found.values() if "ratio" in each), key=_size)
+    parts = [_overview(advantages)] if len(advantages) > 1 else []
+    write_text(folder / "table.md", page(*parts, *(part for each in found.values() for part in _table(each))))
+    _draw(advantages, folder / FIGURE)
 
 
 def _summary(rows: Sequence[Record]) -> dict[str, Any]:
@@ -282,6 +287,49 @@ def _search(speeds: Any, rows: Sequence[Record]) -> dict[str, Any]:
         "evaluations": float(np.median(column(rows, "evaluations"))),
         "kept": float(np.median(kept)) if kept else None,
     }
+
+
+def _size(found: Mapping[str, Any]) -> tuple[bool, int, float]:
+    """In water or not, how many variables, and how much time, in which order problems stand side by side."""
+    problem = PROBLEMS[found["problem"]]
+    return problem.water, len(problem.robot.parameters), found["seconds"]
+
+
+def _overview(advantages: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A table of the advantage of gradients in all problems."""
+    lines = []
+    for found in advantages:
+        water, variables, seconds = _size(found)
+        best = [found["searches"][found[name]] for name in ("best_with_gradients", "best_without")]
+        seeds, speeds = ([each[name] for each in best] for name in ("seeds", "mean"))
+        low, high = found["interval"]
+        lines.append(
+            (
+                "water" if water else "ground",
+                str(variables),
+                f"{seconds:g}",
+                *(f"{each['label']} {speed:.3f}" for each, speed in zip(best, speeds, strict=True)),
+                ", ".join(map(str, seeds)),
+                f"**{found['ratio']:.2f}** ({low:.2f} to {high:.2f})",
+            )
+        )
+    header = ("where", "variables", "CPU time [s]", "best with gradients", "best without", "n", "times as fast")
+    return markdown(header, "lrrlllr", lines)
+
+
+def _draw(advantages: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Draw how many times as fast gradients are over the number of variables, with 95 % intervals."""
+    with figure(path, 1.3 * COLUMN, 2.8) as (_, ((axes,),)):
+        axes.axhline(1.0, color="0.6", linewidth=0.8)
+        for water, label, colour in ((False, "on ground", COLOURS[0]), (True, "in water", COLOURS[1])):
+            shown = [each for each in advantages if _size(each)[0] == water]
+            variables, ratios = [_size(each)[1] for each in shown], np.array([each["ratio"] for each in shown])
+            intervals = np.reshape([each["interval"] for each in shown], (-1, 2)).T
+            axes.errorbar(variables, ratios, np.abs(intervals - ratios), fmt="o-", color=colour, label=label, capsize=3)
+        logarithmic(axes, "x")
+        logarithmic(axes, "y")
+        axes.set(xlabel="variables", ylabel="speed with gradients / without")
+        axes.legend(loc="upper left")
 
 
 def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
@@ -321,6 +369,6 @@ STUDY = Study(
     },
     run=study,
     tell=tell,
-    writes=FILES[:5],
+    writes=FILES[:6],
     cost="two days of one core; medium takes three hours",
 )
