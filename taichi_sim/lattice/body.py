@@ -41,8 +41,9 @@ class LatticeBody(ShortText):
         regions: label of the group that a program can address, shape (V,), 0 to R-1; by default the material.
         cut_links: pairs of neighbouring voxels without a beam, shape (C, 2), indices into ``voxels``.
         fixed: degrees of freedom held by the world (x, y, z, rotation about x, y, z), shape (V, 6).
-        pressure_normals: sum of the outward normals of the faces that feel the region's pressure, in the voxel
-            frame, shape (V, 3), entries -1, 0, 1; zero where no face does.
+        pressure_normals: which way the region's pressure pushes a voxel, along the axes of its own frame, shape
+            (V, 3), entries -1, 0, 1; zero where no pressure acts. The force is +pressure times the area of a face
+            times this. To inflate a hollow body, point them away from the cavity.
         chambers: which of several volumes, each closed by its own skin, pressurised voxels enclose, shape (V,); all
             the same one by default. Of several, pressure acts on the closed surfaces, see ``enclosure``.
 

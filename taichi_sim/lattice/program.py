@@ -23,7 +23,7 @@ class Quantity(IntEnum):
     STATIC_FRICTION = 4
     KINETIC_FRICTION = 5
     GLOBAL_DAMPING = 6  # damping ratio against the world
-    PRESSURE = 7  # [Pa] on the faces named by LatticeBody.pressure_normals
+    PRESSURE = 7  # [Pa]; positive pushes along LatticeBody.pressure_normals
     ACCELERATION = 8  # [m/s^2] x y z, world frame: weight per mass
     FORCE = 11  # [N] x y z on every voxel, world frame
     MOMENT = 14  # [N m] x y z on every voxel, world frame

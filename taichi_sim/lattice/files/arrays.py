@@ -32,7 +32,7 @@ def body_from_array(
             default voxels of one material are one, in the order of ``materials``.
         fixed: voxels that the world holds in all six degrees of freedom, shape (X, Y, Z), or which of the six it
             holds, shape (X, Y, Z, 6).
-        pressure_normals: those of ``LatticeBody`` for each place, shape (X, Y, Z, 3).
+        pressure_normals: which way pressure pushes, as in ``LatticeBody``, for each place, shape (X, Y, Z, 3).
 
     Returns:
         The body; its voxels in the order of ``numpy.argwhere(array)``, at their places in the array.

@@ -87,7 +87,7 @@ def power(base, exponent):
 
 @law
 def pressure_on_faces(gx, gy, gz, size_x, size_y, size_z, pressure, hx, hy, hz, nx, ny, nz):
-    """Pressure times the deformed area of a voxel's faces of outward normal n, voxel frame.
+    """Pressure times the deformed area of a voxel's faces times n, the way that it pushes, voxel frame.
 
     The edges are those between the corners: a side without a link does not stretch, so strains g count by h, half the
     number of links along the axis.

@@ -35,6 +35,23 @@ def forces(body, positions, pressures) -> np.ndarray:
     return total
 
 
+# which way pressure pushes
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(("fluid", "sides"), [(False, 4), (True, 3)], ids=["faces", "surface"])
+def test_normals_away_from_the_cavity_inflate_a_closed_box(fluid, sides):
+    """Its walls carry P A over their section; A is that of outer faces, or of the surface through the centres."""
+    body, pressure, damped = shell((16, 4, 4)), 1e3, ProgramBuilder(1)
+    engine = LatticeEngine(body, time_step=TIME_STEP, gravity=0.0, floor=False, fluid=fluid, self_contact=False)
+    damped.set(Quantity.PRESSURE, pressure, regions=[0])
+    damped.set(Quantity.GLOBAL_DAMPING, 0.05, regions=[0])
+    engine.run(damped.build(5000))
+    along, x = body.voxels[:, 0], engine.state().positions[0, :, 0]
+    stretched = (x[along == 11].mean() - x[along == 4].mean()) / (7 * EDGE)
+    assert stretched - 1 == pytest.approx(pressure * sides**2 / (RUBBER.youngs_modulus * 12), rel=0.02)
+
+
 # the surface
 
 
