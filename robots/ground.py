@@ -36,9 +36,9 @@ class Ground:
     """Ground that is not level, or not alike everywhere.
 
     Attributes:
-        text: such as ``"rough:0.01,0.05"``, ``"stairs:0.01,0.1"`` or ``"hills.npy:0.01"``; after it what is on it, or
-            alone on level ground: ``"ramp:-5+water:0"``, ``"sand:2e5"``. Sand yields to a stress per depth [N/m^3];
-            water fills up to a level over the floor [m].
+        text: such as ``"rough:0.01,0.05"``, ``"stairs:0.01,0.1"`` or ``"hills.npy:0.01"``, a file of heights and maybe
+            of friction; after it what is on it, or alone on level ground: ``"ramp:-5+water:0"``, ``"sand:2e5"``. Sand
+            yields to a stress per depth [N/m^3]; water fills up to a level over the floor [m].
     """
 
     text: str
@@ -265,16 +265,20 @@ def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, Floats | 
     if named is not None:
         friction = named.friction and named.friction(along, across, *numbers)
         return named.make(along, across, *numbers), friction
-    table = _table(str(Ground(text).file))
+    file = str(Ground(text).file)
+    heights, friction = _tables(file)
     *height, spacing = numbers
     if height:
-        table = table * height[0]
-    given = Relief(table, spacing, tuple(-spacing * (count - 1) / 2 for count in table.shape))
-    return given.height(along, across), None
+        heights = heights * height[0]
+    try:
+        given = Relief(heights, spacing, tuple(-spacing * (count - 1) / 2 for count in heights.shape), friction)
+    except ValueError as refused:
+        raise ValueError(f"terrain: {file!r}: {refused}") from None
+    return given.height(along, across), None if friction is None else given.factor(along, across)
 
 
-def _table(file: str) -> Floats:
-    """The numbers of a file, rows along x: heights [m], or the brightness of an image from 0 to 1.
+def _tables(file: str) -> tuple[Floats, Floats | None]:
+    """Heights [m], or the brightness of an image from 0 to 1, and factors of friction if a file has any; rows along x.
 
     Raises:
         ValueError: for a file of anything else.
@@ -295,9 +299,12 @@ def _table(file: str) -> Floats:
             table = table[::-1].T  # upwards is along y, to the right along x
     except UNREADABLE as failed:
         raise ValueError(f"terrain: {file!r} cannot be read as heights: {failed}") from None
-    if not np.issubdtype(table.dtype, np.number) or table.ndim != 2 or not np.isfinite(table).all():
-        raise ValueError(f"terrain: {file!r} is no table of finite numbers, shape (X, Y)")
-    return np.asarray(table, float)
+    shaped = table.ndim == 2 or (table.ndim == 3 and len(table) == 2)
+    if not shaped or table.dtype.kind not in "iuf" or not np.isfinite(table).all():
+        allowed = "shape (X, Y), or (2, X, Y) with factors of friction second"
+        raise ValueError(f"terrain: {file!r} is no table of finite numbers, {allowed}")
+    heights, *friction = np.asarray(table[None] if table.ndim == 2 else table, float)
+    return heights, friction[0] if friction else None
 
 
 def level(edge: float) -> "Relief":

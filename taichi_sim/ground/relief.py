@@ -90,8 +90,10 @@ class Relief:
         object.__setattr__(self, "origin", (number("origin", x, -1e9, 1e9, "m"), number("origin", y, -1e9, 1e9, "m")))
         if self.friction is not None:
             friction = _nodes("friction", self.friction)
-            if friction.shape != heights.shape or friction.min() < 0:
-                raise ValueError(f"friction: give factors of at least 0, shape {heights.shape} as heights")
+            if friction.shape != heights.shape:
+                raise ValueError(f"friction: shape {friction.shape} is not allowed; give {heights.shape} as heights")
+            if friction.min() < 0:
+                raise ValueError(f"friction: {friction.min():g} is not allowed; give factors of at least 0")
             object.__setattr__(self, "friction", friction)
         if self.yield_per_depth is not None:
             object.__setattr__(self, "yield_per_depth", positive("yield_per_depth", self.yield_per_depth, 1e12))

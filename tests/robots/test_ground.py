@@ -14,7 +14,9 @@ from robots.ground_kinds import GROUNDS
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.journeys import Leg, simulate_journey
+from robots.view.uneven import node_tints
 from robots.world import Terrain, medium_of, one_each, standing
+from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder
 
 EDGE = 0.01
 
@@ -75,6 +77,53 @@ def test_files_of_heights(tmp_path):
     imsave(tmp_path / "hills.png", picture, cmap="gray", vmin=0, vmax=1)
     ground = Ground(f"{tmp_path / 'hills.png'}:0.03,0.1").relief(0, EDGE)
     assert np.isclose(ground.height(0.2, 0.1), 0.03, rtol=0.01) and np.isclose(ground.height(0.2, -0.1), 0, atol=1e-3)
+
+
+def friction_map(folder, factors, heights=0.0) -> str:
+    """The name of ground of a file with factors of friction, 1 cm apart."""
+    factors = np.asarray(factors, float)
+    np.save(folder / "map.npy", np.stack([np.broadcast_to(heights, factors.shape), factors]))
+    return f"{folder / 'map.npy'}:0.01"
+
+
+def test_files_of_heights_and_friction(tmp_path):
+    """The second table has factors of friction, at the places of the heights, and pictures show it as patches."""
+    factors, heights = np.ones((5, 3)), np.zeros((5, 3))
+    factors[4, 0], heights[0, 2] = 0.25, 0.005
+    relief = Ground(friction_map(tmp_path, factors, heights)).relief(0, EDGE)
+    assert relief.factor([0.02, 0.5, 0, 0.015], [-0.01, -0.5, 0, -0.01]) == pytest.approx([0.25, 0.25, 1, 0.625])
+    assert relief.height([0.02, -0.02], [-0.01, 0.01]) == pytest.approx([0, 0.005])
+    shades = node_tints(relief, relief).reshape(*relief.heights.shape, 3)[..., 0]
+    assert np.array_equal(np.argsort(shades, axis=None), np.argsort(-relief.friction, axis=None))
+    factors = np.where(np.arange(9)[:, None] < 5, 1.0, 0.5) + np.zeros(3)
+    assert Ground(friction_map(tmp_path, factors)).level_until(-0.02, -0.01) == pytest.approx(0.0, abs=2e-3)
+
+
+def sliding(terrain: Terrain, steps: int = 400):
+    """State of a block of one material that was thrown along its ground."""
+    body = LatticeBody(
+        np.argwhere(np.ones((5, 3, 2))),
+        (Material(1e5, 1e3, static_friction=0.4, kinetic_friction=0.4),),
+        np.zeros(30, int),
+        EDGE,
+    )
+    engine = LatticeEngine(body, gravity=9.80665, **medium_of([terrain], [0.0], EDGE))
+    engine.run(ProgramBuilder(1).build(2000))
+    at = engine.state()
+    engine.set_state(replace(at, velocities=at.velocities + np.array([0.3, 0, 0])))
+    engine.run(ProgramBuilder(1).build(steps))
+    return engine.state(), 0.3 - engine.state().velocities[0, :, 0].mean()
+
+
+@pytest.mark.kernels
+def test_a_map_of_friction_is_what_a_block_slides_on(tmp_path):
+    """A factor of 1 on level ground is the plane, bit for bit; half of it brakes half as much."""
+    plane, slowed = sliding(Terrain())
+    same, _ = sliding(Terrain.parse(friction_map(tmp_path, np.ones((3, 3)))))
+    for part in plane.__dataclass_fields__:
+        assert np.array_equal(getattr(plane, part), getattr(same, part))
+    _, half = sliding(Terrain.parse(friction_map(tmp_path, np.full((4, 3), 0.5))))
+    assert 0 < slowed < 0.3 and half / slowed == pytest.approx(0.5, rel=0.01)
 
 
 def test_terrains_with_uneven_ground_are_written_and_read():
@@ -186,6 +235,14 @@ def test_what_is_too_steep_or_no_table_is_refused(tmp_path):
     np.save(tmp_path / "bad.npy", np.array([[0.0, np.nan]]))
     with pytest.raises(ValueError, match="is no table of finite numbers"):
         Ground(f"{tmp_path / 'bad.npy'}:0.1").relief(0, EDGE)
+    for table in (np.zeros((3, 4, 4)), np.zeros((2, 4, 4), complex), np.full((2, 4, 4), np.inf), np.zeros(4)):
+        np.save(tmp_path / "bad.npy", table)
+        with pytest.raises(
+            ValueError, match=r"bad\.npy' is no table of finite numbers, shape \(X, Y\), or \(2, X, Y\)"
+        ):
+            Ground(f"{tmp_path / 'bad.npy'}:0.1").relief(0, EDGE)
+    with pytest.raises(ValueError, match=r"^terrain: '.*map\.npy': friction: -0\.5 is not allowed; give .*at least 0$"):
+        Ground(friction_map(tmp_path, np.full((3, 3), -0.5))).relief(0, EDGE)
     (tmp_path / "bad.png").write_text("no image")
     with pytest.raises(ValueError, match="cannot be read as heights"):
         Ground(f"{tmp_path / 'bad.png'}:0.1,0.1").relief(0, EDGE)
