@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from robots.ground import Ground
 from robots.robot import Progress, part_of
 from robots.world import FRICTION_FIELDS, MATERIAL_FRICTION, Terrain
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 Owner = TypeVar("Owner")
 Found = TypeVar("Found")
-_OF_EACH = ("slope", "ground", "light")  # what may differ between the terrains of a batch
+_OF_EACH = ("slope", "ground", "light", "folder")  # what may differ between the terrains of a batch
 _RUBBING = (*FRICTION_FIELDS, *MATERIAL_FRICTION)  # and this, too, where there are no props
 _OF_ALL = tuple(each.name for each in fields(Terrain) if each.name not in (*_OF_EACH, *_RUBBING))
 
@@ -82,7 +81,6 @@ def around(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:
 
 def _laws(terrain: Terrain) -> tuple[bool, bool]:
     """Whether there is water on a terrain's ground, and whether it yields."""
-    if terrain.ground is None:
+    if (ground := terrain.uneven) is None:
         return False, False
-    ground = Ground(terrain.ground)
     return ground.water is not None, ground.yield_per_depth is not None

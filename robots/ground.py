@@ -17,7 +17,7 @@ import numpy as np
 
 from robots.ground_kinds import BEGINS, COVERS, GROUNDS, LEVEL, POSITIVE, SAND, SIGNED, WATER, Named, way, ways
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import UNREADABLE, array_of, content_of, sha256, why_unread
+from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
@@ -39,9 +39,11 @@ class Ground:
         text: such as ``"rough:0.01,0.05"``, ``"stairs:0.01,0.1"`` or ``"hills.npy:0.01"``, a file of heights and maybe
             of friction; after it what is on it, or alone on level ground: ``"ramp:-5+water:0"``, ``"sand:2e5"``. Sand
             yields to a stress per depth [N/m^3]; water fills up to a level over the floor [m].
+        folder: that keeps a copy of its file, which is then read in its place; None keeps none.
     """
 
     text: str
+    folder: Path | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.text, str):
@@ -93,25 +95,33 @@ class Ground:
         found = _OF_FILE.fullmatch(self.solid)
         return found[1] if found else None
 
+    @property
+    def source(self) -> Path | None:
+        """The file that is read: the copy that the folder keeps, or else the one that is named."""
+        if self.file is None:
+            return None
+        copy = None if self.folder is None else copy_in(self.folder, self.file)
+        return copy if copy and copy.is_file() else Path(self.file)
+
     def check_file(self) -> None:
         """Refuse a file that is missing, before any work; what only tells of a ground needs none.
 
         Raises:
             ValueError: if there is none.
         """
-        if self.file is not None and not Path(self.file).is_file():
+        if self.source is not None and not self.source.is_file():
             raise ValueError(f"terrain: {self.file!r} is no file")
 
     @property
-    def checksum(self) -> str | None:
-        """SHA-256 of the file of its heights; None without a file.
+    def content(self) -> bytes | None:
+        """The bytes of the file of its heights; None without a file.
 
         Raises:
             ValueError: if the file is missing or cannot be read.
         """
         self.check_file()
         try:
-            return None if self.file is None else sha256(content_of(self.file))
+            return None if self.source is None else content_of(self.source)
         except OSError as error:
             raise ValueError(f"terrain: {self.file!r} cannot be read ({why_unread(error)})") from None
 
@@ -166,8 +176,8 @@ class Ground:
             ValueError: for ground that is too steep on a grid of half an edge, and files that are no heights.
         """
         self.check_file()
-        changed = None if self.file is None else Path(self.file).stat().st_mtime_ns
-        return _relief(self.text, float(heading), float(edge), changed)
+        changed = None if self.source is None else self.source.stat().st_mtime_ns
+        return _relief(self, float(heading), float(edge), changed)
 
     def level_until(self, begin: float, end: float) -> float | None:
         """Up to where it is as it is below a robot, from which on it differs [m ahead of the origin].
@@ -184,7 +194,7 @@ class Ground:
         """
         self.check_file()
         x, y = np.arange(begin, max(AHEAD, begin + SAMPLED), SAMPLED), (end - begin) * np.linspace(-1, 1, 9)
-        found = _values(self.text, *np.meshgrid(x, y, indexing="ij"))
+        found = _values(self, *np.meshgrid(x, y, indexing="ij"))
         changes = [abs(each - each[0, 0]).max(axis=1) > EVEN for each in found if each is not None]
         where = x[np.logical_or.reduce(changes)]
         if not len(where):
@@ -238,7 +248,7 @@ def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
 
 
 @lru_cache(maxsize=16)
-def _relief(text: str, heading: float, edge: float, changed: int | None) -> "Relief":
+def _relief(given: Ground, heading: float, edge: float, changed: int | None) -> "Relief":
     """:meth:`Ground.relief`; a batch shares the ground of robots that head alike, of a file as it last changed."""
     from taichi_sim.lattice import Relief
 
@@ -249,23 +259,23 @@ def _relief(text: str, heading: float, edge: float, changed: int | None) -> "Rel
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     counts = np.ceil((high - low) / spacing).astype(int) + 1
     x, y = np.meshgrid(*(first + spacing * np.arange(n) for first, n in zip(low, counts, strict=True)), indexing="ij")
-    heights, friction = _values(text, x * cosine + y * sine, y * cosine - x * sine)
+    heights, friction = _values(given, x * cosine + y * sine, y * cosine - x * sine)
     try:
-        origin, ground = (float(low[0]), float(low[1])), Ground(text)
-        return Relief(heights, spacing, origin, friction, ground.water, ground.yield_per_depth)
+        origin = float(low[0]), float(low[1])
+        return Relief(heights, spacing, origin, friction, given.water, given.yield_per_depth)
     except ValueError as refused:
-        raise ValueError(f"terrain: {text!r} on a grid of {spacing:g} m: {refused}") from None
+        raise ValueError(f"terrain: {given.text!r} on a grid of {spacing:g} m: {refused}") from None
 
 
-def _values(text: str, along: Floats, across: Floats) -> tuple[Floats, Floats | None]:
+def _values(ground: Ground, along: Floats, across: Floats) -> tuple[Floats, Floats | None]:
     """Heights [m] and factors of friction at places; None where that is 1 everywhere."""
     from taichi_sim.lattice import Relief
 
-    named, numbers = Ground(text)._checked()
+    named, numbers = ground._checked()
     if named is not None:
         friction = named.friction and named.friction(along, across, *numbers)
         return named.make(along, across, *numbers), friction
-    file = str(Ground(text).file)
+    file = str(ground.source)
     heights, friction = _tables(file)
     *height, spacing = numbers
     if height:

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -66,6 +66,7 @@ class Terrain:
             None is a plane.
         light: place (x, y) of a light that robots may feel, ahead of where they start and to the left of it [m].
         props: bodies beside the robot, see ``robots.props``; None without any.
+        folder: that keeps a copy of the file of the ground, such as that of a run; no part of what the terrain is.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -82,6 +83,7 @@ class Terrain:
     ground: str | None = None
     light: tuple[float, float] | None = None
     props: tuple[Prop, ...] | None = None
+    folder: Path | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -128,10 +130,15 @@ class Terrain:
 
     @property
     def fields(self) -> dict[str, Any]:
-        """All fields as values that fit JSON: the light as a list, props by their names."""
-        found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        """All fields that say what it is, as values that fit JSON: the light as a list, props by their names."""
+        found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self) if each.compare}
         light, props = self.light and list(self.light), self.props and [prop.name for prop in self.props]
         return {**found, "light": light, "props": props}
+
+    @property
+    def uneven(self) -> Ground | None:
+        """Its uneven ground, sand or water; None of a plane."""
+        return Ground(self.ground, self.folder) if self.ground else None
 
     @property
     def is_fluid(self) -> bool:
@@ -141,12 +148,12 @@ class Terrain:
     @property
     def is_level(self) -> bool:
         """Whether the ground is the same height everywhere, and not tilted."""
-        return self.slope == 0 and (self.ground is None or not Ground(self.ground).solid)
+        return self.slope == 0 and (self.uneven is None or not self.uneven.solid)
 
     @property
     def is_wet(self) -> bool:
         """Whether a fluid is around robots, or water on the ground."""
-        return self.is_fluid or (self.ground is not None and Ground(self.ground).water is not None)
+        return self.is_fluid or (self.uneven is not None and self.uneven.water is not None)
 
     @property
     def name(self) -> str:
@@ -185,13 +192,13 @@ class Terrain:
             return ", ".join(filter(None, ["in water", props, light]))
         way = "up" if self.slope > 0 else "down"
         slope = f"{way} a slope of {abs(self.slope):g}°" if self.slope else ""
-        ground = f"on {Ground(self.ground).spoken}" if self.ground else "" if slope else "on flat ground"
+        ground = f"on {self.uneven.spoken}" if self.uneven else "" if slope else "on flat ground"
         return ", ".join(filter(None, [slope, ground, self.friction, props, light]))
 
     @property
     def resistance(self) -> tuple[float, float]:
         """Half the density of the fluid or water times the coefficients of pressure drag and friction [kg/m^3]."""
-        water = Ground(self.ground).water if self.ground else None
+        water = self.uneven.water if self.uneven else None
         half = 0.5 * (water.density if water else self.fluid_density or 0.0)
         pressure = PRESSURE_DRAG if self.pressure_drag is None else self.pressure_drag
         friction = FRICTION_DRAG if self.friction_drag is None else self.friction_drag
@@ -199,8 +206,8 @@ class Terrain:
 
     def _with_its_file(self) -> Self:
         """Itself, if the file of its ground is there: who names a terrain means to use it."""
-        if self.ground is not None:
-            Ground(self.ground).check_file()
+        if self.uneven is not None:
+            self.uneven.check_file()
         return self
 
     @classmethod
@@ -346,17 +353,6 @@ def terrain_of(world: World) -> Terrain:
     return world
 
 
-def ground_files(worlds: Iterable[World]) -> dict[str, str]:
-    """SHA-256 of each file of heights on which some worlds are, by its name, as it is now.
-
-    Raises:
-        ValueError: for a file that is missing or cannot be read.
-    """
-    named = (world.ground for world in worlds if isinstance(world, Terrain) and world.ground)
-    found = {ground.file: ground.checksum for ground in map(Ground, named)}
-    return {file: checksum for file, checksum in found.items() if file and checksum}
-
-
 def one_each(terrain: Terrain | Sequence[Terrain], count: int) -> list[Terrain]:
     """The terrain of each of ``count`` robots of a batch: one for all, or one each, with the same around all of them.
 
@@ -379,8 +375,8 @@ def medium_of(terrains: Sequence[Terrain], headings: Sequence[float], edge: floa
     if not any(terrain.ground for terrain in terrains):
         return {"floor": not first.is_fluid, "fluid": first.is_fluid}
     level = level_ground(edge)
-    pairs = [(terrain.ground, heading) for terrain, heading in zip(terrains, headings, strict=True)]
-    found = {pair: Ground(pair[0]).relief(pair[1], edge) if pair[0] else level for pair in {*pairs}}
+    pairs = [(terrain.uneven, heading) for terrain, heading in zip(terrains, headings, strict=True)]
+    found = {pair: pair[0].relief(pair[1], edge) if pair[0] else level for pair in {*pairs}}
     return {"floor": [found[pair] for pair in pairs], "fluid": False}
 
 

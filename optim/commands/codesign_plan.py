@@ -138,9 +138,8 @@ def plan(args: argparse.Namespace) -> Plan:
         design = Design(_problem_of_file(args, known))
     else:
         design = _robot_design(args, known, name)
-    if known:  # which may be of another seed, whose folder this one is not
-        folder = args.out if has_run(args.out) else args.out.parent
-        check_ground_files(known, getattr(design.problem, GROUND_FILES, {}), folder)
+    if known and (begun := _begun(args)):
+        check_ground_files(known, getattr(design.problem, GROUND_FILES, {}), begun)
     check_objectives(name, design.problem.objective_names)
     settings = _method(args, name, design, known["method"] if known else None)
     generations = args.generations
@@ -149,25 +148,31 @@ def plan(args: argparse.Namespace) -> Plan:
     return Plan(design.problem, name, settings, generations, design.note)
 
 
-def _known(args: argparse.Namespace) -> dict[str, Any] | None:
-    """Settings of the run that continues; for one of several seeds that has not begun, those of the others."""
+def _begun(args: argparse.Namespace) -> Path | None:
+    """The folder of the run that continues; for one of several seeds that has not begun, that of another."""
     if not args.resume:
         return None
     if has_run(args.out):
-        return read_config(args.out)
-    other = run_of_any_seed(args.out.parent) if args.seeds else None
-    if other is None:
+        return args.out
+    return run_of_any_seed(args.out.parent) if args.seeds else None
+
+
+def _known(args: argparse.Namespace) -> dict[str, Any] | None:
+    """Settings of the run that continues; for one of several seeds that has not begun, those of the others."""
+    if (begun := _begun(args)) is None:
         return None
+    known = read_config(begun)
+    if begun == args.out:
+        return known
     from optim.problems.robot import seeded
 
-    known = read_config(other)
     problem = seeded(known["problem"], known["method"]["seed"], args.seed)
     return {**known, "problem": problem, "method": {**known["method"], "seed": args.seed}}
 
 
 def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method: str) -> Design:
     """The problem of a robot, new or of the run that continues."""
-    last = problem_of_run(args.out, known) if known else None
+    last = problem_of_run(begun, known) if known and (begun := _begun(args)) else None
     named, source = find_robot_doing(args.robot)
     kind = kind_of_description(known["problem"]) if known else named
     if kind is None:

@@ -14,7 +14,7 @@ FAR = 1.0  # lengths of the robot ahead of its front, from which on a search tel
 
 def note_far_ground(problem: object) -> None:
     """Tell, before a search, of grounds that begin farther ahead of a robot than it is long."""
-    if not isinstance(problem, RobotDesigning) or not any(map(_named, problem.tried_in)):
+    if not isinstance(problem, RobotDesigning) or not any(map(_uneven, problem.tried_in)):
         return
     space, robot = problem.space, getattr(problem, "offered", None)
     robot = robot or problem.robot_of(space.round((space.low + space.high) / 2))
@@ -32,9 +32,9 @@ def _tell(notes: Iterable[str]) -> None:
         print(f"note: {note}", file=sys.stderr)
 
 
-def _named(world: World) -> str | None:
-    """The text of a world's ground; None of planes."""
-    return world.ground if isinstance(world, Terrain) else None
+def _uneven(world: World) -> Ground | None:
+    """A world's uneven ground; None of planes."""
+    return world.uneven if isinstance(world, Terrain) else None
 
 
 def _far(robot: Robot, worlds: Iterable[World], gone: float | None) -> Iterable[str]:
@@ -46,8 +46,7 @@ def _far(robot: Robot, worlds: Iterable[World], gone: float | None) -> Iterable[
         return
     begin, front = robot.footprint
     length = front - begin
-    for text in filter(None, map(_named, worlds)):
-        ground = Ground(text)
+    for ground in filter(None, map(_uneven, worlds)):
         start = ground.level_until(begin, front)
         near = front + (FAR * length if gone is None else max(gone, 0.0) + length / 2)
         closer = math.ceil((front + length / 10) / 0.01) * 0.01
@@ -56,11 +55,11 @@ def _far(robot: Robot, worlds: Iterable[World], gone: float | None) -> Iterable[
             continue
         told = f"; give its START, such as {way}" if way else ""
         if math.isinf(start):
-            yield f"terrain: {text} is level as far as ground is made, {AHEAD:g} m ahead{told}"
+            yield f"terrain: {ground.text} is level as far as ground is made, {AHEAD:g} m ahead{told}"
             continue
         lengths = f"{(start - front) / length:.2g} body lengths"
         went = "one that goes less far" if gone is None else f"this one went {gone:.3g} m, so it"
         yield (
-            f"terrain: {text} is level up to {start:.2g} m ahead of the robot's origin, {lengths} beyond its front; "
-            f"{went} meets nothing else{told}"
+            f"terrain: {ground.text} is level up to {start:.2g} m ahead of the robot's origin, {lengths} beyond its "
+            f"front; {went} meets nothing else{told}"
         )

@@ -86,15 +86,16 @@ def _problem_of(offer: "Offer", file: Path | None, folder: Path) -> "Problem":
     Raises:
         ValueError: if it is unknown here, or the file is not the one.
     """
-    from optim.problems import problem_of_description
+    from optim.problems import problem_of_run
     from optim.problems.user_file import check_file, load_problem
     from optim.runs.config import GROUND_FILES, check_ground_files
 
     if offer.problem.get("kind") != FILE:
         if file is not None:
             raise ValueError("problem: the search is of no file; leave --problem out")
-        problem = problem_of_description(offer.problem)
-        check_ground_files({GROUND_FILES: offer.ground_files}, getattr(problem, GROUND_FILES, {}), folder)
+        told = {"problem": offer.problem, GROUND_FILES: offer.ground_files}
+        problem = problem_of_run(folder, told)
+        check_ground_files(told, getattr(problem, GROUND_FILES, {}), folder)
         return problem
     if file is None:
         raise ValueError(f"problem: the search needs its file here, too; give --problem {offer.problem.get('file')}")

@@ -17,9 +17,10 @@ from optim.runs import open_run, run_search
 from optim.runs.config import GROUND_FILES
 from optim.runs.generation import Generation
 from optim.search import build_method
+from robots.ground_files import ground_files
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.timing import gait_steps
-from robots.world import Terrain, ground_files
+from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 
 FOUND = "found-"  # how names begin of what searches find

@@ -46,15 +46,19 @@ def problem_of_description(description: Mapping[str, Any]) -> Problem:
 
 
 def problem_of_run(folder: "Path", config: Mapping[str, Any]) -> Problem:
-    """The problem of the run in a folder, from its settings.
+    """The problem of the run in a folder, from its settings; files of its ground are those that the folder keeps.
 
     Raises:
         ValueError: as :func:`problem_of_description`; names the folder.
     """
+    from optim.problems.robot_designing import RobotDesigning
+    from optim.runs.config import GROUND_FILES
+
     try:
-        return problem_of_description(config["problem"])
+        problem = problem_of_description(config["problem"])
     except ValueError as error:
         raise ValueError(f"{folder}: {error}") from None
+    return problem.kept_in(folder) if isinstance(problem, RobotDesigning) and config.get(GROUND_FILES) else problem
 
 
 def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":

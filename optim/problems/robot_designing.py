@@ -10,8 +10,9 @@ from typing import Any, Self
 from numpy.typing import ArrayLike
 
 from optim.problem import Problem
+from robots.ground_files import ground_files, keep_ground_files, kept_in
 from robots.robot import Facts, Robot, World
-from robots.world import ground_files
+from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
@@ -52,6 +53,21 @@ class RobotDesigning(Problem):
             ValueError: for a file that is missing or cannot be read.
         """
         return ground_files(self.tried_in)
+
+    def keep_ground_files(self, folder: Path) -> None:
+        """Copy those files to a folder, for :meth:`kept_in`."""
+        keep_ground_files(self.tried_in, folder)
+
+    def kept_in(self, folder: Path) -> Self:
+        """The problem, with files of its ground read from a folder that keeps copies of them."""
+        changed: dict[str, Any] = {}
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, Terrain):
+                changed[field.name] = kept_in(folder, value)
+            elif isinstance(value, tuple) and any(isinstance(each, Terrain) for each in value):
+                changed[field.name] = tuple(kept_in(folder, each) for each in value)
+        return dataclasses.replace(self, **changed)
 
     @abstractmethod
     def robot_of(self, point: ArrayLike) -> Robot:

@@ -161,10 +161,23 @@ def check_ground_files(known: Mapping[str, Any], found: Mapping[str, str], folde
     recorded = known.get(GROUND_FILES, {})
     for file, checksum in found.items():
         if (old := recorded.get(file, checksum)) != checksum:
+            copy = files.copy_in(folder, file)
+            wrong = copy if copy.is_file() and files.sha256(copy.read_bytes()) == checksum else file
             raise ValueError(
-                f"terrain: {file} is not the file of the run in {folder} (SHA-256 {checksum[:12]}..., the run has "
+                f"terrain: {wrong} is not the file of the run in {folder} (SHA-256 {checksum[:12]}..., the run has "
                 f"{old[:12]}...); give it as it was, or start a new run"
             )
+
+
+def keep_ground_files(problem: Problem, folder: Path) -> None:
+    """Copy the files of ground that a problem needs, if any, to a folder that may be moved, or read elsewhere.
+
+    Raises:
+        ValueError: for a file that cannot be read, or a folder that cannot be written.
+        RuntimeError: if the disk is full or broken.
+    """
+    if keep := getattr(problem, "keep_ground_files", None):
+        keep(folder)
 
 
 def usual_settings(method: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@
 ``checkpoint.previous.npz`` the one before
 ``best.json``               the best design so far
 ``front.json``              of methods that keep many: the designs of the front, or the elites
+``copy-*``                  of the files of heights of its ground, which may then be gone
 ``calibration.json``        of the robot of a rig: its properties
 ``products.json``           which files were made of the best design, with checksums
 ``failed-*.json``           designs that killed the processes that evaluated them

@@ -9,7 +9,7 @@ import numpy as np
 
 from optim.problem import Evaluate, Evaluation, Problem, Request, judge
 from optim.runs.checkpoint import restore
-from optim.runs.config import GROUND_FILES, check_ground_files
+from optim.runs.config import GROUND_FILES, check_ground_files, keep_ground_files
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
 from optim.search.method import Method, SearchResult, next_request
@@ -37,11 +37,15 @@ class FolderSearch:
             folder: open run folder; takes the log, the checkpoints and ``best.json``.
 
         Raises:
-            ValueError: if the problem has several objectives and the method takes a single one.
+            ValueError: if the problem has several objectives and the method takes a single one, or a file of its
+                ground is not as it was.
         """
         if len(problem.objective_names) > 1 and not method.several_objectives:
             raise ValueError(f"method: it takes one objective; the problem has {', '.join(problem.objective_names)}")
         self.problem, self._method, self._folder = problem, method, folder
+        if folder.config.get(GROUND_FILES):
+            self._check_ground()
+            keep_ground_files(problem, folder.path)
         self.last: Generation | None = None
         self._asked = 0.0
         if (known := folder.restore()) is not None:
@@ -67,14 +71,18 @@ class FolderSearch:
         Raises:
             ValueError: if a file of ground has changed meanwhile, so that the generation may be of another one.
         """
-        if self._folder.config.get(GROUND_FILES):
-            check_ground_files(self._folder.config, getattr(self.problem, GROUND_FILES, {}), self._folder.path)
+        self._check_ground()
         with blamed_package():
             self._method.tell(request.points, evaluation)
             result, state = self._method.result(), self._method.state()
         self.last = record(self.last, self.problem, result, request, evaluation)
         _write_designs(self.problem, result, self._folder)
         self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)
+
+    def _check_ground(self) -> None:
+        """Refuse files of ground that are not those with which the run began."""
+        if self._folder.config.get(GROUND_FILES):
+            check_ground_files(self._folder.config, getattr(self.problem, GROUND_FILES, {}), self._folder.path)
 
 
 def run_search(

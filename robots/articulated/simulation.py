@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms, Sensed
-from robots.ground import Ground
 from robots.robot import Place, Progress, Trial, World
 from robots.world import Terrain, terrain_of
 from taichi_sim import rigid
@@ -153,7 +152,7 @@ def on_ground(world: World) -> World:
             f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope or uneven ground, "
             "such as hill:5 or rough:0.01, and friction by the robot"
         )
-    if terrain.ground is not None and (covers := Ground(terrain.ground).covers):
+    if terrain.uneven is not None and (covers := terrain.uneven.covers):
         raise ValueError(
             f"terrain: {covers[0]!r} is not allowed for an articulated robot; it stands on firm, dry ground"
         )
@@ -173,9 +172,9 @@ def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
 def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
     """The uneven ground around a robot, whose x axis is its heading; None for the level floor."""
     terrain = on_ground(world)
-    if not isinstance(terrain, Terrain) or terrain.ground is None:
+    if not isinstance(terrain, Terrain) or terrain.uneven is None:
         return None
-    return Ground(terrain.ground).relief(robot.heading, 2 * _length(robot) / FINENESS)
+    return terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS)
 
 
 def _length(robot: "ArticulatedRobot") -> float:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from robots.frames import Frames
-from robots.ground import Ground as UnevenGround
 from robots.view.lattice_states import LatticeStates
 from robots.view.mesh import knots
 from robots.view.motion import (
@@ -96,5 +95,5 @@ def _checked(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 def _ground(terrain: Terrain, heading: float, edge: float) -> Ground:
     """The ground that a robot of voxels of an edge [m] stands on, heading somewhere [degrees]."""
-    relief = UnevenGround(terrain.ground).relief(heading, edge) if terrain.ground else None
+    relief = terrain.uneven.relief(heading, edge) if terrain.uneven else None
     return Ground(-0.5 * edge, terrain.slope, heading, relief=relief)

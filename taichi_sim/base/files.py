@@ -148,6 +148,11 @@ def found_beside(folder: Path, file: str) -> str:
     return file
 
 
+def copy_in(folder: Path, file: str) -> Path:
+    """Where a folder keeps its copy of a file that may be anywhere, or gone, by the file's name."""
+    return folder / f"copy-{sha256(file.encode())[:12]}{Path(file).suffix}"
+
+
 def content_of(path: str | os.PathLike[str], largest: int = LARGEST) -> bytes:
     """Read a file whole; raises OSError if it cannot be read, or :func:`check_plain_file` refuses it."""
     check_plain_file(path, largest)

@@ -222,10 +222,10 @@ def test_what_tells_of_a_ground_needs_no_file(tmp_path):
     text = f"{tmp_path / 'gone.npy'}:0.1+water:0.01"
     terrain = Terrain(ground=text)
     assert Terrain(**terrain.document) == terrain and terrain.name == text and "of a file" in terrain.spoken
-    for needs in (lambda: Terrain.parse(text), lambda: Ground(text).relief(0, EDGE), lambda: Ground(text).checksum):
+    for needs in (lambda: Terrain.parse(text), lambda: Ground(text).relief(0, EDGE), lambda: Ground(text).content):
         with pytest.raises(ValueError, match=r"^terrain: '.*gone\.npy' is no file$"):
             needs()
-    assert Ground("rough:0.01").checksum is None
+    assert Ground("rough:0.01").content is None
 
 
 def test_what_is_too_steep_or_no_table_is_refused(tmp_path):

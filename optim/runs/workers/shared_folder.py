@@ -12,7 +12,7 @@ import numpy as np
 
 from optim.problem import FILE, Evaluation, Problem, Request
 from optim.problems import problem_of_description
-from optim.runs.config import GROUND_FILES
+from optim.runs.config import GROUND_FILES, keep_ground_files
 from optim.runs.folder import locked
 from optim.runs.workers import folder_files as protocol
 from optim.runs.workers.folder_files import CLAIMED, DONE, OPEN, Gone, Offer, Unread
@@ -284,6 +284,7 @@ def open_shared_folder(
                 if state == OPEN or name.startswith(files.ASIDE):
                     (path / state / name).unlink(missing_ok=True)
         (path / protocol.STOP).unlink(missing_ok=True)
+        keep_ground_files(problem, path)
         offer = Offer.here(description, silence, getattr(problem, GROUND_FILES, {}))
         offer.write(path)
         claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(path, CLAIMED)}

@@ -67,7 +67,7 @@ def _rigs(field_name: str, value: Any) -> tuple[str, ...]:
 def _grounds(field_name: str, value: Any) -> dict[str, dict[str, float]]:
     if not isinstance(value, Mapping) or not value:
         raise ValueError(f"{field_name}: {value!r} is not allowed; give at least one, by its name")
-    known = [each.name for each in fields(Terrain) if each.name != "slope"]
+    known = [each.name for each in fields(Terrain) if each.name not in ("slope", "folder")]
     for changes in value.values():
         for name in changes:
             checks.choice(field_name, name, known)

@@ -3,12 +3,14 @@
 import dataclasses
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from optim.pipeline.run import settings_of as pipeline_settings
 from optim.pipeline.task import read_task
+from optim.problems import problem_of_run
 from optim.problems.robot import RobotProblem
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config, settings_of, write_config
@@ -18,11 +20,13 @@ from robots.freeform import FreeformRobot
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformActuation
 from robots.world import Terrain
+from taichi_sim.base.files import copy_in
 
 HILLS, QUICK = "hills.npy:0.01", FreeformActuation(cycles=1, frequency=12.0, settling=0.02)
 ROBOT = "--robot freeform --shape 3,2,2 --full --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet"
 SEARCH = f"codesign {ROBOT} --method random --climbers 2 --generations 1 --terrain {HILLS}"
 MORE = "codesign --resume --generations 2 --threads 1 --quiet"
+KEPT = copy_in(Path("a"), "hills.npy")
 
 
 @pytest.fixture(autouse=True)
@@ -47,29 +51,56 @@ def without_checksum(folder):
 
 @pytest.mark.kernels
 def test_a_run_goes_on_with_the_very_file_alone(morpholab, tmp_path):
+    """With its copy; with the file itself, if the run has no copy yet; in no other file."""
     assert morpholab(f"{SEARCH} --out a")[::2] == (0, "")
     assert len(tomllib.loads((tmp_path / "a/config.toml").read_text())["ground_files"]["hills.npy"]) == 64
-    before, content = (tmp_path / "a/log.jsonl").read_bytes(), (tmp_path / "hills.npy").read_bytes()
+    before, content = (tmp_path / "a/log.jsonl").read_bytes(), KEPT.read_bytes()
+    assert content == (tmp_path / "hills.npy").read_bytes()
+    np.save(KEPT, np.full((40, 40), 0.002))
+    code, _, error = morpholab(f"{MORE} --out a")
+    assert code == 2 and error.startswith(
+        f"morpholab codesign: error: terrain: {KEPT} is not the file of the run in a (SHA-256 "
+    )
+    assert error.count("\n") == 1 and "give it as it was, or start a new run" in error
+    KEPT.unlink()
     written(tmp_path, 0.001)
     code, _, error = morpholab(f"{MORE} --out a")
     assert code == 2 and error.startswith(
         "morpholab codesign: error: terrain: hills.npy is not the file of the run in a (SHA-256 "
     )
-    assert error.count("\n") == 1 and "give it as it was, or start a new run" in error
     (tmp_path / "hills.npy").unlink()
     code, _, error = morpholab(f"{MORE} --out a")
     assert code == 2 and error == "morpholab codesign: error: terrain: 'hills.npy' is no file\n"
     assert (tmp_path / "a/log.jsonl").read_bytes() == before
     (tmp_path / "hills.npy").write_bytes(content)
+    assert morpholab(f"{MORE} --out a")[::2] == (0, "") and KEPT.read_bytes() == content
+
+
+@pytest.mark.kernels
+def test_a_run_that_was_moved_needs_no_other_file(morpholab, tmp_path, monkeypatch):
+    """It goes on to the bits of one that stayed; another file of the same name does not matter, unless it is named."""
+    for name in "ab":
+        assert morpholab(f"{SEARCH} --out {name}")[::2] == (0, "")
+    assert morpholab(f"{MORE} --out b")[::2] == (0, "")
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "a").rename(tmp_path / "elsewhere/a")
+    (tmp_path / "hills.npy").unlink()
+    monkeypatch.chdir(tmp_path / "elsewhere")
     assert morpholab(f"{MORE} --out a")[::2] == (0, "")
+    assert Path("a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()
+    written(Path(), 0.001)
+    assert morpholab("view a --frames 3 --strip a.png --quiet")[::2] == (0, "")
+    assert morpholab("report a --out a.html --frames 3 --quiet")[::2] == (0, "")
+    code, _, error = morpholab(f"{MORE} --terrain {HILLS} --out a")
+    assert code == 2 and "terrain: hills.npy is not the file of the run in a (" in error
 
 
 @pytest.mark.kernels
 def test_a_run_is_seen_on_its_own_ground_or_on_another_that_is_named(morpholab, tmp_path):
     assert morpholab(f"{SEARCH} --out a")[::2] == (0, "")
-    written(tmp_path, 0.001)
+    np.save(KEPT, np.full((40, 40), 0.001))
     code, _, error = morpholab("view a --frames 3 --strip a.png")
-    assert code == 2 and error.startswith("morpholab view: error: terrain: hills.npy is not the file of the run in a (")
+    assert code == 2 and error.startswith(f"morpholab view: error: terrain: {KEPT} is not the file of the run in a (")
     assert morpholab("view a --terrain flat --frames 3 --strip flat.png --quiet")[::2] == (0, "")
     assert (tmp_path / "flat.png").exists() and not (tmp_path / "a.png").exists()
 
@@ -96,9 +127,12 @@ def test_seeds_of_one_study_share_one_ground(morpholab, tmp_path):
     options = f"--robot soft-quadruped --method random --climbers 2 --threads 1 --quiet --terrain {HILLS}"
     assert morpholab(f"codesign {options} --generations 0 --seed 1 --out a/seed-1")[0] == 0
     written(tmp_path, 0.001)
-    code, _, error = morpholab(f"{MORE} --seeds 2 --out a")
+    code, _, error = morpholab(f"{MORE} --seeds 2 --terrain {HILLS} --out a")
     assert code != 0 and "terrain: hills.npy is not the file of the run in a" in error
     assert not (tmp_path / "a/seed-2/config.toml").exists()
+    assert morpholab(f"{MORE} --seeds 2 --out a")[::2] == (0, "")
+    copies = [copy_in(tmp_path / "a" / seed, "hills.npy").read_bytes() for seed in ("seed-1", "seed-2")]
+    assert copies[0] == copies[1] != (tmp_path / "hills.npy").read_bytes()
 
 
 @pytest.mark.kernels
@@ -116,12 +150,16 @@ def test_runs_are_told_of_without_their_ground(morpholab, tmp_path):
     for seed in (1, 2):
         assert morpholab(f"{SEARCH} --seed {seed} --out runs/{seed}")[0] == 0
     written(tmp_path, 0.001)
+    copies = [copy_in(tmp_path / "runs" / seed, "hills.npy") for seed in "12"]
+    copies[0].write_bytes((tmp_path / "hills.npy").read_bytes())
     code, _, error = morpholab("report runs/1 --out changed.html --frames 4")
-    assert code == 0 and "hills.npy is not the file of the run in runs/1" in error and "the player is left out" in error
+    told = f"runs/1/{copies[0].name} is not the file of the run in runs/1"
+    assert code == 0 and told in error and "the player is left out" in error
     assert morpholab(f"{SEARCH} --out other")[0] == 0
     code, _, error = morpholab("compare runs/1 other")
     assert code == 2 and "are judged differently (ground_files" in error
-    (tmp_path / "hills.npy").unlink()
+    for file in (tmp_path / "hills.npy", *copies):
+        file.unlink()
     code, out, _ = morpholab("status runs")
     assert code == 0 and out.count("finished") == 2
     assert morpholab("compare runs")[::2] == (0, "")
@@ -162,7 +200,11 @@ def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
     folder_files.make_folders(tmp_path / "w")
     offers[0].write(tmp_path / "w")
     assert folder_files.Offer.read(tmp_path / "w") == offers[0]
+    problem.keep_ground_files(tmp_path / "w")
     written(tmp_path, 0.001)
+    told = {"problem": offers[0].problem, "ground_files": offers[0].ground_files}
+    assert problem_of_run(tmp_path / "w", told).ground_files == offers[0].ground_files
+    copy_in(tmp_path / "w", "hills.npy").unlink()
     code, _, error = morpholab("work w --quiet")
     assert code == 2 and "terrain: hills.npy is not the file of the run in w (SHA-256 " in error
     offers.append(folder_files.Offer.here(problem.describe(), 1.0, problem.ground_files))
