@@ -12,7 +12,7 @@ import numpy as np
 from optim.problem import Objective, Problem, judge, objectives_of, score_of
 from optim.problems.function import Bounds, Function, problem_of
 from optim.runs.generation import Generation, record
-from optim.search import build_method, check_objectives
+from optim.search import MethodName, build_method, check_objectives
 from optim.search.method import SearchResult, check_fit, next_request
 from optim.space import Space
 from optim.wording import counted
@@ -64,7 +64,7 @@ class Maximum:
 
 def maximise(
     problem: Problem | Function,
-    method: str = "cma",
+    method: MethodName = "cma",
     *,
     bounds: Bounds | Space | None = None,
     generations: int = 100,
@@ -79,7 +79,7 @@ def maximise(
     Args:
         problem: a problem, or a function of points, shape (N, D), which then needs ``bounds``. A function with several
             objectives or a gradient becomes a problem by :func:`optim.problem_of`.
-        method: a name in ``optim.search.METHODS``.
+        method: a name in ``optim.search.METHODS``, or a class of your own, such as one of ``PopulationSearch``.
         bounds: (low, high) of each of a function's variables by name, as in :func:`optim.problem_of`.
         generations: number of the last generation; the starts are generation 0.
         seed: of all random numbers.

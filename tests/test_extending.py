@@ -12,7 +12,7 @@ from optim import maximise
 from optim.problem import objectives_of
 from optim.problems.objectives import OBJECTIVES
 from optim.problems.robot import RobotProblem
-from optim.search import METHODS
+from optim.search import METHODS, check_objectives
 from optim.studies.catalogue import STUDIES
 from robots.robot import KINDS
 
@@ -52,6 +52,18 @@ def test_the_hopper_is_designed_by_the_new_method_and_objective(lab):
     found = maximise(problem, method="coordinate", generations=60, population=8, seed=3, progress=lambda _: None)
     highest = (40.0 / 9.80665 - 1.0) * 0.3
     assert found.score == pytest.approx(np.sqrt(highest), rel=0.02)
+
+
+def test_a_method_is_used_by_its_class_as_by_its_name(lab):
+    problem, options = RobotProblem(lab.Hopper()), {"generations": 3, "population": 4, "progress": False}
+    by_class = maximise(problem, lab.CoordinateSearch, **options)
+    assert by_class.generations == maximise(problem, "coordinate", **options).generations
+    with pytest.raises(ValueError, match=r"^climbers: method CoordinateSearch does not take it; its settings are "):
+        maximise(problem, lab.CoordinateSearch, climbers=3)
+    with pytest.raises(ValueError, match=r"^method: CoordinateSearch takes one objective, not height, mass"):
+        check_objectives(lab.CoordinateSearch, ["height", "mass"])
+    with pytest.raises(ValueError, match=r"^method: <class 'int'> is unknown; choose one of "):
+        maximise(problem, int)
 
 
 @pytest.mark.parametrize("method", ["hill-climb", "gradient-hill-climb"])

@@ -41,6 +41,7 @@ METHODS: Registry[type[Method]] = Registry(
 )
 """The search methods by name, those of installed packages among them."""
 METHOD = "hill-climb"  # where none is named
+MethodName = str | type[Method]  # a name in ``METHODS``, or a class of one's own that derives from ``Method``
 _CLASSES = {place.partition(":")[2]: place.partition(":")[0] for place in METHODS.builtin.values()}
 
 __all__ = [
@@ -59,19 +60,19 @@ __all__ = [
 __getattr__ = exported(__name__, _CLASSES)  # the classes of the built-in methods, such as HillClimb
 
 
-def build_method(name: str, space: Space, settings: Mapping[str, Any]) -> Method:
-    """Build the search method of a name in ``METHODS``, with settings by name such as ``climbers`` and ``seed``.
+def build_method(name: MethodName, space: Space, settings: Mapping[str, Any]) -> Method:
+    """Build a search method, with settings by name such as ``climbers`` and ``seed``.
 
     Raises:
         ValueError: if the name is unknown, or the method does not take or allow a setting.
     """
     check_settings(name, settings)
-    build: Any = METHODS[name]
+    build: Any = _class_of(name)
     method: Method = build(space, **settings)
     return method
 
 
-def check_settings(name: str, settings: Mapping[str, Any]) -> None:
+def check_settings(name: MethodName, settings: Mapping[str, Any]) -> None:
     """Check names of settings without building the method.
 
     Raises:
@@ -80,31 +81,41 @@ def check_settings(name: str, settings: Mapping[str, Any]) -> None:
     allowed = list(_parameters(name))[1:]
     for setting, value in settings.items():
         if setting not in allowed:
-            settings_of = f"its settings are {', '.join(allowed)}"
-            raise ValueError(f"{setting}: method {name} does not take it; {settings_of}{nearest(setting, allowed)}")
+            known = f"its settings are {', '.join(allowed)}{nearest(setting, allowed)}"
+            raise ValueError(f"{setting}: method {_told(name)} does not take it; {known}")
         if value is None:
             raise ValueError(f"{setting}: nothing is not allowed; give a value, or leave it out")
         if setting == "start":
             checks.table(setting, value)
 
 
-def default_settings(name: str) -> dict[str, Any]:
+def default_settings(name: MethodName) -> dict[str, Any]:
     """Default settings of a method, by name; without those that have none."""
     parameters = _parameters(name).values()
     return {p.name: p.default for p in parameters if p.default is not p.empty and p.default is not None}
 
 
-def check_objectives(name: str, objectives: Sequence[str]) -> None:
+def check_objectives(name: MethodName, objectives: Sequence[str]) -> None:
     """Raise a one-line ValueError if a problem has several objectives, of these names, and a method takes one."""
     if len(objectives) > 1 and not takes_several(name):
         others = ", ".join(known for known in METHODS.builtin if takes_several(known))
-        raise ValueError(f"method: {name} takes one objective, not {', '.join(objectives)}; choose one of {others}")
+        given = ", ".join(objectives)
+        raise ValueError(f"method: {_told(name)} takes one objective, not {given}; choose one of {others}")
 
 
-def takes_several(name: str) -> bool:
+def takes_several(name: MethodName) -> bool:
     """Whether a method searches for a front of several objectives; others take a single one."""
-    return bool(getattr(METHODS.find(name), "several_objectives", False))
+    return bool(getattr(_class_of(name), "several_objectives", False))
 
 
-def _parameters(name: str) -> Mapping[str, Any]:
-    return signature(METHODS.find(name)).parameters
+def _parameters(name: MethodName) -> Mapping[str, Any]:
+    return signature(_class_of(name)).parameters
+
+
+def _class_of(name: MethodName) -> type[Method]:
+    """The class of a method, which may be given itself."""
+    return name if isinstance(name, type) and Method in name.__mro__ else METHODS.find(name)
+
+
+def _told(name: MethodName) -> str:
+    return name.__name__ if isinstance(name, type) else name
