@@ -1,7 +1,9 @@
 """The code on the page about extending: it runs, as a package of a user's that is installed."""
 
+import json
 import re
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +20,8 @@ from robots.robot import KINDS
 
 PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()
 CODE = "\n\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
-ENTRIES = re.findall(r'entry-points\."([\w.]+)"\]\n([\w-]+) = "my_lab:(\w+)"', PAGE)
+GROUPS = tomllib.loads(PAGE.partition("```toml\n")[2].partition("```")[0])["project"]["entry-points"]
+ENTRIES = [(group, name, place.partition(":")[2]) for group in GROUPS for name, place in GROUPS[group].items()]
 REGISTRIES = {registry.group: registry for registry in (KINDS, METHODS, OBJECTIVES, STUDIES)}
 
 
@@ -87,6 +90,50 @@ def test_runs_of_a_robot_without_a_motion_are_reported_without_a_player(lab, mor
     assert code == 0 and "note" not in error
     code, _, error = morpholab("view runs/a --out view.html")
     assert code == 2 and "robot: one-legged hopper cannot be shown" in error
+
+
+def test_options_and_terrains_reach_the_robot_and_its_run(lab, morpholab, tmp_path):
+    """Whole numbers are found, the run keeps masses and slope, and its motion is as high as the hop."""
+    line = "codesign --robot hill-hopper --mass 2 --pad-mass 0.5 --terrain hill:10 --method genetic --generations 60"
+    assert morpholab(f"{line} --quiet --out a")[::2] == (0, "")
+    code, out, _ = morpholab("simulate --robot a/best.json --slope 10 --json --out s")
+    assert code == 0
+    highest = (4 * 40.0 / (2.0 * 9.80665 * np.cos(np.radians(10))) - 1) * 0.3
+    found = json.loads(out)
+    assert found["height"] == pytest.approx(highest, rel=0.1)
+    values = json.loads((tmp_path / "a/best.json").read_text())["values"]
+    assert (values["springs"], values["pad"]) == (4, 0)
+    robot = KINDS["hill-hopper"].build(None, {"mass": 2.0})
+    replay = robot.replay([20.0, 0.2, 2, 1], robot.worlds[0])
+    assert np.ptp(replay.motion.translation[:, 0, 2]) == pytest.approx(replay.outcome.measures["height"][0], rel=1e-3)
+    assert morpholab("view a --out a.html --quiet")[::2] == (0, "") and (tmp_path / "a.html").exists()
+    code, _, error = morpholab("simulate --robot hill-hopper --mass 0")
+    assert code == 2 and "--mass: 0 is not allowed; give a number from 0.01 to 100 kg" in error
+
+
+@pytest.mark.kernels
+def test_worlds_of_a_kind_of_its_own_are_named_and_kept(lab, morpholab, tmp_path):
+    line = "codesign --robot kicker --planet earth --planet moon --method random --climbers 2 --generations 0"
+    assert morpholab(f"{line} --quiet --out a")[::2] == (0, "")
+    assert tomllib.loads((tmp_path / "a/config.toml").read_text())["problem"]["worlds"] == ["earth", "moon"]
+    robot = KINDS["kicker"].build(None, {})
+    ways = [float(robot.simulate([6.0], world).measures["way"][0]) for world in robot.worlds]
+    assert ways[0] != ways[1]
+    assert morpholab("view a --planet moon --out a.html --quiet")[::2] == (0, "")
+    code, _, error = morpholab("simulate --robot kicker --planet mars")
+    assert code == 2 and "planet: 'mars' is unknown; choose one of earth, moon" in error
+
+
+def test_a_kind_without_an_entry_point_is_designed_by_a_file(morpholab, tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    hopper = next(block for block in blocks if "class HopperKind" in block).replace('"hopper"', '"unknown"')
+    more = "from optim.problems.robot import RobotProblem\nproblem = RobotProblem(Hopper())\n"
+    (tmp_path / "hop.py").write_text(f"{hopper}\n{more}")
+    assert morpholab("codesign --problem hop.py --climbers 4 --generations 20 --quiet --out a")[::2] == (0, "")
+    assert json.loads((tmp_path / "a/best.json").read_text())["values"].keys() == {"push", "stroke"}
+    for shown in ("a", "a/best.json"):
+        code, _, error = morpholab(f"view {shown} --out v.html")
+        assert code == 2 and error.count("\n") == 1
 
 
 FAULTY = """
@@ -162,6 +209,7 @@ def test_the_study_writes_what_it_says(lab, tmp_path):
 
 def test_the_law_computes_and_the_problem_is_maximised(lab):
     assert lab.spring_force(0.1, 2.0, 5.0) == pytest.approx(0.2 + 5e-3)
+    assert lab.hop.score > 0.5
     assert list(lab.best.best.values()) == pytest.approx([0.3, -0.2], abs=1e-3)
 
 
