@@ -136,6 +136,15 @@ def test_a_kind_without_an_entry_point_is_designed_by_a_file(morpholab, tmp_path
         assert code == 2 and error.count("\n") == 1
 
 
+def test_the_method_that_names_what_changes_goes_on_to_the_same_bits(lab, morpholab, tmp_path):
+    (tmp_path / "hill.py").write_text(HILL)
+    search = "codesign --problem hill.py --method records --population 4 --quiet"
+    assert morpholab(f"{search} --generations 5 --out whole")[::2] == (0, "")
+    assert morpholab(f"{search} --generations 2 --out parts")[0] == 0
+    assert morpholab("codesign --resume --problem hill.py --generations 5 --quiet --out parts")[0] == 0
+    assert (tmp_path / "whole/log.jsonl").read_bytes() == (tmp_path / "parts/log.jsonl").read_bytes()
+
+
 FAULTY = """
 from optim.search.population import PopulationSearch
 

@@ -12,6 +12,7 @@ from optim.runs.checkpoint import restore
 from optim.runs.config import GROUND_FILES, check_ground_files, keep_ground_files
 from optim.runs.folder import RunFolder
 from optim.runs.generation import Generation, record
+from optim.runs.rehearsal import REHEARSED, Rehearsal
 from optim.search.method import Method, SearchResult, next_request
 from taichi_sim.base.foreign import blamed_package
 from taichi_sim.base.results_folder import BEST_DESIGN
@@ -48,6 +49,7 @@ class FolderSearch:
             keep_ground_files(problem, folder.path)
         self.last: Generation | None = None
         self._asked = 0.0
+        self._rehearsal = Rehearsal(folder.config["method"]["name"], method)
         if (known := folder.restore()) is not None:
             state, text = known
             restore(folder.path, method, state)
@@ -69,12 +71,18 @@ class FolderSearch:
         """Complete a generation: tell the method, and write designs, log and checkpoint.
 
         Raises:
-            ValueError: if a file of ground has changed meanwhile, so that the generation may be of another one.
+            ValueError: if a file of ground has changed meanwhile, so that the generation may be of another one; and in
+                the first generations, if the method cannot go on from its own checkpoint.
         """
         self._check_ground()
+        rehearsed = self.turns < REHEARSED
         with blamed_package():
+            if rehearsed:
+                self._rehearsal.tell(request.points, evaluation)
             self._method.tell(request.points, evaluation)
             result, state = self._method.result(), self._method.state()
+            if rehearsed:
+                self._rehearsal.check(self._method, state)
         self.last = record(self.last, self.problem, result, request, evaluation)
         _write_designs(self.problem, result, self._folder)
         self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)

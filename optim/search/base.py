@@ -1,5 +1,6 @@
 """What all search methods share: settings that are fields, and state that is arrays and numbers."""
 
+import contextlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Literal, get_args, get_origin
@@ -75,10 +76,10 @@ class Search(Method):
 
     def state(self) -> Arrays:
         """Everything that changes, as arrays by name."""
-        changing = {name: getattr(self, name) for name in self._changing()}
+        changing = {name: getattr(self, name, None) for name in self._changing()}
         for part, arrays in self._groups().items():
             changing |= {f"{part}/{name}": values for name, values in arrays.items()}
-        return {name: np.array(value) for name, value in changing.items()}
+        return {name: _as_array(name, value) for name, value in changing.items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from :meth:`state`."""
@@ -119,3 +120,15 @@ class Search(Method):
     def _groups(self) -> Mapping[str, Arrays]:
         """Arrays that change and are held by parts of the method, by the name of the part."""
         return {}
+
+
+def _as_array(name: str, value: object) -> NDArray[Any]:
+    """What changes of a method, as an array.
+
+    Raises:
+        ValueError: for what files of arrays do not hold, such as None, a dictionary or lists of several lengths.
+    """
+    with contextlib.suppress(ValueError):
+        if not (array := np.array(value)).dtype.hasobject:
+            return array
+    raise ValueError(f"state: {name} of type {type(value).__name__} is not allowed; give a number or an array")

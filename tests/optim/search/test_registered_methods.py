@@ -91,3 +91,149 @@ def test_runs_by_methods_of_packages_go_on_to_the_same_bits(annealing, morpholab
     sys.path.remove(str(tmp_path / "site"))
     code, _, error = morpholab("codesign --resume --generations 5 --quiet --out parts")
     assert code == 2 and error.startswith("morpholab codesign: error: method: 'annealing' is unknown; ")
+
+
+KEPT = '''
+import numpy as np
+
+from optim.search.population import PopulationSearch
+
+
+class Wandering(PopulationSearch):
+    """A population that wanders, by steps of a size that it may remember."""
+
+    def ask(self):
+        steps = self._generator(1).normal(0, 0.1, self.points.shape)
+        return self.space.reflect(self._starts() + steps * self.size())
+
+    def size(self):
+        return 1.0
+
+    def _take(self, points, evaluation):
+        self.points, self.objectives = points, evaluation.objectives
+        self.remember(points)
+
+
+class Lister(Wandering):
+    arrays = ("archive",)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.archive = []
+
+    def remember(self, points):
+        self.archive.append(points[0])
+
+
+class Noner(Wandering):
+    arrays = ("elite",)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.elite = None
+
+    def remember(self, points):
+        self.elite = points[0]
+
+
+class Dicter(Wandering):
+    arrays = ("memo",)
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.memo = {}
+
+    def remember(self, points):
+        self.memo[self.generation] = 1.0
+
+
+class Forgetful(Wandering):
+    def __post_init__(self):
+        super().__post_init__()
+        self.heat = 1.0
+
+    def remember(self, points):
+        self.heat *= 0.8
+
+    def size(self):
+        return self.heat
+
+
+class Drawing(Wandering):
+    def __post_init__(self):
+        super().__post_init__()
+        self.random = np.random.default_rng(self.seed)
+
+    def remember(self, points):
+        self.points = self.points + self.random.normal(0, 0.1, self.points.shape) * (self.generation > 0)
+
+
+class Missing(Wandering):
+    arrays = ("nowhere",)
+
+    def remember(self, points):
+        pass
+
+
+class Keeping(Wandering):
+    """Remembers all of it, and draws from nothing but streams."""
+
+    arrays = ("archive", "heat")
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.archive, self.heat = np.empty((0, self.space.size)), 1.0
+
+    def remember(self, points):
+        self.archive, self.heat = np.vstack([self.archive, points[:1]]), self.heat * 0.8
+
+    def size(self):
+        return self.heat / (1 + len(self.archive))
+'''
+HILL = "bounds = {'x': (0, 1), 'y': (0, 1)}\ndef evaluate(points):\n    return -points[:, 0] ** 2\n"
+OF_STATE = "cannot be restored from its own checkpoint: state: "
+
+
+@pytest.fixture
+def wandering(tmp_path, monkeypatch):
+    """A package with methods that keep what changes in several ways, and the file of a problem."""
+    names = ("lister", "noner", "dicter", "forgetful", "drawing", "missing", "keeping")
+    points = {name: f"wandering_kit:{name.capitalize()}" for name in names}
+    install(tmp_path / "site", "wandering-kit", METHODS.group, points, KEPT)
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    (tmp_path / "hill.py").write_text(HILL)
+    yield
+    for name in names:
+        METHODS._loaded.pop(name, None)
+    sys.modules.pop("wandering_kit", None)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("lister", f"method: lister {OF_STATE}archive of shape (1, 2), expected (0,)"),
+        ("noner", f"method: noner {OF_STATE}elite of type NoneType is not allowed; give a number or an array"),
+        ("dicter", "state: memo of type dict is not allowed; give a number or an array"),
+        ("missing", "state: nowhere of type NoneType is not allowed; give a number or an array"),
+        (
+            "forgetful",
+            "does not go on alike from its checkpoint: it asks for other points; heat of it must be in arrays",
+        ),
+        ("drawing", "does not go on alike from its checkpoint: points becomes another one; "),
+    ],
+)
+def test_a_method_whose_state_is_not_whole_is_refused_before_a_generation_is_lost(
+    wandering, morpholab, tmp_path, name, told
+):
+    search = f"codesign --problem hill.py --method {name} --population 3 --generations 5 --quiet --out a"
+    code, _, error = morpholab(search)
+    assert code == 2 and told in error and error.count("\n") == 1
+    assert name == "drawing" or not (tmp_path / "a/log.jsonl").exists()
+
+
+def test_a_method_whose_state_is_whole_goes_on_to_the_same_bits(wandering, morpholab, tmp_path):
+    search = "codesign --problem hill.py --method keeping --population 3 --quiet"
+    assert morpholab(f"{search} --generations 6 --out whole")[::2] == (0, "")
+    assert morpholab(f"{search} --generations 2 --out parts")[0] == 0
+    assert morpholab("codesign --resume --problem hill.py --generations 6 --quiet --out parts")[0] == 0
+    assert (tmp_path / "whole/log.jsonl").read_bytes() == (tmp_path / "parts/log.jsonl").read_bytes()

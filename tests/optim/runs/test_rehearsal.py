@@ -1,0 +1,66 @@
+"""Rehearsals of a resume: every built-in method goes on alike from its own checkpoints, and none is changed by that."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from searching import CELL_GRID
+
+from optim.problem import Evaluation
+from optim.runs import loop, open_run, run_search
+from optim.search import METHODS, build_method, check_settings
+from optim.space import Space
+
+GENERATIONS = 10
+SETTINGS = {"population": 6, "climbers": 6, "candidates": 6}
+
+
+class Relaxed:
+    """A quick problem of cells, with a relaxation, where a method's every phase works; some points fail."""
+
+    space = Space(tuple(replace(each, step=each.step or 0.3) for each in CELL_GRID.variables))
+    objective_names = ("score",)
+
+    def describe(self):
+        return {"size": self.space.size}
+
+    def evaluate(self, points):
+        return self.evaluate_relaxed(self.space.validate(points), np.inf, gradients=False)
+
+    def evaluate_relaxed(self, points, sharpness, gradients):
+        away = (points - self.space.low) / self.space.span - 0.4
+        scores = -(away**2).sum(axis=1)
+        return Evaluation(
+            np.where(points[:, -1] < 0.05, np.nan, scores), gradients=-2 * away / self.space.span if gradients else None
+        )
+
+    def check_minibatch(self, size):
+        pass
+
+    def in_minibatch(self, minibatch):
+        return self
+
+    def save(self, point, path):
+        path.write_text(json.dumps(self.space.to_dict(point)))
+
+
+def search(folder, name, rehearsed, monkeypatch):
+    monkeypatch.setattr(loop, "REHEARSED", rehearsed)
+    settings = {"seed": 3}
+    for setting, value in SETTINGS.items():
+        try:
+            check_settings(name, {setting: value})
+        except ValueError:
+            continue
+        settings[setting] = value
+    config = {"problem": {"size": 2}, "method": {"name": name, **settings}, "generations": GENERATIONS}
+    with open_run(folder, config) as run:
+        run_search(Relaxed(), build_method(name, Relaxed.space, settings), run, GENERATIONS)
+    return (folder / "log.jsonl").read_bytes()
+
+
+@pytest.mark.parametrize("name", METHODS.builtin)
+def test_a_built_in_method_goes_on_alike_and_to_the_same_bits(name, tmp_path, monkeypatch):
+    plain = search(tmp_path / "plain", name, 0, monkeypatch)
+    assert search(tmp_path / "rehearsed", name, GENERATIONS + 1, monkeypatch) == plain
