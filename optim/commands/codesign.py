@@ -74,6 +74,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     from optim.problems.task import check_task
     from optim.runs import open_run
     from optim.runs.environment import environment
+    from optim.runs.plug_ins import packages_of
     from optim.search import build_method
     from optim.search.method import check_fit
 
@@ -87,8 +88,9 @@ def _run_one(args: argparse.Namespace) -> Report:
         note_far_ground(problem)
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
     numbers = {name: getattr(problem, name) for name in ("device", "precision") if hasattr(problem, name)}
-    about = environment(**numbers, seed=seed, **where)
-    with open_run(args.out, planned.config(), resume=args.resume, environment=about) as folder:
+    config = planned.config()
+    about = environment(packages_of(config["problem"], planned.method), **numbers, seed=seed, **where)
+    with open_run(args.out, config, resume=args.resume, environment=about) as folder:
         if planned.note and not args.quiet:
             print(planned.note, file=sys.stderr)
         if isinstance(problem, RobotDesigning):

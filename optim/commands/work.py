@@ -68,8 +68,9 @@ def _check_machine(offer: "Offer", quiet: bool) -> None:
         ValueError: for other versions.
     """
     from optim.runs.environment import cpu_model, other_version, versions
+    from optim.runs.plug_ins import packages_of
 
-    if other := other_version(versions(), offer.versions):
+    if other := other_version(versions(packages_of(offer.problem)), offer.versions):
         name, here, there = other
         raise ValueError(f"work: this machine has {name} {here}, the search {there}; install the same here")
     if offer.processor != cpu_model() and not quiet:

@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +14,13 @@ JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 
 
-def environment(**more: Any) -> dict[str, Any]:
-    """Describe versions, machine and command line of this process, with ``more`` about the run; fits JSON."""
+def environment(added: Iterable[str] = (), **more: Any) -> dict[str, Any]:
+    """Describe versions, machine and command line of this process, with ``more`` about the run; fits JSON.
+
+    Packages in ``added`` are those of users that the run needs, see ``optim.runs.plug_ins``.
+    """
     return {
-        "versions": versions(),
+        "versions": versions(added),
         "platform": platform.platform(),
         "machine": platform.machine(),
         "processor": cpu_model(),
@@ -38,14 +41,18 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     return [f"{name} {old}, now {new}" for name, old, new in pairs if old != new]
 
 
-def versions() -> dict[str, str | None]:
-    """Versions of Python and of the packages that results depend on; None for those that are missing or not used."""
-    return {"python": platform.python_version(), **{name: _version(name) for name in (*JUDGING, *SEARCHING)}}
+def versions(added: Iterable[str] = ()) -> dict[str, str | None]:
+    """Versions of Python and of the packages that results depend on, those ``added`` by users among them.
+
+    None for those that are missing or not used.
+    """
+    names = (*JUDGING, *SEARCHING, *added)
+    return {"python": platform.python_version(), **{name: _version(name) for name in names}}
 
 
 def other_version(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, str | None, str | None] | None:
     """The first package whose version must be the same on two machines and is not: its name, here, there."""
-    for name in ("python", *JUDGING):
+    for name in [name for name in {**here, **there} if name not in SEARCHING]:
         if _essential(name, here.get(name)) != _essential(name, there.get(name)):
             return name, here.get(name), there.get(name)
     return None

@@ -115,7 +115,7 @@ class RunFolder:
             return
         changed = differences(json.loads(content), self._environment)
         if changed:
-            self._note(f"note: {self.path}: began elsewhere ({', '.join(changed)}); its last bits may differ")
+            self._note(f"note: {self.path}: began elsewhere ({', '.join(changed)}); results may differ")
 
     def commit(self, line: str, state: State, seconds: float) -> None:
         """End a generation: write its log line, its wall time [s], then a checkpoint that covers both.

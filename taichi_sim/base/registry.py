@@ -75,6 +75,12 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         hint = f"did you mean {close[0]}? all of them: " if close else "choose one of "
         raise ValueError(f"{self.noun}: {name!r} is unknown; {hint}{', '.join(known)}")
 
+    def package_of(self, name: object) -> str | None:
+        """The installed package that adds the thing of a name; None of built-in things and of unknown names."""
+        if not isinstance(name, str) or name in self.builtin:
+            return None
+        return next((entry.dist.name for entry in self._entries().select(name=name) if entry.dist), None)
+
     def _load(self, name: str) -> Thing:
         if name in self.builtin:
             module, _, attribute = self.builtin[name].partition(":")

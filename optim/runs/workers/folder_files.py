@@ -25,6 +25,7 @@ import numpy as np
 
 from optim.problem import Evaluation, Minibatch, Request
 from optim.runs.environment import cpu_model, versions
+from optim.runs.plug_ins import packages_of
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Raised
 from taichi_sim.base import files
@@ -61,7 +62,8 @@ class Offer:
     @classmethod
     def here(cls, problem: dict[str, Any], silence: float, ground_files: Mapping[str, str] | None = None) -> "Offer":
         """The offer of a search on this machine."""
-        return cls(json.loads(json.dumps(problem)), versions(), cpu_model(), silence, dict(ground_files or {}))
+        needed = versions(packages_of(problem))
+        return cls(json.loads(json.dumps(problem)), needed, cpu_model(), silence, dict(ground_files or {}))
 
     @property
     def digest(self) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 
 from optim.problem import Problem, Request
 from optim.runs.environment import cpu_model, other_version, versions
+from optim.runs.plug_ins import packages_of
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 from taichi_sim.base.compiler import VARIABLE, compiler
@@ -35,9 +36,9 @@ _NO_TOKEN = re.compile("AuthenticationError|InvalidAuthToken|Unauthenticated|aut
 class RemoteService(Service):
     """The service that runs in an actor."""
 
-    def about(self) -> dict[str, Any]:
-        """Describe the machine that the actor runs on: host, CPU and versions."""
-        return {"host": socket.gethostname(), "cpu": cpu_model(), "versions": versions()}
+    def about(self, added: Sequence[str]) -> dict[str, Any]:
+        """Describe the machine that the actor runs on: host, CPU and versions, also of packages of users."""
+        return {"host": socket.gethostname(), "cpu": cpu_model(), "versions": versions(added)}
 
 
 @dataclass(eq=False)
@@ -107,6 +108,7 @@ class RayCluster:
         self._ray = ray
         self._actor = ray.remote(num_cpus=threads, max_restarts=0, runtime_env={"env_vars": variables})(RemoteService)
         self._pickled = pickled(problem, ray.cloudpickle.dumps)
+        self._added = packages_of(problem.describe())
         self._note = note
         self._noted: set[str] = set()  # hosts with other CPUs, and "places" once some were missing
 
@@ -118,7 +120,7 @@ class RayCluster:
     def start(self) -> RayWorker:
         """Request an actor, the description of its machine, and whether it can load the problem."""
         actor = self._actor.remote()
-        owed = actor.about.remote(), actor.load.remote(self._pickled)
+        owed = actor.about.remote(self._added), actor.load.remote(self._pickled)
         return RayWorker(self._ray, actor, *owed, self._check, time.monotonic())
 
     def ready(self, workers: Sequence[RayWorker], wait: bool) -> list[RayWorker]:
@@ -158,7 +160,7 @@ class RayCluster:
         Raises:
             ValueError: for different versions.
         """
-        here, there, host = versions(), about["versions"], about["host"]
+        here, there, host = versions(self._added), about["versions"], about["host"]
         if other := other_version(here, there):
             name, ours, theirs = other
             raise ValueError(f"ray: {host} has {name} {theirs}, this machine {ours}; install the same there")

@@ -102,7 +102,7 @@ def test_an_exception_of_the_problem_passes_through(workers):
 
 
 def test_other_versions_are_refused(workers, monkeypatch):
-    monkeypatch.setattr(ray_cluster, "versions", lambda: {**REAL_VERSIONS, "numpy": "1.0"})
+    monkeypatch.setattr(ray_cluster, "versions", lambda added: {**REAL_VERSIONS, "numpy": "1.0"})
     with (
         workers.open(Bowl(), 1) as evaluate,
         pytest.raises(ValueError, match=r"has numpy 2\..*, this machine 1\.0; install the same there"),
@@ -112,7 +112,7 @@ def test_other_versions_are_refused(workers, monkeypatch):
 
 def test_another_patch_release_of_python_and_another_cpu_will_do(workers, monkeypatch):
     release = REAL_VERSIONS["python"].rpartition(".")[0] + ".999"
-    monkeypatch.setattr(ray_cluster, "versions", lambda: {**REAL_VERSIONS, "python": release})
+    monkeypatch.setattr(ray_cluster, "versions", lambda added: {**REAL_VERSIONS, "python": release})
     monkeypatch.setattr(ray_cluster, "cpu_model", lambda: "abacus")
     with workers.open(Bowl()) as evaluate:
         evaluate(REQUEST)

@@ -1,0 +1,98 @@
+"""Runs know the versions of packages of users that they need."""
+
+import json
+import sys
+
+import pytest
+from plug_in import install
+
+from optim.problems.objectives import OBJECTIVES
+from optim.runs.environment import other_version, versions
+from optim.runs.plug_ins import packages_of
+from optim.runs.workers.folder_files import Offer
+from optim.search import METHODS
+from robots.robot import KINDS
+
+MODULE = """
+from optim.problems.objectives import RobotObjective
+from optim.search.population import PopulationSearch
+from robots.robot import Measure, Outcome, Parameter, Robot, RobotKind
+
+
+class Slider(Robot):
+    kind = "slider"
+    parameters = (Parameter("push", 0.0, 1.0, step=0.1),)
+    measures = (Measure("way", "m"),)
+
+    def run(self, points, trial):
+        return Outcome({"way": points[:, 0]})
+
+
+class SliderKind(RobotKind):
+    name, title = "slider", "slider"
+
+    def build(self, source, options):
+        return Slider()
+
+
+class Squared(RobotObjective):
+    def score(self, outcome, measure):
+        return outcome.measures[measure.name] ** 2
+
+
+class Sampling(PopulationSearch):
+    def ask(self):
+        return self._starts() if self.generation == 0 else self.space.sample(self._generator(1), self.population)
+
+    def _take(self, points, evaluation):
+        self.points, self.objectives = points, evaluation.objectives
+"""
+GROUPS = ((KINDS, "slider", "SliderKind"), (OBJECTIVES, "squared", "Squared"), (METHODS, "sampling", "Sampling"))
+SEARCH = "codesign --robot slider --objective squared --method sampling --population 3 --quiet --out a"
+
+
+@pytest.fixture
+def slider(tmp_path, monkeypatch):
+    """Packages with a robot, an objective and a method, installed."""
+    site = tmp_path / "site"
+    for registry, name, attribute in GROUPS:
+        install(site, f"kit_of_{name}", registry.group, {name: f"slider_kit:{attribute}"})
+    install(site, "unrelated", KINDS.group, {"unrelated": "nowhere:Kind"})
+    (site / "slider_kit.py").write_text(MODULE)
+    monkeypatch.syspath_prepend(site)
+    yield site
+    for registry, name, _ in GROUPS:
+        registry._loaded.pop(name, None)
+    sys.modules.pop("slider_kit", None)
+
+
+def release(site, package, version):
+    """Install another version of a package."""
+    path = site / f"{package}-1.0.dist-info/METADATA"
+    path.write_text(path.read_text().replace("Version: 1.0", f"Version: {version}"))
+
+
+def test_a_run_notes_other_versions_of_the_packages_that_it_needs(slider, morpholab, tmp_path):
+    assert morpholab(f"{SEARCH} --generations 1")[::2] == (0, "")
+    known = json.loads((tmp_path / "a/environment.json").read_text())["versions"]
+    added = {name: version for name, version in known.items() if name not in versions()}
+    assert added == {"kit_of_slider": "1.0", "kit_of_squared": "1.0", "kit_of_sampling": "1.0"}
+    assert morpholab("codesign --resume --generations 2 --quiet --out a")[::2] == (0, "")
+    for package in added:
+        release(slider, package, "2.0")
+    code, _, error = morpholab("codesign --resume --generations 3 --quiet --out a")
+    told = ", ".join(f"{package} 1.0, now 2.0" for package in sorted(added))
+    assert (code, error) == (0, f"note: a: began elsewhere ({told}); results may differ\n")
+
+
+def test_workers_need_the_version_of_what_they_judge_by(slider, tmp_path):
+    problem = {"kind": "slider", "robot": "{}", "objective": ["mean", "minimise:2*squared", "way"]}
+    assert packages_of(problem) == ["kit_of_slider", "kit_of_squared"]
+    offer = Offer.here(problem, 1.0)
+    release(slider, "kit_of_squared", "1.1")
+    assert other_version(versions(packages_of(problem)), offer.versions) == ("kit_of_squared", "1.1", "1.0")
+
+
+def test_problems_of_files_and_built_in_ones_need_none(slider):
+    assert packages_of({"kind": "file", "objective": "what:ever"}) == []
+    assert packages_of({"kind": "quadruped", "robot": "{}", "objective": "worst"}, "cma") == []
