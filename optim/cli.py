@@ -170,9 +170,10 @@ def _refuse(command: str, error: Exception) -> int:
         return _fail(command, f"error: {error}", 2)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
-    if isinstance(error, OSError | RuntimeError):
+    told = "" if isinstance(error, OSError) else blame_package(error)
+    if isinstance(error, OSError) or (isinstance(error, RuntimeError) and not told):
         return _fail(command, f"failed: {error}", FAILED)
-    if told := blame_package(error):
+    if told:
         return _fail(command, f"failed: {told}", FAILED)
     story = "".join(traceback.format_exception(error))
     try:

@@ -74,8 +74,9 @@ def run_in(source: str | PathLike[str] | Robot) -> Path | None:
 
 def robots() -> dict[str, str]:
     """What :func:`robot` knows by name, kinds and designs, and what each is."""
-    known = {name: KINDS[name].title for name in KINDS}
-    return {**known, **{design: KINDS[name].title for name in KINDS for design in KINDS[name].designs}}
+    kinds = dict(KINDS.usable())
+    known = {name: kind.title for name, kind in kinds.items()}
+    return {**known, **{design: kind.title for kind in kinds.values() for design in kind.designs}}
 
 
 def world(of: Robot, name: "str | int | World | None" = None) -> World:

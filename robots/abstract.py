@@ -22,6 +22,7 @@ from robots.outcome import (
     Place,
     Replay,
     World,
+    checked_outcome,
 )
 from robots.trial import HERE, Progress, Trial
 from taichi_sim.base.arrays import Floats
@@ -80,10 +81,15 @@ class Robot(Abilities, ShortText):
         """What N designs do in a trial; what one of them does must not depend on the others.
 
         Args:
-            points: shape (N, P), checked.
+            points: shape (N, P), finite; they may lie beyond the bounds of the parameters.
             trial: world, computation, and what is asked for.
         """
         raise NotImplementedError
+
+    def _tried(self, points: Floats, trial: Trial) -> Outcome:
+        """What :meth:`run` gives, checked."""
+        measures = self.measures_in([trial.world])
+        return checked_outcome(self.run(points, trial), self, measures, points.shape, trial.gradients)
 
     @property
     def footprint(self) -> tuple[float, float] | None:
@@ -106,7 +112,7 @@ class Robot(Abilities, ShortText):
             variants: of this robot, such as :meth:`perturbed` ones, one for each world; itself by default.
         """
         each = zip(variants or [self] * len(worlds), trial.parts(worlds), strict=True)
-        return [robot.run(points, part) for robot, part in each]
+        return [robot._tried(points, part) for robot, part in each]
 
     def simulate(
         self,
@@ -131,7 +137,7 @@ class Robot(Abilities, ShortText):
         Raises:
             ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
         """
-        return self.run(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
+        return self._tried(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
 
     def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
         """What the senses of N designs, shape (N, P), read in a world: ``samples`` over time at most, (N, S, T).
@@ -194,7 +200,7 @@ class Robot(Abilities, ShortText):
         known = [measure.name for measure in self.measures_in([world])]
         if unknown := [name for name in names if name not in known]:
             raise ValueError(f"measures: {unknown[0]!r} is unknown; there are {', '.join(known)}")
-        outcome = self.run(self.points(points), Trial(world, compute, None, progress, names, sharpness))
+        outcome = self._tried(self.points(points), Trial(world, compute, None, progress, names, sharpness))
         if without := [name for name in names if name not in outcome.gradients]:
             raise ValueError(f"measures: {without[0]} has no derivatives; there are {', '.join(outcome.gradients)}")
         return dataclasses.replace(outcome, gradients={name: outcome.gradients[name] for name in names})

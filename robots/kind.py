@@ -141,7 +141,10 @@ class _Kinds(Registry[RobotKind]):
     def __getitem__(self, name: str) -> RobotKind:
         found = super().__getitem__(name)
         if isinstance(found, type):
-            found = self._loaded[name] = found()
+            try:
+                found = self._loaded[name] = found()
+            except TypeError as error:  # such as of a class that lacks a method
+                raise ValueError(f"robot: {name!r} cannot be made: {error}") from error
         found.name = name
         return found
 
@@ -176,5 +179,7 @@ KINDS = _Kinds(
         "vehicle": "robots.braitenberg.kind:VehicleKind",
         "walker": "robots.lattice_robot.walker_kind:WalkerKind",
     },
+    instances_of=RobotKind,
+    classes_of=RobotKind,
 )
 """The kinds of robots by name, those of installed packages among them."""

@@ -106,14 +106,24 @@ class Outcome:
 
     def __post_init__(self) -> None:
         measures = {name: np.atleast_1d(np.array(values, float)) for name, values in self.measures.items()}
-        count = len(next(iter(measures.values())))
+        shapes = {values.shape for values in measures.values()}
+        if len(shapes) != 1 or len(shape := shapes.pop()) != 1:
+            told = ", ".join(f"{name} {values.shape}" for name, values in measures.items()) or "none"
+            raise TypeError(
+                f"measures of shapes {told} are not allowed; an Outcome has one number of each for each point"
+            )
+        (count,) = shape
         whole = np.all([np.isfinite(values) for values in measures.values()], axis=0)
         status = np.array(self.status if len(self.status) else np.where(whole, OK, DIVERGED), dtype=object)
         status[(status == OK) & ~whole] = DIVERGED
         for values in measures.values():
             values[status != OK] = np.nan
         gradients = {name: np.array(slopes, float) for name, slopes in self.gradients.items()}
-        for slopes in gradients.values():
+        for name, slopes in gradients.items():
+            if slopes.ndim != 2 or len(slopes) != count:
+                raise TypeError(
+                    f"gradients of {name} of shape {slopes.shape} are not allowed; give ({count}, parameters)"
+                )
             slopes[status != OK] = np.nan
         blank = {"reason": np.full(count, ""), "steps": np.zeros(count, np.int64)}
         object.__setattr__(self, "measures", measures)
@@ -126,6 +136,37 @@ class Outcome:
     def status_or_reason(self) -> NDArray[np.str_]:
         """Status of each point, or the reason why it is no robot, shape (N,)."""
         return np.where(self.reason == "", self.status, self.reason)
+
+
+def checked_outcome(
+    given: object, who: object, measures: Sequence[Measure], shape: tuple[int, ...], asked: Sequence[str] = ()
+) -> Outcome:
+    """What a robot's ``run`` gave, if it is an outcome of the points that it was given.
+
+    Args:
+        given: by ``run``.
+        who: the robot.
+        measures: that it shall have.
+        shape: of the points, (N, P).
+        asked: measures whose gradients were asked for.
+
+    Raises:
+        ValueError: for something else, a measure that is missing, and arrays of other points or parameters.
+    """
+    run = f"robot: {type(who).__module__}.{type(who).__qualname__}.run"
+    if not isinstance(given, Outcome):
+        raise ValueError(f"{run} returns a value of type {type(given).__name__}; return an Outcome")
+    for name in (measure.name for measure in measures):
+        if name not in given.measures:
+            raise ValueError(f"{run} returns an Outcome without the measure {name}; it has {', '.join(given.measures)}")
+    arrays = {**given.measures, "status": given.status, "reason": given.reason, "steps": given.steps}
+    slopes = {name: given.gradients[name] for name in asked if name in given.gradients}
+    for wanted, found in ((shape[:1], arrays), (shape, slopes)):
+        for name, values in found.items():
+            if values.shape != wanted:
+                what = name if found is arrays else f"a gradient of {name}"
+                raise ValueError(f"{run} returns {what} of shape {values.shape}; give {wanted} for points of {shape}")
+    return given
 
 
 def recorded(frames: object | None) -> dict[str, NDArray[Any]]:

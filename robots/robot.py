@@ -50,7 +50,7 @@ def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
         None if it is none of these. Installed packages are imported only if no built-in kind knows the text.
 
     Raises:
-        ValueError: for a file that cannot be read, or a package that cannot be imported.
+        ValueError: for a file that cannot be read, or a package that cannot be imported and whose kind is named.
     """
     if text in KINDS.builtin:
         return KINDS[text], None
@@ -61,7 +61,7 @@ def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
         return kind_of_file(Path(text)), text
     if text in KINDS:
         return KINDS[text], None
-    return next(((KINDS[name], text) for name in KINDS if text in KINDS[name].designs), None)
+    return next(((kind, text) for _, kind in KINDS.usable() if text in kind.designs), None)
 
 
 def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotKind, str | None]:
@@ -109,9 +109,9 @@ def kind_of_file(path: Path) -> RobotKind:
     form = record.get("format")
     if form == DESIGN_FORMAT:
         return KINDS.find(record.get("kind"))
-    for name in KINDS:
-        if KINDS[name].recognises(path, form if isinstance(form, str) else None):
-            return KINDS[name]
+    for _, kind in KINDS.usable():
+        if kind.recognises(path, form if isinstance(form, str) else None):
+            return kind
     raise ValueError(f"{path}: it is no file of a robot or a design")
 
 
@@ -123,7 +123,13 @@ def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) 
     """
     if source is not None and _record_of(Path(source)).get("format") == DESIGN_FORMAT:
         return load_design(Path(source)).changed(options)
-    return kind.build(source, options)
+    robot: object = kind.build(source, options)
+    built = f"robot: {type(kind).__module__}.{type(kind).__qualname__}.build"
+    if not isinstance(robot, Robot):
+        raise ValueError(f"{built} returns a value of type {type(robot).__name__}; return a Robot")
+    if not getattr(robot, "measures", ()):
+        raise ValueError(f"{built} returns a robot without measures; name one at least, by which it is judged")
+    return robot
 
 
 def robot_to_try(kind: RobotKind, source: str | None, values: Mapping[str, Any]) -> tuple[Robot, tuple[World, ...]]:

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> Report:
             if getattr(args, name) is not None:
                 flag = flag_of(name).removeprefix("--")
                 raise ValueError(f"{flag}: {getattr(args, name)} is not allowed without a study; name one first")
-        studies = {name: STUDIES[name] for name in STUDIES}
+        studies = dict(STUDIES.usable())
         items = {name: {"source": s.source, "title": s.title, "cost": s.cost} for name, s in studies.items()}
         lines = [f"{name}: {s.title} ({s.source}{s.cost and f'; full: {s.cost}'})" for name, s in studies.items()]
         return Report(items, "\n".join(lines))
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> Report:
     options = {name: value for name, value in given.items() if value is not None}
     for name in options.keys() - study.options:
         if name == "jobs":
-            able = ", ".join(name for name in STUDIES if "jobs" in STUDIES[name].options)
+            able = ", ".join(name for name, one in STUDIES.usable() if "jobs" in one.options)
             raise ValueError(f"jobs: {args.jobs} is not allowed with study {args.study}; {able} take them")
         raise ValueError(f"sweep: study {args.study} reads none; leave it out")
     if (friction := _friction(args)) is not None:
@@ -90,7 +90,7 @@ def _told_again(args: argparse.Namespace, study: "Study") -> Report:
         if getattr(args, name) is not None:
             raise ValueError(f"{name}: {getattr(args, name)} is not allowed with --from-data, which runs nothing")
     if study.tell is None:
-        able = ", ".join(name for name in STUDIES if STUDIES[name].tell is not None)
+        able = ", ".join(name for name, one in STUDIES.usable() if one.tell is not None)
         raise ValueError(f"from-data: study {args.study} is not told from tables; {able} are")
     data = found(args.from_data, args.study)
     with claimed_folder("out", args.out), undone_if_it_fails() as made:

@@ -5,6 +5,7 @@ Options of a kind of robot join a command when its command line names the kind; 
 
 import argparse
 import contextlib
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,7 +88,9 @@ class RobotOptions(argparse.ArgumentParser):
             return
         find, self._find = self._find, None
         kinds: list[RobotKind] = []
-        with contextlib.suppress(ValueError, OSError, argparse.ArgumentError):  # told when the command runs
+        # What is wrong, or left out, is told when the command runs.
+        with warnings.catch_warnings(), contextlib.suppress(ValueError, OSError, argparse.ArgumentError):
+            warnings.simplefilter("ignore")
             kinds = list({kind.name: kind for kind in find(words)}.values())
         taken = {action.dest for action in self._actions}
         own = frozenset(taken)

@@ -227,12 +227,12 @@ class Part:
         measure = self.about(usual)
         if self.combines:
             return self.goal.factor * self.scored.gradients(outcomes, measure)
-        slopes = self.goal.factor * np.array([self.scored.slopes(outcome, measure) for outcome in outcomes])
+        slopes = self.goal.factor * self.scored.slopes_in(outcomes, measure)
         return self.over.combined_slopes(self.scores(outcomes, usual), slopes)
 
     def scores(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
         """Scores with weight and sign, shape (W, N): the worst of what is minimised is the largest."""
-        return self.goal.factor * np.array([self.scored.score(outcome, self.about(usual)) for outcome in outcomes])
+        return self.goal.factor * self.scored.scores_in(outcomes, self.about(usual))
 
 
 @dataclass(frozen=True)
@@ -348,7 +348,7 @@ def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
         if type(objective) not in map(OBJECTIVES.get, WORDS) and not objective.own.isdisjoint(WAYS):
             return None
         told = objective.objective(measure)
-        return Score(told.name, told.unit, lambda outcome: objective.score(outcome, measure))
+        return Score(told.name, told.unit, lambda outcome: objective.scores_in([outcome], measure)[0])
     parts = objective.parts
     if any(part.combines for part in parts) or (len(parts) > 1 and not objective.summed):
         return None

@@ -56,12 +56,27 @@ class RobotObjective:
 
     def values(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """The objectives of N points, shape (N, K), of one outcome for each world."""
-        return self.combined(np.array([self.score(outcome, measure) for outcome in outcomes]))
+        return self.combined(self.scores_in(outcomes, measure))
 
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
         """Derivatives of a single objective by the parameters, shape (N, P)."""
-        scores = np.array([self.score(outcome, measure) for outcome in outcomes])
-        return self.combined_slopes(scores, np.array([self.slopes(outcome, measure) for outcome in outcomes]))
+        return self.combined_slopes(self.scores_in(outcomes, measure), self.slopes_in(outcomes, measure))
+
+    def scores_in(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+        """The scores in W worlds, shape (W, N).
+
+        Raises:
+            ValueError: if :meth:`score` gives no number for each point.
+        """
+        return np.array([self._checked("score", self.score(each, measure), each.status.shape) for each in outcomes])
+
+    def slopes_in(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
+        """The derivatives of the scores in W worlds, shape (W, N, P).
+
+        Raises:
+            ValueError: if :meth:`slopes` gives none for each parameter.
+        """
+        return np.array([self._checked("slopes", self.slopes(each, measure), _shape_of(each)) for each in outcomes])
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """Names and units of the objectives that become of a score in W worlds."""
@@ -80,8 +95,24 @@ class RobotObjective:
         """Names of the methods that a subclass defines in its own way."""
         return {name for name, one in vars(RobotObjective).items() if getattr(type(self), name) is not one}
 
+    def _checked(self, method: str, given: object, shape: tuple[int, ...] | None) -> Floats:
+        """What a method gave, of this shape, if that is known."""
+        try:
+            found = np.asarray(given, float)
+        except (TypeError, ValueError):
+            found = np.empty(())
+        if shape is not None and found.shape != shape:
+            what = f"objective: {type(self).__module__}.{type(self).__qualname__}.{method}"
+            raise ValueError(f"{what} returns a value of shape {found.shape}; return an array of shape {shape}")
+        return found
+
     def _flat(self, measure: Measure) -> ValueError:
         return ValueError(f"objective: {self.objective(measure).name} has no gradient; choose another method")
+
+
+def _shape_of(outcome: Outcome) -> tuple[int, ...] | None:
+    """Shape (N, P) of gradients, if there are any."""
+    return next((slopes.shape for slopes in outcome.gradients.values()), None)
 
 
 class EachWorld(RobotObjective):
@@ -125,4 +156,5 @@ OBJECTIVES: Registry[type[RobotObjective]] = Registry(
         "each": "optim.problems.objectives:EachWorld",
         "worst": "optim.problems.objectives:WorstWorld",
     },
+    classes_of=RobotObjective,
 )

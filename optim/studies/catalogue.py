@@ -43,6 +43,7 @@ STUDIES: Registry[Study] = Registry(
         "hand-gait-sensitivity": "optim.studies.chapter5.sensitivity:STUDY",
         "soft-robot-metrics": "optim.studies.chapter5.metrics:STUDY",
     },
+    instances_of=Study,
 )
 
 # What tells of a study's folder, by the name of its file of settings.

@@ -1,6 +1,7 @@
 """Registries: find things by name, built-in ones and those that installed packages add as entry points."""
 
 import difflib
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import import_module, metadata
 from typing import Generic, TypeVar
@@ -22,10 +23,21 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         group: group name of the entry points, such as ``"morpholab.methods"``.
         noun: what error messages call one of these things; the name of the field that holds it.
         builtin: where each built-in thing is defined, as ``"module:attribute"``, by name.
+        instances_of: what things of packages must be instances of.
+        classes_of: or subclasses of.
     """
 
-    def __init__(self, group: str, noun: str, builtin: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        group: str,
+        noun: str,
+        builtin: Mapping[str, str],
+        *,
+        instances_of: type | None = None,
+        classes_of: type | None = None,
+    ) -> None:
         self.group, self.noun, self.builtin = group, noun, dict(builtin)
+        self._instances_of, self._classes_of = instances_of, classes_of
         self._loaded: dict[str, Thing] = {}
 
     def __iter__(self) -> Iterator[str]:
@@ -75,6 +87,16 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         hint = f"did you mean {close[0]}? all of them: " if close else "choose one of "
         raise ValueError(f"{self.noun}: {name!r} is unknown; {hint}{', '.join(known)}")
 
+    def usable(self) -> Iterator[tuple[str, Thing]]:
+        """All names and things; those of packages that cannot be imported are left out, and a warning says so."""
+        for name in self:
+            try:
+                found = self[name]
+            except ValueError as error:
+                warnings.warn(f"{error}; it is left out", UserWarning, stacklevel=2)
+            else:
+                yield name, found
+
     def package_of(self, name: object) -> str | None:
         """The installed package that adds the thing of a name; None of built-in things and of unknown names."""
         if not isinstance(name, str) or name in self.builtin:
@@ -99,7 +121,20 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
         except Exception as error:
             why = " ".join(str(error).split()) or type(error).__name__
             raise ValueError(f"{self.noun}: {name!r} of the package {packages} cannot be imported ({why})") from error
+        self._check_type(name, packages, loaded)
         return loaded
+
+    def _check_type(self, name: str, packages: str, loaded: object) -> None:
+        """Raise a one-line ValueError for a thing of a package that is not what this registry holds."""
+        whole, part = self._instances_of, self._classes_of
+        fits = (whole is None and part is None) or (whole is not None and isinstance(loaded, whole))
+        if not fits and not (part is not None and isinstance(loaded, type) and issubclass(loaded, part)):
+            allowed = [f"an instance of {whole.__name__}"] if whole else []
+            allowed += [f"a class derived from {part.__name__}"] if part else []
+            raise ValueError(
+                f"{self.noun}: {name!r} of the package {packages} is of type {type(loaded).__name__}; give "
+                f"{' or '.join(allowed)}"
+            )
 
     def _entries(self) -> metadata.EntryPoints:
         return metadata.entry_points(group=self.group)
