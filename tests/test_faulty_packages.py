@@ -13,7 +13,7 @@ MODULE = """
 import numpy as np
 
 from optim.problems.objectives import RobotObjective
-from robots.robot import Measure, Outcome, Parameter, Robot, RobotKind
+from robots.robot import Measure, Option, Outcome, Parameter, Robot, RobotKind
 
 
 class Base(Robot):
@@ -54,6 +54,16 @@ class Nothing(RobotKind):
         return None
 
 
+class Clashing(Sound):
+    name, title = "clashing", "clashing"
+    options = (
+        Option("seed", "which may be shared", int, commands=("codesign",)),
+        Option("measure", "of a designer", commands=("codesign",)),
+        Option("record_every", "of the command", commands=("simulate",)),
+        Option("far_from_all", "of nobody else", int),
+    )
+
+
 class Abstract(RobotKind):
     name, title = "abstract", "abstract"
 
@@ -84,6 +94,7 @@ KINDS_OF_IT = (
     "Wide",
     "Unjudged",
     "Nothing",
+    "Clashing",
     "Abstract",
 )
 GROUPS = (
@@ -170,6 +181,13 @@ def test_a_broken_package_is_left_out_of_what_is_about_others(faulty, morpholab,
         assert any("'lost' of the package faulty0 cannot be imported" in note for note in notes)
         assert all(note.endswith("; it is left out") for note in notes)
     assert "'lost' of the package faulty0 cannot be imported (" in refused(morpholab, "simulate --robot lost")
+
+
+def test_options_that_are_called_as_those_of_commands_are_refused(faulty, morpholab):
+    told = "error: robot: clashing has an option {}, as the command has; have its package rename it\n"
+    line = "codesign --robot clashing --generations 0 --quiet --out a"
+    assert refused(morpholab, line) == told.format("--measure")
+    assert refused(morpholab, "simulate --robot clashing") == told.format("--record-every")
 
 
 def test_broken_packages_are_not_told_of_where_they_do_not_matter(faulty, morpholab):

@@ -26,8 +26,9 @@ from robots.robot import (
     robot_to_try,
     world_and_others,
 )
-from taichi_sim.base.options import given
+from taichi_sim.base.options import flag_of, given
 
+SHARED = "seed"  # of a search, which may be that of its robot, too
 OptionsOf = Callable[[RobotKind], Sequence[Option]]
 
 
@@ -61,6 +62,7 @@ class RobotOptions(argparse.ArgumentParser):
         super().__init__(*args, **settings)
         self._find: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
         self._options_of: OptionsOf = world_and_own("")
+        self._own: frozenset[str] = frozenset()  # names of the command's options beside those of kinds
         self.known_to: dict[str, list[str]] = {}  # titles of the kinds that have an option, by its name
 
     def take_robots(self, find: Callable[[Sequence[str]], Iterable[RobotKind]], options_of: OptionsOf) -> None:
@@ -93,7 +95,7 @@ class RobotOptions(argparse.ArgumentParser):
             warnings.simplefilter("ignore")
             kinds = list({kind.name: kind for kind in find(words)}.values())
         taken = {action.dest for action in self._actions}
-        own = frozenset(taken)
+        self._own = frozenset(taken)
         for kind in kinds or [KINDS[USUAL]]:
             group = self.add_argument_group(kind.title)
             for option in self._options_of(kind):
@@ -105,7 +107,7 @@ class RobotOptions(argparse.ArgumentParser):
                 if option.name not in taken:
                     option.add_hidden(self)
                     taken.add(option.name)
-                if option.name not in own:
+                if option.name not in self._own:
                     self.known_to.setdefault(option.name, []).append(KINDS[name].title)
 
     def values(self, args: argparse.Namespace, kind: RobotKind, *others: RobotKind) -> dict[str, Any]:
@@ -117,14 +119,26 @@ class RobotOptions(argparse.ArgumentParser):
             others: further kinds that it is about.
 
         Raises:
-            ValueError: for an option that none of these kinds has.
+            ValueError: for an option that none of these kinds has, and for kinds of packages that have one of a name
+                that the command has given away.
         """
+        for each in (kind, *others):
+            self._check_apart(each)
         known = {option.name for each in (kind, *others) for option in self._options_of(each)}
         for name, titles in self.known_to.items():
             if name not in known and getattr(args, name, None) is not None:
                 which = ", ".join(titles)
                 raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({which}); leave it out")
         return given(self._options_of(kind), args)
+
+    def _check_apart(self, kind: RobotKind) -> None:
+        """Refuse options of a package's kind that are called as others: a value would be that of both."""
+        names = [option.name for option in self._options_of(kind) if option.name != SHARED]
+        for name in names if kind.name not in KINDS.builtin else ():
+            if name in self._own or names.count(name) > 1:
+                raise ValueError(
+                    f"robot: {kind.title} has an option {flag_of(name)}, as the command has; have its package rename it"
+                )
 
 
 def world_and_own(command: str) -> OptionsOf:
