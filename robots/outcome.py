@@ -89,7 +89,7 @@ class Outcome:
         status: ``"ok"``, ``"diverged"``, or ``"invalid"`` where a point is no robot, shape (N,). By default
             ``"diverged"`` where a measure is not finite.
         reason: why a point is no robot, shape (N,); empty for the others.
-        steps: time steps simulated, shape (N,).
+        steps: time steps simulated, shape (N,); 0 where the kind does not count them.
         gradients: derivatives of measures by the parameters, by name, shape (N, P) each; those of other measures are
             not known.
         frames: recorded arrays by name, if recording was asked for.

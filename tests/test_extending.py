@@ -226,6 +226,7 @@ def test_the_hopper_which_has_no_motion_is_simulated_without_a_picture(lab, morp
     assert (
         morpholab("codesign --robot hopper --method random --climbers 4 --generations 0 --quiet --out runs/a")[0] == 0
     )
-    code, _, error = morpholab("simulate --robot runs/a/best.json --out out")
+    code, out, error = morpholab("simulate --robot runs/a/best.json --out out")
     assert code == 0, error
+    assert out.startswith("runs/a/best.json: ok\n")  # it counts no steps
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["design.json", "result.json"]

@@ -134,7 +134,8 @@ def _report(
     }
     if args.out is not None:
         _write(args.out, robot, world, document, outcome)
-    status = outcome.reason[0] or f"{outcome.status[0]} after {document['steps']:,} steps"
+    after = f" after {steps:,} steps" if (steps := document["steps"]) else ""  # kinds need not count them
+    status = outcome.reason[0] or f"{outcome.status[0]}{after}"
     text = f"{title}: {status}" + (f"\n{robot.spoken(outcome)}" if ok else "")
     return Report(document, text, 0 if ok else FAILED)
 
