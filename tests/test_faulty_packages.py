@@ -183,6 +183,17 @@ def test_a_broken_package_is_left_out_of_what_is_about_others(faulty, morpholab,
     assert "'lost' of the package faulty0 cannot be imported (" in refused(morpholab, "simulate --robot lost")
 
 
+@pytest.mark.parametrize("name", ["weight", "mass_world"])
+def test_descriptors_that_no_trial_tells_are_refused_before_any_work(faulty, morpholab, tmp_path, name):
+    search = "codesign --robot sound --method map-elites --population 300 --generations 1 --quiet"
+    ranges = f"""--set 'descriptors=["a","{name}"]' --set 'ranges={{"{name}":[0,1]}}'"""
+    told = refused(morpholab, f"{search} {ranges} --out a")
+    assert told == f"error: descriptors: {name} is no detail of the evaluation; it has mass\n"
+    assert not (tmp_path / "a").exists()
+    ranges = ranges.replace(name, "mass")
+    assert morpholab(f"{search} {ranges} --out a")[0] == 0
+
+
 def test_options_that_are_called_as_those_of_commands_are_refused(faulty, morpholab):
     told = "error: robot: clashing has an option {}, as the command has; have its package rename it\n"
     line = "codesign --robot clashing --generations 0 --quiet --out a"

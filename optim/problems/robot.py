@@ -266,6 +266,14 @@ class JudgedRobot(RobotDesigning):
         return found or [f"{texts}: not in all of {self.draws} draws"]
 
     @property
+    def detail_names(self) -> set[str]:
+        """Names of the details that every evaluation tells; it may tell more."""
+        measures = [measure.name for measure in self.offered.measures_in(self.tried_in)]
+        if len(self.tried_in) > 1:
+            return {f"{name}_{world.name}" for name in measures for world in self.tried_in}
+        return {*measures} - ({self.objective_names[0]} if len(self.objective_names) == 1 else set())
+
+    @property
     def descriptors(self) -> Mapping[str, tuple[float, float]]:
         """The robot's descriptors in the first world, by their names in evaluations, with lowest and highest values."""
         world = f"_{self.tried_in[0].name}" if len(self.tried_in) > 1 else ""

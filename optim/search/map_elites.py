@@ -4,7 +4,7 @@ Sources: Mouret & Clune, Illuminating search spaces by mapping elites, arXiv:150
 Mouret, Discovering the elite hypervolume by leveraging interspecies correlation, GECCO 2018 (the line operator).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -95,6 +95,21 @@ class MapElites(PopulationSearch):
         variable = self.space.variables[self.space.names.index(name)]
         return variable.low, variable.high
 
+    def check_details(self, known: Collection[str], told: Callable[[], Mapping[str, object]]) -> None:
+        """Refuse descriptors that an evaluation does not tell.
+
+        Args:
+            known: names of details that it tells for sure.
+            told: gives details by name, of one evaluation; called if some descriptor is not among these names.
+
+        Raises:
+            ValueError: for one that is neither a variable nor a detail.
+        """
+        asked = [name for name in self.axes if name not in self.space.names and name not in known]
+        details = told() if asked else {}
+        for name in asked:
+            _check_detail(name, details)
+
     def ask(self) -> Floats:
         """The starts, then children of elites, shape (N, D)."""
         if self.generation == 0:
@@ -136,9 +151,7 @@ class MapElites(PopulationSearch):
             values, top = points[:, column], self.space.high[column]
             same = self.space.angles[column] & (values == top)  # the two ends of an angle are one direction
             return np.where(same, self.space.low[column], values)
-        if name not in evaluation.details:
-            known = ", ".join(evaluation.details) or "none"
-            raise ValueError(f"descriptors: {name} is no detail of the evaluation; it has {known}")
+        _check_detail(name, evaluation.details)
         details: NDArray[Any] = np.asarray(evaluation.details[name], float)
         if details.shape != (len(points),):
             raise ValueError(f"descriptors: {name} of shape {details.shape} is not allowed; give one number a point")
@@ -158,6 +171,12 @@ class MapElites(PopulationSearch):
             total = float(np.maximum(self.elite_objectives[:, 0] - self.offset, 0).sum())
         score = total if np.isfinite(total) else None
         return {"cells": len(self.cells), "coverage": len(self.cells) / self.count, "qd_score": score}
+
+
+def _check_detail(name: str, details: Mapping[str, object]) -> None:
+    """Raise a one-line ValueError for a descriptor that is not among details."""
+    if name not in details:
+        raise ValueError(f"descriptors: {name} is no detail of the evaluation; it has {', '.join(details) or 'none'}")
 
 
 def _is_list(value: object, *kinds: type) -> bool:
