@@ -16,7 +16,7 @@ from optim.problems.objectives import OBJECTIVES
 from optim.problems.robot import RobotProblem
 from optim.search import METHODS, check_objectives
 from optim.studies.catalogue import STUDIES
-from robots.robot import KINDS
+from robots.robot import KINDS, Parameter, load_design
 
 PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()
 CODE = "\n\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
@@ -143,6 +143,22 @@ def test_the_method_that_names_what_changes_goes_on_to_the_same_bits(lab, morpho
     assert morpholab(f"{search} --generations 2 --out parts")[0] == 0
     assert morpholab("codesign --resume --problem hill.py --generations 5 --quiet --out parts")[0] == 0
     assert (tmp_path / "whole/log.jsonl").read_bytes() == (tmp_path / "parts/log.jsonl").read_bytes()
+
+
+@pytest.mark.parametrize(("name", "value"), [("push", 41.0), ("stroke", -3), ("push", 2.5), ("push", "many")])
+def test_designs_with_values_that_parameters_do_not_take_are_refused(
+    lab, morpholab, tmp_path, monkeypatch, name, value
+):
+    monkeypatch.setattr(lab.Hopper, "parameters", (Parameter("push", 0, 40, "integer"), Parameter("stroke", 0.05, 0.3)))
+    robot = KINDS["hopper"].build(None, {})
+    robot.save([40, 0.3 + 1e-14], tmp_path / "best.json")
+    assert load_design(tmp_path / "best.json").point[0] == 40
+    record = json.loads((tmp_path / "best.json").read_text())
+    record["values"][name] = value
+    (tmp_path / "best.json").write_text(json.dumps(record))
+    code, _, error = morpholab("simulate --robot best.json")
+    assert code == 2 and error.count("\n") == 1
+    assert name in error if isinstance(value, float | int) else "best.json" in error
 
 
 FAULTY = """
