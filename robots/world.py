@@ -86,6 +86,9 @@ class Terrain:
     folder: Path | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.ground, str | None):  # which may be an array of many lines
+            what = type(self.ground).__name__
+            raise ValueError(f"ground: a value of type {what} is not allowed; give a text such as 'rough:0.01'")
         check_fields(self)
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))

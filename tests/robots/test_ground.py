@@ -317,3 +317,16 @@ def test_files_that_change_and_deep_images(tmp_path):
             Terrain.parse(text)
     with pytest.raises(ValueError, match=r"^ground: 5 is not allowed"):
         Terrain(ground=5)
+
+
+def test_heights_are_real_numbers(tmp_path):
+    np.save(tmp_path / "complex.npy", np.zeros((3, 3), complex))
+    with pytest.raises(ValueError, match=r"complex.npy' is no table of finite numbers, shape \(X, Y\)"):
+        Ground(f"{tmp_path / 'complex.npy'}:0.1").relief(0, EDGE)
+
+
+def test_ground_that_is_no_text_is_refused_in_one_line():
+    with pytest.raises(
+        ValueError, match=r"^ground: a value of type ndarray is not allowed; give a text such as 'rough"
+    ):
+        Terrain(ground=np.zeros((9, 9)))
