@@ -16,7 +16,7 @@ from robots.ground_kinds import WATER_DENSITY as WATER_DENSITY
 from robots.ground_kinds import ways
 from robots.props import LIGHT, Prop, split_name
 from robots.robot import World
-from taichi_sim.base.checks import NotNegative, check_fields, number
+from taichi_sim.base.checks import NotNegative, check_fields, number, shown
 from taichi_sim.base.files import found_beside
 from taichi_sim.base.options import value_of as number_of
 
@@ -87,8 +87,7 @@ class Terrain:
 
     def __post_init__(self) -> None:
         if not isinstance(self.ground, str | None):  # which may be an array of many lines
-            what = type(self.ground).__name__
-            raise ValueError(f"ground: a value of type {what} is not allowed; give a text such as 'rough:0.01'")
+            raise ValueError(f"ground: {shown(self.ground)} is not allowed; give a text such as 'rough:0.01'")
         check_fields(self)
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
