@@ -195,10 +195,12 @@ def test_descriptors_that_no_trial_tells_are_refused_before_any_work(faulty, mor
 
 
 def test_options_that_are_called_as_those_of_commands_are_refused(faulty, morpholab):
-    told = "error: robot: clashing has an option {}, as the command has; have its package rename it\n"
-    line = "codesign --robot clashing --generations 0 --quiet --out a"
-    assert refused(morpholab, line) == told.format("--measure")
-    assert refused(morpholab, "simulate --robot clashing") == told.format("--record-every")
+    """Where they are given; without them the kind is as good as any."""
+    told = "error: {}: clashing has such an option, as the command has; have its package rename it\n"
+    line = "codesign --robot clashing --method random --climbers 2 --generations 0 --quiet --out a"
+    assert refused(morpholab, f"{line} --measure mass") == told.format("measure")
+    assert refused(morpholab, "simulate --robot clashing --record-every 5 --out s") == told.format("record-every")
+    assert morpholab(line)[::2] == morpholab("simulate --robot clashing")[::2] == (0, "")
 
 
 def test_broken_packages_are_not_told_of_where_they_do_not_matter(faulty, morpholab):

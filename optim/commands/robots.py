@@ -119,26 +119,30 @@ class RobotOptions(argparse.ArgumentParser):
             others: further kinds that it is about.
 
         Raises:
-            ValueError: for an option that none of these kinds has, and for kinds of packages that have one of a name
-                that the command has given away.
+            ValueError: for an option that none of these kinds has, and for one that a kind of a package has beside the
+                command.
         """
-        for each in (kind, *others):
-            self._check_apart(each)
+        apart = {each.name: self._apart(each, args) for each in (kind, *others)}
         known = {option.name for each in (kind, *others) for option in self._options_of(each)}
         for name, titles in self.known_to.items():
             if name not in known and getattr(args, name, None) is not None:
                 which = ", ".join(titles)
                 raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({which}); leave it out")
-        return given(self._options_of(kind), args)
+        return given(apart[kind.name], args)
 
-    def _check_apart(self, kind: RobotKind) -> None:
-        """Refuse options of a package's kind that are called as others: a value would be that of both."""
-        names = [option.name for option in self._options_of(kind) if option.name != SHARED]
-        for name in names if kind.name not in KINDS.builtin else ():
-            if name in self._own or names.count(name) > 1:
+    def _apart(self, kind: RobotKind, args: argparse.Namespace) -> list[Option]:
+        """The options of a kind but those of a package's that are called as others: a value would be that of both."""
+        options = list(self._options_of(kind))
+        if kind.name in KINDS.builtin:
+            return options
+        names = [option.name for option in options]
+        both = {name for name in names if name in self._own or names.count(name) > 1} - {SHARED}
+        for name in both:
+            if getattr(args, name, None) != self.get_default(name):
                 raise ValueError(
-                    f"robot: {kind.title} has an option {flag_of(name)}, as the command has; have its package rename it"
+                    f"{name.replace('_', '-')}: {kind.title} has such an option, as the command has; have its package rename it"
                 )
+        return [option for option in options if option.name not in both]
 
 
 def world_and_own(command: str) -> OptionsOf:

@@ -86,7 +86,7 @@ def test_hunts_take_the_friction_of_the_ground(morpholab, monkeypatch):
         monkeypatch.setitem(STUDIES._loaded, name, replace(STUDIES[name], run=seen_by))
         for ground in ("", "--floor wood", "--friction 0.1,1"):
             assert morpholab(f"reproduce {name} --out a --quiet {ground}")[0] == 0
-    pairs = [(settings.terrain, settings.uncertainty) for settings in seen]
+    pairs = [(settings.terrain, settings.about_hill) for settings in seen]
     hills = [Terrain(15.0), Terrain(15.0, 0.7, 0.56), Terrain(15.0, 1.0, 0.1)]
     told = [{}, {"friction": [0.56, 0.7]}, {"friction": [0.1, 1.0]}]
     assert pairs == 2 * [(hill, {"slope": 15.0, **more}) for hill, more in zip(hills, told, strict=True)]
