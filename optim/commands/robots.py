@@ -26,7 +26,7 @@ from robots.robot import (
     robot_to_try,
     world_and_others,
 )
-from taichi_sim.base.options import flag_of, given
+from taichi_sim.base.options import given
 
 SHARED = "seed"  # of a search, which may be that of its robot, too
 OptionsOf = Callable[[RobotKind], Sequence[Option]]
@@ -139,9 +139,8 @@ class RobotOptions(argparse.ArgumentParser):
         both = {name for name in names if name in self._own or names.count(name) > 1} - {SHARED}
         for name in both:
             if getattr(args, name, None) != self.get_default(name):
-                raise ValueError(
-                    f"{name.replace('_', '-')}: {kind.title} has such an option, as the command has; have its package rename it"
-                )
+                told = f"{kind.title} has such an option, as the command has"
+                raise ValueError(f"{name.replace('_', '-')}: {told}; have its package rename it")
         return [option for option in options if option.name not in both]
 
 
