@@ -160,9 +160,7 @@ class Space:
         if wrong.any():
             index = tuple(np.argwhere(wrong)[0])
             variable = self.variables[index[-1]]
-            kind = "a whole number" if variable.is_integer else "a number"
-            allowed = f"{kind} from {variable.low:g} to {variable.high:g}"
-            raise ValueError(f"{variable.name}: {points[index]:g} is not allowed; give {allowed}")
+            raise ValueError(f"{variable.name}: {points[index]:g} is not allowed; give {variable.allowed}")
         return points
 
     def to_dict(self, point: ArrayLike) -> dict[str, float | int]:

@@ -24,6 +24,7 @@ from robots.outcome import (
     World,
     checked_outcome,
 )
+from robots.points import checked_design, checked_points
 from robots.trial import HERE, Progress, Trial
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
@@ -87,7 +88,7 @@ class Robot(Abilities, ShortText):
         raise NotImplementedError
 
     def _tried(self, points: Floats, trial: Trial) -> Outcome:
-        """What :meth:`run` gives, checked."""
+        """Run the robot, and check what comes of it."""
         measures = self.measures_in([trial.world])
         return checked_outcome(self.run(points, trial), self, measures, points.shape, trial.gradients)
 
@@ -260,9 +261,13 @@ class Robot(Abilities, ShortText):
         return FixedRobot(self, point)
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design of one point, shape (P,), to a file: always the same bytes for the same point."""
+        """Write the design of one point, shape (P,), to a file: always the same bytes for the same point.
+
+        Raises:
+            ValueError: for a value that its parameter does not take.
+        """
         names = [parameter.name for parameter in self.parameters]
-        values = dict(zip(names, self.points(point)[0].tolist(), strict=True))
+        values = dict(zip(names, checked_design(self.parameters, self.points(point)[0]).tolist(), strict=True))
         record = {"kind": self.kind, "robot": self.describe(), "values": values}
         write_record(path, DESIGN_FORMAT, record)
 
@@ -281,19 +286,7 @@ class Robot(Abilities, ShortText):
         Raises:
             ValueError: for another shape, or numbers that are not finite.
         """
-        try:
-            points = np.atleast_2d(np.asarray(given, float))
-        except (TypeError, ValueError):
-            points = np.empty((0, 0))
-        if points.shape[1:] != (len(self.parameters),) or not len(points):
-            raise ValueError(
-                f"points: shape {points.shape} is not allowed; give finite numbers of (N, {len(self.parameters)})"
-            )
-        if wrong := np.argwhere(~np.isfinite(points)).tolist():
-            row, column = wrong[0]
-            name = self.parameters[column].name
-            raise ValueError(f"points: {points[row, column]} of {name} is not allowed; give finite numbers")
-        return points
+        return checked_points(self.parameters, given)
 
     def facts(self) -> Facts:
         """Rows for a report about what is the same for all points."""

@@ -30,6 +30,7 @@ from robots.outcome import Place as Place
 from robots.outcome import Quantity as Quantity
 from robots.outcome import Replay as Replay
 from robots.outcome import World as World
+from robots.points import checked_design
 from robots.trial import HERE as HERE
 from robots.trial import Progress as Progress
 from robots.trial import Trial as Trial
@@ -38,8 +39,6 @@ from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
 from taichi_sim.base.options import Option as Option
 from taichi_sim.base.results_folder import BEST_DESIGN
-
-ROUNDING = 1e-9  # of the range of a parameter, by which a saved value may lie beyond it
 
 
 def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
@@ -167,22 +166,9 @@ def load_design(path: Path) -> Robot:
     def build(record: dict[str, Any]) -> Robot:
         robot = KINDS.find(record["kind"]).from_description(record["robot"])
         values = [record["values"][parameter.name] for parameter in robot.parameters]
-        for parameter, value in zip(robot.parameters, values, strict=True):
-            _check_value(parameter, value)
-        return robot.design(values)
+        return robot.design(checked_design(robot.parameters, robot.points(values)[0]))
 
     return read_record(path, DESIGN_FORMAT, build)
-
-
-def _check_value(parameter: Parameter, value: float) -> None:
-    """Raise a one-line ValueError for a value of a design that its parameter does not take, but for rounding."""
-    margin = ROUNDING * (parameter.high - parameter.low)
-    beyond = parameter.kind != "angle" and not parameter.low - margin <= value <= parameter.high + margin
-    if beyond or (parameter.is_integer and value != round(value)):
-        what = "a whole number" if parameter.is_integer else "a number"
-        raise ValueError(
-            f"{parameter.name}: {value:g} is not allowed; give {what} from {parameter.low:g} to {parameter.high:g}"
-        )
 
 
 def _record_of(path: Path) -> dict[str, Any]:

@@ -135,13 +135,15 @@ class RobotOptions(argparse.ArgumentParser):
         options = list(self._options_of(kind))
         if kind.name in KINDS.builtin:
             return options
-        names = [option.name for option in options]
-        both = {name for name in names if name in self._own or names.count(name) > 1} - {SHARED}
-        for name in both:
-            if getattr(args, name, None) != self.get_default(name):
+        kept = list[Option]()
+        for option in options:
+            taken = option.name in self._own or option.name in {each.name for each in kept}
+            if option.name == SHARED or not taken:
+                kept.append(option)
+            elif getattr(args, option.name, None) != self.get_default(option.name):
                 told = f"{kind.title} has such an option, as the command has"
-                raise ValueError(f"{name.replace('_', '-')}: {told}; have its package rename it")
-        return [option for option in options if option.name not in both]
+                raise ValueError(f"{option.name.replace('_', '-')}: {told}; have its package rename it")
+        return kept
 
 
 def world_and_own(command: str) -> OptionsOf:

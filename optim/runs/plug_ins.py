@@ -14,7 +14,7 @@ def packages_of(problem: Mapping[str, Any], method: str | None = None) -> list[s
 
     A problem of a user's file needs none: run folders keep its checksum.
     """
-    named = problem["objective"] if "robot" in problem else ()
+    named = problem.get("objective", ()) if "robot" in problem else ()  # runs of version 1.0 name none
     goals = [Goal.of(text).name for text in goals_in([named] if isinstance(named, str) else named)]
     found = [KINDS.package_of(problem.get("kind")), *map(OBJECTIVES.package_of, goals), METHODS.package_of(method)]
     return sorted({package for package in found if package is not None})

@@ -15,7 +15,7 @@ from robots.lattice_robot.reflexes import SENSES
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
-from robots.world import Terrain, terrain_of
+from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import choice, number, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -50,10 +50,14 @@ def _worlds(given: Worlds) -> list[Terrain]:
     Raises:
         ValueError: for anything else.
     """
-    if not isinstance(given, Terrain | str | list | tuple):
-        raise ValueError(f"world: {shown(given)} is not allowed; give a terrain, its name, or several of them")
-    several = [given] if isinstance(given, Terrain | str) else given
-    return [Terrain.parse(each) if isinstance(each, str) else terrain_of(each) for each in several]
+    several = given if isinstance(given, list | tuple) else [given]
+    for each in several:
+        if not isinstance(each, Terrain | str):
+            raise ValueError(f"world: {shown(each)} is not allowed; give a terrain, its name, or several of them")
+    try:
+        return [Terrain.parse(each) if isinstance(each, str) else each for each in several]
+    except ValueError as error:
+        raise ValueError(f"world: {str(error).removeprefix('terrain: ')}") from None
 
 
 class Rewarded(Batch):
@@ -239,7 +243,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
 
 
 class LatticeRobotVector(RobotVector):
-    """The same lattice robots as one batch, with several worlds each in one; all episodes are equally long."""
+    """Copies of a lattice robot in one batch, each in a world of several; all episodes are equally long."""
 
     def __init__(
         self,

@@ -221,7 +221,9 @@ def _in_one_batch(robot: LatticeRobot, worlds: Sequence[Terrain]) -> tuple[Terra
         raise ValueError("world: none is not allowed; give at least one")
     alike, *others = sharing([robot] * len(worlds), worlds)
     if others:
-        told = "slope, ground, light and friction (with props, not in friction)"
         first, other = worlds[alike[0]].name, worlds[others[0][0]].name
-        raise ValueError(f"world: {other} is not allowed beside {first}; worlds of a batch may differ in {told}")
+        told = (
+            "all or none with a light, with water, with ground that yields, and with the same props and friction there"
+        )
+        raise ValueError(f"world: {other} is not allowed beside {first}; give worlds that are {told}")
     return tuple(worlds)

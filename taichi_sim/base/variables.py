@@ -69,3 +69,8 @@ class Variable:
             return self.start
         middle = (self.low + self.high) / 2
         return float(math.floor(middle)) if self.is_integer else middle
+
+    @property
+    def allowed(self) -> str:
+        """The values that it takes, as text for people."""
+        return f"{'a whole number' if self.is_integer else 'a number'} from {self.low:g} to {self.high:g}"

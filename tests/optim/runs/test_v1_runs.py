@@ -62,6 +62,14 @@ def test_they_are_read(name, folder, morpholab):
     assert (code, error) == (0, "")
 
 
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", [name for name in RUNS if name != "walker"])  # which is refused, see below
+def test_the_command_goes_on_with_them(name, folder, morpholab):
+    code, _, notes = morpholab(f"codesign --resume --generations 3 --quiet --out {folder}")
+    assert code == 0 and notes.count("\n") == 1 and "began elsewhere (morpholab 1.0.0" in notes
+    assert len((folder / "log.jsonl").read_text().splitlines()) == 4
+
+
 @pytest.mark.parametrize("name", ["walker", "robot"])
 def test_they_have_one_terrain(name, folder, morpholab):
     code, _, error = morpholab(f"codesign --resume --out {folder} --terrain flat --terrain hill:5")

@@ -273,11 +273,11 @@ def test_seeds_draw_worlds():
     ("world", "message"),
     [
         ((), "world: none is not allowed; give at least one"),
-        (("flat", "flat+water:0.01"), "world: water:0.01 is not allowed beside flat; worlds of a batch may differ in"),
+        (("flat", "flat+water:0.01"), "world: water:0.01 is not allowed beside flat; give worlds that are all or none"),
         (("flat", "ramp:3+sand:1e6"), r"world: ramp:3\+sand:1e6 is not allowed beside flat"),
         (("flat", "flat+light:1,0"), r"world: flat\+light:1.0,0.0 is not allowed beside flat"),
-        (("flat", "nowhere"), "terrain: 'nowhere' is unknown"),
-        (("flat", 3), "terrain: 3 is not allowed"),
+        (("flat", "nowhere"), "world: 'nowhere' is unknown"),
+        (("flat", 3), "world: 3 is not allowed; give a terrain"),
         (3, "world: 3 is not allowed; give a terrain, its name, or several"),
     ],
 )
