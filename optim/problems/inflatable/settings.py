@@ -284,7 +284,7 @@ class GaitSettings(RobotDesigning):
         }
         described = (*DESCRIBED, *(name for name in DESCRIBED_IF_SET if name in self._set))
         return {
-            "terrains": [_given(dataclasses.asdict(terrain)) for terrain in self.terrains],
+            "terrains": [KINDS[self.robot_kind].world_record(terrain) for terrain in self.terrains],
             "free": list(self.free),
             **_given(fixed),
             **{name: getattr(self, name) for name in described},

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import tomllib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from optim.pipeline.run import settings_of as pipeline_settings
 from optim.pipeline.task import read_task
 from optim.problems import problem_of_run
+from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.robot import RobotProblem
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config, settings_of, write_config
@@ -135,6 +137,28 @@ def test_seeds_of_one_study_share_one_ground(morpholab, tmp_path):
     assert copies[0] == copies[1] != (tmp_path / "hills.npy").read_bytes()
 
 
+@pytest.mark.usefixtures("simulator")
+def test_gaits_of_the_inflatable_robot_go_on_with_the_copy(morpholab, tmp_path):
+    """Alone, and as one of several seeds of which another has not begun."""
+    options = f"--free shape --gait rolling --climbers 2 --geometry small --terrain {HILLS} --quiet"
+    assert morpholab(f"codesign {options} --generations 1 --seed 1 --out a/seed-1")[::2] == (0, "")
+    before = read_config(tmp_path / "a/seed-1")
+    assert before["problem"]["terrains"] == [{"slope": 0.0, "ground": HILLS}]
+    (tmp_path / "hills.npy").unlink()
+    assert morpholab("codesign --resume --generations 2 --out a/seed-1 --quiet")[::2] == (0, "")
+    assert read_config(tmp_path / "a/seed-1") == before | {"generations": 2}
+    assert morpholab("codesign --resume --generations 2 --seeds 2 --out a --quiet")[::2] == (0, "")
+    assert copy_in(tmp_path / "a/seed-2", "hills.npy").is_file()
+
+
+@pytest.mark.usefixtures("simulator")
+@pytest.mark.parametrize("terrain", ["flat+light:0.5,0.1", "hill:5+rough:0.01"])
+def test_gaits_on_other_terrains_go_on(morpholab, terrain):
+    options = f"--free shape --gait rolling --climbers 2 --geometry small --terrain {terrain} --quiet"
+    assert morpholab(f"codesign {options} --generations 1 --out a")[::2] == (0, "")
+    assert morpholab("codesign --resume --generations 2 --out a --quiet")[::2] == (0, "")
+
+
 @pytest.mark.kernels
 def test_runs_of_earlier_versions_go_on(morpholab, tmp_path):
     assert morpholab(f"{SEARCH} --out a")[0] == 0
@@ -193,8 +217,9 @@ def test_a_pipeline_goes_on_with_the_very_file_alone(tmp_path):
     assert "ground_files" not in pipeline_settings(dataclasses.replace(task, terrains=task.terrains[:1]))
 
 
-def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
-    problem = RobotProblem(FreeformRobot(full=True), (Terrain(ground=HILLS),))
+@pytest.mark.parametrize("of", [partial(RobotProblem, FreeformRobot(full=True)), GaitProblem])
+def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path, of):
+    problem = of((Terrain(ground=HILLS),))
     offers = [folder_files.Offer.here(problem.describe(), 1.0, problem.ground_files)]
     (tmp_path / "w").mkdir()
     folder_files.make_folders(tmp_path / "w")
@@ -203,7 +228,9 @@ def test_workers_elsewhere_need_the_very_file(morpholab, tmp_path):
     problem.keep_ground_files(tmp_path / "w")
     written(tmp_path, 0.001)
     told = {"problem": offers[0].problem, "ground_files": offers[0].ground_files}
-    assert problem_of_run(tmp_path / "w", told).ground_files == offers[0].ground_files
+    kept = problem_of_run(tmp_path / "w", told)
+    assert kept.ground_files == offers[0].ground_files and kept.describe() == problem.describe()
+    folder_files.Offer.here(kept.describe(), 1.0, kept.ground_files).write(tmp_path / "w")
     copy_in(tmp_path / "w", "hills.npy").unlink()
     code, _, error = morpholab("work w --quiet")
     assert code == 2 and "terrain: hills.npy is not the file of the run in w (SHA-256 " in error
