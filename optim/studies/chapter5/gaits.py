@@ -5,7 +5,7 @@ any single run, a published one too, is one draw of them.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
 
@@ -20,6 +20,7 @@ from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import NOISE
+from robots.robot import KINDS
 from robots.world import FRICTION_OF_PARTS, STEEPEST, Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
@@ -44,7 +45,7 @@ class Case:
             "orientation": self.design.orientation,
             "schedule": schedule.to_text(),
             "repeats": schedule.repeats,
-            "terrain": {name: value for name, value in asdict(self.terrain).items() if value is not None},
+            "terrain": KINDS["inflatable"].world_record(self.terrain),
         }
 
 

@@ -237,6 +237,11 @@ def test_copies_of_a_case_lie_side_by_side(simulator):
     assert (call.perturbation, call.precision) == (1e-8, "f64")
 
 
+def test_a_case_does_not_tell_which_folder_keeps_its_ground(tmp_path):
+    case = Case(ROLLING, Terrain(5.0, ground="hills.npy:0.01", folder=tmp_path))
+    assert json.loads(json.dumps(case.describe()))["terrain"] == {"slope": 5.0, "ground": "hills.npy:0.01"}
+
+
 def test_a_spread_tells_of_copies_that_diverged():
     assert spread([0.1, 0.3, np.nan])["mean"] == pytest.approx(0.2)
     assert shown(spread([0.1, 0.3, np.nan])) == "0.2000 ± 0.1414 (1 of 3 diverged)"
