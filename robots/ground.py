@@ -110,7 +110,8 @@ class Ground:
             ValueError: if there is none.
         """
         if self.source is not None and not self.source.is_file():
-            raise ValueError(f"terrain: {self.file!r} is no file")
+            copy = "" if self.folder is None else f", and {self.folder} keeps no copy of it"
+            raise ValueError(f"terrain: {self.file!r} is no file{copy}")
 
     @property
     def content(self) -> bytes | None:

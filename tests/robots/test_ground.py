@@ -225,6 +225,8 @@ def test_what_tells_of_a_ground_needs_no_file(tmp_path):
     for needs in (lambda: Terrain.parse(text), lambda: Ground(text).relief(0, EDGE), lambda: Ground(text).content):
         with pytest.raises(ValueError, match=r"^terrain: '.*gone\.npy' is no file$"):
             needs()
+    with pytest.raises(ValueError, match=r"gone\.npy' is no file, and .* keeps no copy of it$"):
+        Ground(text, tmp_path).check_file()
     assert Ground("rough:0.01").content is None
 
 

@@ -29,6 +29,7 @@ ROBOT = "--robot freeform --shape 3,2,2 --full --cycles 1 --frequency 12 --settl
 SEARCH = f"codesign {ROBOT} --method random --climbers 2 --generations 1 --terrain {HILLS}"
 MORE = "codesign --resume --generations 2 --threads 1 --quiet"
 KEPT = copy_in(Path("a"), "hills.npy")
+GONE = "terrain: 'hills.npy' is no file, and {} keeps no copy of it"
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +73,7 @@ def test_a_run_goes_on_with_the_very_file_alone(morpholab, tmp_path):
     )
     (tmp_path / "hills.npy").unlink()
     code, _, error = morpholab(f"{MORE} --out a")
-    assert code == 2 and error == "morpholab codesign: error: terrain: 'hills.npy' is no file\n"
+    assert code == 2 and error == f"morpholab codesign: error: {GONE.format('a')}\n"
     assert (tmp_path / "a/log.jsonl").read_bytes() == before
     (tmp_path / "hills.npy").write_bytes(content)
     assert morpholab(f"{MORE} --out a")[::2] == (0, "") and KEPT.read_bytes() == content
@@ -190,9 +191,9 @@ def test_runs_are_told_of_without_their_ground(morpholab, tmp_path):
     assert morpholab("report runs --no-player --out all.html --quiet")[::2] == (0, "")
     code, out, error = morpholab("report runs/1 --out one.html --json --quiet")
     assert (code, error) == (0, "")
-    assert json.loads(out)["notes"] == ["terrain: 'hills.npy' is no file; the player is left out"]
+    assert json.loads(out)["notes"] == [f"{GONE.format('runs/1')}; the player is left out"]
     code, _, error = morpholab("view runs/1 --out v.html")
-    assert (code, error) == (2, "morpholab view: error: terrain: 'hills.npy' is no file\n")
+    assert (code, error) == (2, f"morpholab view: error: {GONE.format('runs/1')}\n")
 
 
 @pytest.mark.kernels
