@@ -310,12 +310,23 @@ def _tables(file: str) -> tuple[Floats, Floats | None]:
             table = table[::-1].T  # upwards is along y, to the right along x
     except UNREADABLE as failed:
         raise ValueError(f"terrain: {file!r} cannot be read as heights: {failed}") from None
-    shaped = table.ndim == 2 or (table.ndim == 3 and len(table) == 2)
-    if not shaped or table.dtype.kind not in "iuf" or not np.isfinite(table).all():
-        allowed = "shape (X, Y), or (2, X, Y) with factors of friction second"
-        raise ValueError(f"terrain: {file!r} is no table of finite numbers, {allowed}")
+    _check_table(file, table)
     heights, *friction = np.asarray(table[None] if table.ndim == 2 else table, float)
     return heights, friction[0] if friction else None
+
+
+def _check_table(file: str, table: Any) -> None:
+    """Refuse an array of another shape, of anything but real numbers, and with numbers that are not finite."""
+    if not (table.ndim == 2 or (table.ndim == 3 and len(table) == 2)):
+        found = f"has shape {table.shape}"
+    elif table.dtype.kind not in "iuf":
+        found = f"holds {table.dtype}"
+    elif count := int((~np.isfinite(table)).sum()):
+        found = f"holds {count} of {table.size} values that are not finite"
+    else:
+        return
+    allowed = "a table of finite numbers, shape (X, Y), or (2, X, Y) with factors of friction second"
+    raise ValueError(f"terrain: {file!r} {found}; give {allowed}")
 
 
 def level(edge: float) -> "Relief":
