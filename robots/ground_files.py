@@ -39,6 +39,14 @@ def kept_in(folder: Path, world: WorldType) -> WorldType:
     return world
 
 
+def by_file_read(world: WorldType) -> WorldType:
+    """A world whose name has the file of heights that is read, which may be a copy; others as they are."""
+    if isinstance(world, Terrain) and world.uneven is not None and world.uneven.file is not None:
+        ground = world.uneven.text.replace(world.uneven.file, str(world.uneven.source), 1)
+        return dataclasses.replace(world, ground=ground, folder=None)
+    return world
+
+
 def _contents(worlds: Iterable[World]) -> dict[str, bytes]:
     """What is in each file of heights on which some worlds are, by its name."""
     grounds = [world.uneven for world in worlds if isinstance(world, Terrain) and world.uneven]

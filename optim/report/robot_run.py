@@ -30,6 +30,7 @@ from optim.runs.config import check_ground_files
 from optim.runs.generation import Generation
 from optim.runs.history import History
 from optim.wording import counted
+from robots.ground_files import by_file_read
 from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot
 from taichi_sim.base.arrays import Floats
@@ -211,7 +212,8 @@ class RobotSubject(Subject):
         options = " ".join(f"--{name} {shlex.quote(str(value))}" for name, value in named.items() if value is not None)
         kind = KINDS[problem.robot_kind]
         for world in problem.tried_in:
-            places = " ".join(f"{flag_of(n)} {shlex.quote(spelled(v))}" for n, v in kind.world_values(world).items())
+            values = kind.world_values(by_file_read(world))
+            places = " ".join(f"{flag_of(name)} {shlex.quote(spelled(value))}" for name, value in values.items())
             line = f"morpholab simulate --gait {file} {places} {options}"
             found.append((f"Simulate the best design {world.spoken}".strip(), line))
         robot = None if best is None else problem.robot_of(best)

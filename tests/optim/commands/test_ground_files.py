@@ -1,7 +1,9 @@
 """Runs on ground of a file: what is resumed, compared and reported when the file is another one, or gone."""
 
 import dataclasses
+import html
 import json
+import re
 import tomllib
 from functools import partial
 from pathlib import Path
@@ -16,6 +18,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.robot import RobotProblem
 from optim.runs import open_run, run_search
 from optim.runs.config import read_config, settings_of, write_config
+from optim.runs.history import read_history
 from optim.runs.workers import folder_files
 from optim.search import build_method, default_settings
 from robots.freeform import FreeformRobot
@@ -81,7 +84,10 @@ def test_a_run_goes_on_with_the_very_file_alone(morpholab, tmp_path):
 
 @pytest.mark.kernels
 def test_a_run_that_was_moved_needs_no_other_file(morpholab, tmp_path, monkeypatch):
-    """It goes on to the bits of one that stayed; another file of the same name does not matter, unless it is named."""
+    """It goes on to the bits of one that stayed; another file of the same name does not matter, unless it is named.
+
+    The command that its report gives for the best design runs, too.
+    """
     for name in "ab":
         assert morpholab(f"{SEARCH} --out {name}")[::2] == (0, "")
     assert morpholab(f"{MORE} --out b")[::2] == (0, "")
@@ -96,6 +102,10 @@ def test_a_run_that_was_moved_needs_no_other_file(morpholab, tmp_path, monkeypat
     assert morpholab("report a --out a.html --frames 3 --quiet")[::2] == (0, "")
     code, _, error = morpholab(f"{MORE} --terrain {HILLS} --out a")
     assert code == 2 and "terrain: hills.npy is not the file of the run in a (" in error
+    Path("hills.npy").unlink()
+    (line,) = re.findall("morpholab (simulate .*?)<", Path("a.html").read_text())
+    code, out, error = morpholab(f"{html.unescape(line)} --threads 1 --json --quiet")
+    assert (code, error) == (0, "") and json.loads(out)["speed"] == read_history(Path("a")).generations[-1].best
 
 
 @pytest.mark.kernels
