@@ -78,7 +78,7 @@ class FolderSearch:
         rehearsed = self.turns < REHEARSED
         with blamed_package():
             if rehearsed:
-                self._rehearsal.tell(request.points, evaluation)
+                self._rehearsal.keep(request.points, evaluation)
             self._method.tell(request.points, evaluation)
             result, state = self._method.result(), self._method.state()
             if rehearsed:

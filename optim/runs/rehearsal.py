@@ -1,7 +1,9 @@
 """Rehearsals of a resume: whether a search method goes on from its own checkpoints as if nothing had happened."""
 
+import contextlib
+from collections.abc import Iterator
 from copy import deepcopy
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +11,9 @@ from numpy.typing import ArrayLike
 from optim.problem import Evaluation
 from optim.search.method import Method, next_request
 from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.foreign import lacks_memory
+
+Thing = TypeVar("Thing")
 
 REHEARSED = 3  # generations of a run: what a method must keep changes in the first ones
 TOLERANCE = 1e-9  # relative: what is forgotten shows in more than last bits
@@ -25,11 +30,11 @@ class Rehearsal:
         """For a method, by its name, that is not yet used."""
         self._name, self._fresh = name, _copied(method)
         self._restored: Method | None = None
+        self._next: tuple[Floats, Evaluation] | None = None
 
-    def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Tell the instance restored from the checkpoint before, if there is one, what the method is told next."""
-        if self._restored is not None:
-            self._restored.tell(*deepcopy((points, evaluation)))
+    def keep(self, points: Floats, evaluation: Evaluation) -> None:
+        """Keep a copy of what the method is told next: an instance restored before is told the same afterwards."""
+        self._next = _copied((points, evaluation))
 
     def check(self, method: Method, state: Arrays) -> None:
         """Compare a method and its state at the end of a generation, and restore another instance from that.
@@ -37,23 +42,51 @@ class Rehearsal:
         Raises:
             ValueError: if what is restored from a checkpoint does otherwise.
         """
-        running, restored = _copied(method), deepcopy(self._fresh)
+        before, self._restored = self._restored, None
+        if before is not None and self._next is not None:
+            self._compare_told(method, state, before, self._next)
+        running, restored = _copied(method), _copied(self._fresh)
         if running is None or restored is None:
             return
-        if self._restored is not None:  # some of what is forgotten matters only to how a method takes what it is told
-            told = self._restored.state()
-            for name in state:
-                if name not in told or not _alike(state[name], told[name]):
-                    raise self._refusal(f"{name} becomes another one", method, self._restored)
-        try:
+        with self._resuming("restore"):
             restored.restore({name: np.array(values) for name, values in state.items()})
-        except (KeyError, ValueError, IndexError) as error:
-            raise ValueError(f"method: {self._name} cannot be restored from its own checkpoint: {error}") from error
-        one, other = next_request(running), next_request(restored)
-        ways = [(each.wants, each.sharpness, each.minibatch) for each in (one, other)]
-        if ways[0] != ways[1] or not _alike(one.points, other.points):
+        try:
+            one = next_request(running)
+        except Exception:  # the run may have ended, and its method have nothing left to ask for
+            return
+        with self._resuming("ask"):
+            other = next_request(restored)
+            ways = [(each.wants, each.sharpness, each.minibatch) for each in (one, other)]
+            same = ways[0] == ways[1] and _alike(one.points, other.points)
+        if not same:
             raise self._refusal("it asks for other points", method, restored)
         self._restored = restored
+
+    def _compare_told(self, method: Method, state: Arrays, restored: Method, told: tuple[Floats, Evaluation]) -> None:
+        """Compare states once both were told the same: some of what is forgotten matters only there."""
+        with self._resuming("tell"):
+            restored.tell(*told)
+        with self._resuming("state"):
+            after = restored.state()
+            unlike = [name for name in state if name not in after or not _alike(state[name], after[name])]
+        if unlike:
+            raise self._refusal(f"{unlike[0]} becomes another one", method, restored)
+
+    @contextlib.contextmanager
+    def _resuming(self, call: str) -> Iterator[None]:
+        """Call a restored instance inside; what it raises is a fault of its state, as the method itself has gone on."""
+        try:
+            yield
+        except Exception as error:
+            if lacks_memory(error):
+                raise
+            said = " ".join(str(error).split())
+            if call == "restore" and isinstance(error, ValueError):  # which says by itself what is wrong
+                raise ValueError(f"method: {self._name} cannot be restored from its own checkpoint: {said}") from error
+            raise ValueError(
+                f"method: {self._name} does not go on alike from its checkpoint: its {call} fails "
+                f"({type(error).__name__}: {said}); all that changes must be in arrays"
+            ) from error
 
     def _refusal(self, what: str, method: Method, restored: Method) -> ValueError:
         """Says what differs, and which numbers and arrays of the method were not restored."""
@@ -66,11 +99,11 @@ class Rehearsal:
         return ValueError(f"method: {self._name} does not go on alike from its checkpoint: {what}; {hint} be in arrays")
 
 
-def _copied(method: Method) -> Method | None:
-    """A copy; None of a method that holds what cannot be copied, such as a lock."""
+def _copied(thing: Thing) -> Thing | None:
+    """A copy; None of what holds something that cannot be copied, such as a lock."""
     try:
-        return deepcopy(method)
-    except TypeError:
+        return deepcopy(thing)
+    except Exception:  # each kind of thing has its own: a pointer of C a ValueError, a tensor of Torch a RuntimeError
         return None
 
 

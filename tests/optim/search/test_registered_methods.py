@@ -94,6 +94,8 @@ def test_runs_by_methods_of_packages_go_on_to_the_same_bits(annealing, morpholab
 
 
 KEPT = '''
+import ctypes
+
 import numpy as np
 
 from optim.search.population import PopulationSearch
@@ -168,6 +170,48 @@ class Drawing(Wandering):
         self.points = self.points + self.random.normal(0, 0.1, self.points.shape) * (self.generation > 0)
 
 
+class Shelving(Wandering):
+    """Needs, to be told anything, what only an instance has that was told something before."""
+
+    def remember(self, points):
+        if self.generation == 0:
+            self.shelf = {}
+        self.shelf[self.generation] = points[0]
+
+
+class Asking(Shelving):
+    def size(self):
+        return len(self.shelf) if self.generation else 1.0
+
+
+class Pointing(Wandering):
+    """Holds a pointer of C, which cannot be copied: a ValueError."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.pointer = ctypes.pointer(ctypes.c_int(1))
+
+    def remember(self, points):
+        pass
+
+
+class Faulty(Wandering):
+    def remember(self, points):
+        raise RuntimeError("my own fault")
+
+
+class Ending(Wandering):
+    """Has two generations to ask for."""
+
+    def ask(self):
+        if self.generation > 1:
+            raise ValueError("all points were asked for")
+        return super().ask()
+
+    def remember(self, points):
+        pass
+
+
 class Missing(Wandering):
     arrays = ("nowhere",)
 
@@ -191,13 +235,14 @@ class Keeping(Wandering):
         return self.heat / (1 + len(self.archive))
 '''
 HILL = "bounds = {'x': (0, 1), 'y': (0, 1)}\ndef evaluate(points):\n    return -points[:, 0] ** 2\n"
+MORE = ("shelving", "asking", "pointing", "faulty", "ending")
 OF_STATE = "cannot be restored from its own checkpoint: state: "
 
 
 @pytest.fixture
 def wandering(tmp_path, monkeypatch):
     """A package with methods that keep what changes in several ways, and the file of a problem."""
-    names = ("lister", "noner", "dicter", "forgetful", "drawing", "missing", "keeping")
+    names = ("lister", "noner", "dicter", "forgetful", "drawing", "missing", "keeping", *MORE)
     points = {name: f"wandering_kit:{name.capitalize()}" for name in names}
     install(tmp_path / "site", "wandering-kit", METHODS.group, points, KEPT)
     monkeypatch.syspath_prepend(tmp_path / "site")
@@ -219,6 +264,12 @@ def wandering(tmp_path, monkeypatch):
             "forgetful",
             "does not go on alike from its checkpoint: it asks for other points; heat of it must be in arrays",
         ),
+        (
+            "shelving",
+            "shelving does not go on alike from its checkpoint: its tell fails (AttributeError: 'Shelving' object has "
+            "no attribute 'shelf'); all that changes must be in arrays",
+        ),
+        ("asking", "its ask fails (AttributeError: 'Asking' object has no attribute 'shelf'); "),
         ("drawing", "does not go on alike from its checkpoint: points becomes another one; "),
     ],
 )
@@ -228,7 +279,7 @@ def test_a_method_whose_state_is_not_whole_is_refused_before_a_generation_is_los
     search = f"codesign --problem hill.py --method {name} --population 3 --generations 5 --quiet --out a"
     code, _, error = morpholab(search)
     assert code == 2 and told in error and error.count("\n") == 1
-    assert name == "drawing" or not (tmp_path / "a/log.jsonl").exists()
+    assert name in ("drawing", "shelving") or not (tmp_path / "a/log.jsonl").exists()
 
 
 def test_a_method_whose_state_is_whole_goes_on_to_the_same_bits(wandering, morpholab, tmp_path):
@@ -237,3 +288,14 @@ def test_a_method_whose_state_is_whole_goes_on_to_the_same_bits(wandering, morph
     assert morpholab(f"{search} --generations 2 --out parts")[0] == 0
     assert morpholab("codesign --resume --problem hill.py --generations 6 --quiet --out parts")[0] == 0
     assert (tmp_path / "whole/log.jsonl").read_bytes() == (tmp_path / "parts/log.jsonl").read_bytes()
+
+
+@pytest.mark.parametrize(("name", "generations"), [("pointing", 4), ("ending", 1)])
+def test_a_rehearsal_stops_no_run_of_which_nothing_can_be_compared(wandering, morpholab, name, generations):
+    search = f"codesign --problem hill.py --method {name} --population 3 --generations {generations} --quiet --out a"
+    assert morpholab(search)[::2] == (0, "")
+
+
+def test_a_fault_of_the_method_itself_is_told_as_such(wandering, morpholab):
+    code, _, error = morpholab("codesign --problem hill.py --method faulty --population 3 --quiet --out a")
+    assert code == 1 and error.endswith("RuntimeError: my own fault\n") and "wandering_kit.py, line" in error
