@@ -49,11 +49,12 @@ class FolderSearch:
             keep_ground_files(problem, folder.path)
         self.last: Generation | None = None
         self._asked = 0.0
-        self._rehearsal = Rehearsal(folder.config["method"]["name"], method)
         if (known := folder.restore()) is not None:
-            state, text = known
-            restore(folder.path, method, state)
-            self.last = Generation(**json.loads(text))
+            self.last = Generation(**json.loads(known[1]))
+        name = folder.config["method"]["name"]
+        self._rehearsal = Rehearsal(name, method) if self.turns < REHEARSED else None
+        if known is not None:
+            restore(folder.path, method, known[0])
             _write_designs(problem, method.result(), folder)
 
     @property
@@ -75,15 +76,16 @@ class FolderSearch:
                 the first generations, if the method cannot go on from its own checkpoint.
         """
         self._check_ground()
-        rehearsed = self.turns < REHEARSED
         with blamed_package():
-            if rehearsed:
+            if self._rehearsal:
                 self._rehearsal.keep(request.points, evaluation)
             self._method.tell(request.points, evaluation)
             result, state = self._method.result(), self._method.state()
-            if rehearsed:
+            if self._rehearsal:
                 self._rehearsal.check(self._method, state)
         self.last = record(self.last, self.problem, result, request, evaluation)
+        if self.turns >= REHEARSED:
+            self._rehearsal = None  # whose copies take as much memory as the method
         _write_designs(self.problem, result, self._folder)
         self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)
 

@@ -1,6 +1,8 @@
 """Rehearsals of a resume: every built-in method goes on alike from its own checkpoints, and none is changed by that."""
 
+import gc
 import json
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +12,7 @@ from searching import CELL_GRID
 from optim.problem import Evaluation
 from optim.runs import loop, open_run, run_search
 from optim.search import METHODS, build_method, check_settings
+from optim.search.random_search import RandomSearch
 from optim.space import Space
 
 GENERATIONS = 10
@@ -64,3 +67,37 @@ def search(folder, name, rehearsed, monkeypatch):
 def test_a_built_in_method_goes_on_alike_and_to_the_same_bits(name, tmp_path, monkeypatch):
     plain = search(tmp_path / "plain", name, 0, monkeypatch)
     assert search(tmp_path / "rehearsed", name, GENERATIONS + 1, monkeypatch) == plain
+
+
+class Counted(RandomSearch):
+    """A method that knows its living instances, copies among them."""
+
+    alive = weakref.WeakSet()
+
+    def __setattr__(self, name, value):
+        super().__setattr__(name, value)
+        self.alive.add(self)
+
+    def __setstate__(self, state):
+        self.__dict__.update(state)
+        self.alive.add(self)
+
+
+def instances(folder, generations):
+    """How many instances there are after each generation of a run, which begins or goes on."""
+    counts = {}
+
+    def count(last):
+        gc.collect()
+        counts[last.generation] = len(Counted.alive)
+
+    Counted.alive.clear()
+    with open_run(folder, {"problem": {}, "method": {"name": "random"}, "generations": 6}, resume=True) as run:
+        run_search(Relaxed(), Counted(Relaxed.space), run, generations, count)
+    return counts
+
+
+def test_copies_are_let_go_after_the_first_generations(tmp_path):
+    counts = instances(tmp_path / "a", 5)
+    assert min(counts[0], counts[1]) > 1 and [counts[each] for each in (2, 3, 4, 5)] == [1] * 4
+    assert instances(tmp_path / "a", 6) == {5: 1, 6: 1}
