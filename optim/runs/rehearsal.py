@@ -92,7 +92,7 @@ class Rehearsal:
         """Says what differs, and which numbers and arrays of the method were not restored."""
         unlike = [
             name
-            for name, value in vars(method).items()
+            for name, value in getattr(method, "__dict__", {}).items()
             if _has_numbers(value) and not _alike(value, getattr(restored, name, None))
         ]
         hint = f"{' and '.join(unlike)} of it must" if unlike else "all that changes must"
@@ -112,12 +112,15 @@ def _has_numbers(value: object) -> bool:
 
 
 def _alike(one: ArrayLike, other: Any) -> bool:
-    """Whether numbers or arrays are the same but for last bits; NaN is like NaN."""
+    """Whether numbers or arrays are the same, those with fractions but for last bits; NaN is like NaN."""
     try:
         first, second = np.asarray(one), np.asarray(other)
     except ValueError:  # lists of several lengths
-        return one == other
-    if first.shape != second.shape or not {first.dtype.kind, second.dtype.kind} <= set("biuf"):
+        if not isinstance(one, list) or not isinstance(other, list):
+            return False
+        return len(one) == len(other) and all(map(_alike, one, other))
+    kinds = {first.dtype.kind, second.dtype.kind}
+    if first.shape != second.shape or not kinds <= set("biufc") or kinds.isdisjoint("fc"):
         return np.array_equal(first, second)
     size = np.max(np.abs(first), initial=0.0, where=np.isfinite(first))
     return np.allclose(first, second, rtol=TOLERANCE, atol=TOLERANCE * float(size), equal_nan=True)
