@@ -109,6 +109,11 @@ class VehicleProblem(JudgedRobot):
         """Nothing for each environment: the log has only what they add up to."""
         return [{} for _ in self.tried_in]
 
+    @property
+    def detail_names(self) -> set[str]:
+        """Names of the details that every evaluation tells."""
+        return {"solved"}
+
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Roll out all points, shape (N, D).
 

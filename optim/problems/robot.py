@@ -269,9 +269,10 @@ class JudgedRobot(RobotDesigning):
     def detail_names(self) -> set[str]:
         """Names of the details that every evaluation tells; it may tell more."""
         measures = [measure.name for measure in self.offered.measures_in(self.tried_in)]
+        lost = {LOST} if isinstance(self._objective, Goals) and self._objective.limits else set()
         if len(self.tried_in) > 1:
-            return {f"{name}_{world.name}" for name in measures for world in self.tried_in}
-        return {*measures} - ({self.objective_names[0]} if len(self.objective_names) == 1 else set())
+            return {f"{name}_{world.name}" for name in measures for world in self.tried_in} | lost
+        return {*measures} - ({self.objective_names[0]} if len(self.objective_names) == 1 else set()) | lost
 
     @property
     def descriptors(self) -> Mapping[str, tuple[float, float]]:

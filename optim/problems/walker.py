@@ -64,6 +64,11 @@ class WalkerProblem(JudgedRobot):
         voxels = np.array([len(self.design(point).connected[1]) for point in np.atleast_2d(points)])
         return dataclasses.replace(found, details={**found.details, "voxels": voxels})
 
+    @property
+    def detail_names(self) -> set[str]:
+        """Names of the details that every evaluation tells."""
+        return super().detail_names | {"voxels"}
+
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as JSON values; :meth:`from_description` builds the problem again."""
         return {

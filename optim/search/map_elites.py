@@ -95,18 +95,18 @@ class MapElites(PopulationSearch):
         variable = self.space.variables[self.space.names.index(name)]
         return variable.low, variable.high
 
-    def check_details(self, known: Collection[str], told: Callable[[], Mapping[str, object]]) -> None:
+    def check_details(self, known: Collection[str], details_of_one: Callable[[], Mapping[str, object]]) -> None:
         """Refuse descriptors that an evaluation does not tell.
 
         Args:
             known: names of details that it tells for sure.
-            told: gives details by name, of one evaluation; called if some descriptor is not among these names.
+            details_of_one: gives details by name, of one evaluation; called if some descriptor is not among those.
 
         Raises:
             ValueError: for one that is neither a variable nor a detail.
         """
         asked = [name for name in self.axes if name not in self.space.names and name not in known]
-        details = told() if asked else {}
+        details = details_of_one() if asked else {}
         for name in asked:
             _check_detail(name, details)
 

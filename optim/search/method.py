@@ -131,7 +131,7 @@ def next_request(method: Method) -> Request:
 def check_fit(method: Method, problem: Judging) -> None:
     """Raise a one-line ValueError unless a problem can be judged as a method asks, before any work.
 
-    Only details that a problem does not name take the evaluation of one point.
+    Details are checked where a problem names those of every evaluation; only others take the evaluation of one point.
     """
     if getattr(method, "through_mixtures", False) and hasattr(problem, "check_mixtures"):
         problem.check_mixtures()
@@ -141,9 +141,9 @@ def check_fit(method: Method, problem: Judging) -> None:
         raise ValueError("gradient_horizon: it is not allowed with a method that takes no gradients; leave it out")
     if (size := getattr(method, "minibatch_size", None)) is not None:
         minibatches_of(problem).check_minibatch(size)
-    if hasattr(method, "check_details"):
-        known = getattr(problem, "detail_names", ())
-        method.check_details(known, lambda: problem.evaluate(method.ask()[:1]).details)
+    if hasattr(method, "check_details") and hasattr(problem, "detail_names"):
+        point = problem.space.sample(generator(0), 1)  # the method itself is not asked: that may change it
+        method.check_details(problem.detail_names, lambda: problem.evaluate(point).details)
 
 
 def generator(seed: int, *stream: int) -> np.random.Generator:

@@ -85,6 +85,11 @@ class GaitProblem(GaitPoints):
             below = usual.name if self.ladder else None
         return tuple(found)
 
+    @property
+    def detail_names(self) -> set[str]:
+        """Names of the details that every evaluation tells."""
+        return {condition.name for condition in self.conditions} | ({"effort"} if self.effort else set())
+
     def in_full(self) -> "GaitProblem":
         """This problem with gaits of the full length."""
         return dataclasses.replace(self, steps=None, warm_up=0, stages=1)

@@ -5,6 +5,7 @@ from searching import run
 
 from optim.problem import Evaluation
 from optim.search import MapElites
+from optim.search.method import check_fit
 from optim.space import Space, Variable
 
 SPACE = Space(
@@ -158,3 +159,45 @@ def test_settings_without_sense_are_refused(settings, message):
 def test_whole_numbers_alone_suggest_no_descriptors():
     with pytest.raises(ValueError, match=r"descriptors: \[\] is not allowed; give a list of names"):
         MapElites(Space((Variable("b", 0, 1, "binary"),)))
+
+
+class Telling:
+    """A problem that names its details, or not, and counts its evaluations."""
+
+    space, objective_names = PLANE, ("score",)
+
+    def __init__(self, **named):
+        self.evaluations = 0
+        self.__dict__.update(named)
+
+    def evaluate(self, points):
+        self.evaluations += 1
+        return Evaluation(np.zeros(len(points)), details={"height": points[:, 0], "more": points[:, 1]})
+
+
+class Counting(MapElites):
+    """A method whose ``ask`` changes something."""
+
+    asked = 0
+
+    def ask(self):
+        self.asked += 1
+        return super().ask()
+
+
+@pytest.mark.parametrize(
+    ("descriptor", "named", "evaluations"),
+    [("height", {"detail_names": {"height"}}, 0), ("more", {"detail_names": {"height"}}, 1), ("width", {}, 0)],
+)
+def test_descriptors_are_checked_with_no_work_where_that_can_be(descriptor, named, evaluations):
+    method = Counting(PLANE, population=4, descriptors=[descriptor], ranges={descriptor: [0, 1]})
+    problem = Telling(**named)
+    check_fit(method, problem)
+    assert (method.asked, problem.evaluations) == (0, evaluations)
+
+
+def test_a_descriptor_that_is_not_told_is_refused_before_the_search():
+    method = Counting(PLANE, population=4, descriptors=["width"], ranges={"width": [0, 1]})
+    with pytest.raises(ValueError, match="width is no detail of the evaluation; it has height, more"):
+        check_fit(method, Telling(detail_names={"height"}))
+    assert method.asked == 0
