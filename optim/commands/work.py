@@ -94,9 +94,9 @@ def _problem_of(offer: "Offer", file: Path | None, folder: Path) -> "Problem":
     if offer.problem.get("kind") != FILE:
         if file is not None:
             raise ValueError("problem: the search is of no file; leave --problem out")
-        told = {"problem": offer.problem, GROUND_FILES: offer.ground_files}
-        problem = problem_of_run(folder, told)
-        check_ground_files(told, getattr(problem, GROUND_FILES, {}), folder)
+        config = {"problem": offer.problem, GROUND_FILES: offer.ground_files}
+        problem = problem_of_run(folder, config)
+        check_ground_files(config, getattr(problem, GROUND_FILES, {}), folder)
         return problem
     if file is None:
         raise ValueError(f"problem: the search needs its file here, too; give --problem {offer.problem.get('file')}")

@@ -82,7 +82,7 @@ def check_settings(name: MethodName, settings: Mapping[str, Any]) -> None:
     for setting, value in settings.items():
         if setting not in allowed:
             known = f"its settings are {', '.join(allowed)}{nearest(setting, allowed)}"
-            raise ValueError(f"{setting}: method {_told(name)} does not take it; {known}")
+            raise ValueError(f"{setting}: method {_name_of(name)} does not take it; {known}")
         if value is None:
             raise ValueError(f"{setting}: nothing is not allowed; give a value, or leave it out")
         if setting == "start":
@@ -100,7 +100,7 @@ def check_objectives(name: MethodName, objectives: Sequence[str]) -> None:
     if len(objectives) > 1 and not takes_several(name):
         others = ", ".join(known for known in METHODS.builtin if takes_several(known))
         given = ", ".join(objectives)
-        raise ValueError(f"method: {_told(name)} takes one objective, not {given}; choose one of {others}")
+        raise ValueError(f"method: {_name_of(name)} takes one objective, not {given}; choose one of {others}")
 
 
 def takes_several(name: MethodName) -> bool:
@@ -117,5 +117,5 @@ def _class_of(name: MethodName) -> type[Method]:
     return name if isinstance(name, type) and Method in name.__mro__ else METHODS.find(name)
 
 
-def _told(name: MethodName) -> str:
+def _name_of(name: MethodName) -> str:
     return name.__name__ if isinstance(name, type) else name
