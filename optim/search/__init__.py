@@ -64,7 +64,7 @@ def build_method(name: MethodName, space: Space, settings: Mapping[str, Any]) ->
     """Build a search method, with settings by name such as ``climbers`` and ``seed``.
 
     Raises:
-        ValueError: if the name is unknown, or the method does not take or allow a setting.
+        ValueError: if the name is unknown, a class is no method, or the method does not take or allow a setting.
     """
     check_settings(name, settings)
     build: Any = _class_of(name)
@@ -114,7 +114,11 @@ def _parameters(name: MethodName) -> Mapping[str, Any]:
 
 def _class_of(name: MethodName) -> type[Method]:
     """The class of a method, which may be given itself."""
-    return name if isinstance(name, type) and Method in name.__mro__ else METHODS.find(name)
+    if not isinstance(name, type):
+        return METHODS.find(name)
+    if Method not in name.__mro__:
+        raise ValueError(f"method: {name.__name__} is no search method; derive it from optim.search.method.Method")
+    return name
 
 
 def _name_of(name: MethodName) -> str:

@@ -100,6 +100,7 @@ def test_progress_is_a_bar_on_a_terminal(monkeypatch, capsys):
         ({"bounds": {"x": (0, 1, "round")}}, "kind: 'round' of x is unknown"),
         ({"bounds": {"x": 3}}, r"bounds: 3 of x is not allowed; give \(low, high\)"),
         ({"method": "cmaes"}, "method: 'cmaes' is unknown; did you mean cma"),
+        ({"method": dict}, "method: dict is no search method; derive it from optim.search.method.Method"),
         ({"generations": -1}, "generations: -1 is not allowed"),
         ({"popluation": 5}, "popluation: method cma does not take it; .*did you mean population"),
         ({"problem": problem_of(bowl, BOUNDS)}, "bounds: they are of a function"),
