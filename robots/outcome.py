@@ -115,6 +115,8 @@ class Outcome:
         (count,) = shape
         whole = np.all([np.isfinite(values) for values in measures.values()], axis=0)
         status = np.array(self.status if len(self.status) else np.where(whole, OK, DIVERGED), dtype=object)
+        if status.shape != (count,):
+            raise TypeError(f"status of shape {status.shape} is not allowed; give ({count},), one for each point")
         status[(status == OK) & ~whole] = DIVERGED
         for values in measures.values():
             values[status != OK] = np.nan

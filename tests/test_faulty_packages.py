@@ -44,6 +44,7 @@ Flat = kind_of("flat", lambda s, p, t: Outcome(both(p), gradients={"height": np.
 Failing = kind_of("failing", lambda s, p, t: fail())
 Table = kind_of("table", lambda s, p, t: both(p))
 Wide = kind_of("wide", lambda s, p, t: Outcome({"height": p, "mass": p[:, 0]}))
+Unequal = kind_of("unequal", lambda s, p, t: Outcome(both(p), ["ok"]))
 Unjudged = kind_of("unjudged", lambda s, p, t: Outcome({}), measures=())
 
 
@@ -92,6 +93,7 @@ KINDS_OF_IT = (
     "Failing",
     "Table",
     "Wide",
+    "Unequal",
     "Unjudged",
     "Nothing",
     "Clashing",
@@ -135,6 +137,7 @@ MISTAKES = {
     "flat": "line 32: TypeError: gradients of height of shape (2,) are not allowed; give (3, parameters)\n",
     "wide": "line 35: TypeError: measures of shapes height (3, 2), mass (3,) are not allowed; "
     "an Outcome has one number of each for each point\n",
+    "unequal": "line 36: TypeError: status of shape (1,) is not allowed; give (3,), one for each point\n",
     "unjudged": "returns a robot without measures; name one at least, by which it is judged\n",
     "nothing": "error: robot: faulty_kit.Nothing.build returns a value of type NoneType; return a Robot\n",
     "abstract": "error: robot: 'abstract' cannot be made: Can't instantiate abstract class",
