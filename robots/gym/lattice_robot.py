@@ -50,12 +50,18 @@ def _worlds(given: Worlds) -> list[Terrain]:
     Raises:
         ValueError: for anything else.
     """
-    several = given if isinstance(given, list | tuple) else [given]
-    for each in several:
-        if not isinstance(each, Terrain | str):
-            raise ValueError(f"world: {shown(each)} is not allowed; give a terrain, its name, or several of them")
+    several: Sequence[object] = given if isinstance(given, list | tuple) else [given]
+    return [_world(each) for each in several]
+
+
+def _world(given: object) -> Terrain:
+    """The terrain that is given, or that a name means."""
+    if isinstance(given, Terrain):
+        return given
+    if not isinstance(given, str):
+        raise ValueError(f"world: {shown(given)} is not allowed; give a terrain, its name, or several of them")
     try:
-        return [Terrain.parse(each) if isinstance(each, str) else each for each in several]
+        return Terrain.parse(given)
     except ValueError as error:
         raise ValueError(f"world: {str(error).removeprefix('terrain: ')}") from None
 
