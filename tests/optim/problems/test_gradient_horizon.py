@@ -36,6 +36,7 @@ def test_what_grows_without_bound_is_bounded_by_a_horizon():
 
 
 @pytest.mark.kernels
+@pytest.mark.slow
 def test_prints_in_sand_fade_too():
     """A print lasts as long as a foot is in the ground, and carries derivatives with it."""
     exact, long, short = (length(problem(horizon, 2, "sand:200000")) for horizon in (None, 0.03, 1e-6))

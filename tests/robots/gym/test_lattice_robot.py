@@ -18,6 +18,11 @@ from taichi_sim.lattice import ProgramBuilder
 
 assert robots.gym.ENVIRONMENTS
 QUICK = {"robot": soft_quadruped(1), "threads": 1}
+SOON = ("light", "push", "shoreline")  # with a light, with props, in water; the checker takes a second for each
+CHECKED = (
+    "LatticeRobot",
+    *(pytest.param(name.capitalize(), marks=[] if name in SOON else pytest.mark.slow) for name in builtin_tasks()),
+)
 
 
 def test_every_task_is_registered():
@@ -28,7 +33,7 @@ def test_every_task_is_registered():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("name", ["LatticeRobot", *(name.capitalize() for name in builtin_tasks())])
+@pytest.mark.parametrize("name", CHECKED)
 def test_the_checker_of_gymnasium_passes(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -134,7 +134,7 @@ def test_tables_of_a_batch_are_played_as_alone():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("found", [False, True])
+@pytest.mark.parametrize("found", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path, found):
     """Also of pressures and levels that a search has found, which have more digits than a table."""
     levels = np.where(SHORT.schedule.levels > 0, 0.9 + np.pi / 100, 0.0)
