@@ -41,7 +41,7 @@ class Report:
     code: int = 0
 
     def but_for(self, left_out: list[str]) -> "Report":
-        """The same report, which says what was left out and why; the exit code is ``FAILED`` if anything was."""
+        """Add to the report what was left out and why; the exit code is ``FAILED`` if anything was."""
         assert isinstance(self.document, dict)
         return Report(self.document | {"left_out": left_out}, self.text, FAILED) if left_out else self
 

@@ -111,7 +111,7 @@ def read_histories(folders: Iterable[Path], build: Callable[["History"], Found])
 
 
 def begun(history: History) -> History:
-    """The same history; a ValueError if it has no complete generation."""
+    """Give the history back, or raise a ValueError if it has no complete generation."""
     if not history.generations:
         raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
     return history

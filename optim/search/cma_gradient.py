@@ -111,7 +111,7 @@ class CMAGradient(CMAESWithMargin):
         return np.where(self.discrete, np.clip(places, 0.0, 1.0), places)
 
     def _margin(self) -> Floats:
-        """By how much the margin widens each variable, shape (D,)."""
+        """Factors by which the margin widens the variables, shape (D,)."""
         return self.strategy.get("A", np.ones(self.space.size))
 
     def _axes(self) -> Floats:

@@ -59,7 +59,7 @@ class NoisySpeeds:
 
     @property
     def hard_speed(self) -> float:
-        """The same under the harder conditions."""
+        """Mean speed under the harder conditions."""
         return float(self.hard_speeds.mean())
 
 
@@ -93,7 +93,7 @@ class GaitJudgement(NoisySpeeds):
 
     @property
     def slip_ratio(self) -> float:
-        """The same of all runs together, so that slow ones do not count for more; NaN if one diverged."""
+        """Slip over distance of all runs together, so that slow ones do not count for more; NaN if one diverged."""
         way = abs(float(self.distances.sum()))
         return float(self.slip.mean(axis=1).sum() / way) if way else np.inf
 

@@ -207,7 +207,7 @@ class Run(NeverCopied, ABC):
             self.shared = self.shared._replace(radius=radius * self.edge)
 
     def finish(self) -> tuple[np.ndarray, np.ndarray, Recordings]:
-        """After the last step: (steps done, diverged, (poses, strains, rest sizes of groups)), robots first."""
+        """What the run gave: steps done, which diverged, and (poses, strains, rest sizes of groups), robots first."""
         lanes = self.driver.host(self.marks.lanes).reshape(-1, marking.LANE_COLUMNS)[: self.driver.batch]
         poses, strains, sizes = (self.driver.host(a)[:, : self.program.slots] for a in self.marks[3:6])
         diverged = lanes[:, marking.STATE] == marking.DIVERGED
