@@ -135,11 +135,11 @@ class RobotOptions(argparse.ArgumentParser):
         options = list(self._options_of(kind))
         if kind.name in KINDS.builtin:
             return options
-        kept = list[Option]()
+        kept, taken = list[Option](), set(self._own)
         for option in options:
-            taken = option.name in self._own or option.name in {each.name for each in kept}
-            if option.name == SHARED or not taken:
+            if option.name == SHARED or option.name not in taken:
                 kept.append(option)
+                taken.add(option.name)
             elif getattr(args, option.name, None) != self.get_default(option.name):
                 told = f"{kind.title} has such an option, as the command has"
                 raise ValueError(f"{option.name.replace('_', '-')}: {told}; have its package rename it")

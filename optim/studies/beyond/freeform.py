@@ -9,7 +9,7 @@ lengths of the grid per second. Settings of all methods were chosen on another b
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -69,6 +69,11 @@ class Problem:
     def robot(self) -> FreeformRobot:
         """The robot, with all that is free."""
         return FreeformRobot(Grid(self.shape), **self.settings)
+
+    @cached_property
+    def variables(self) -> int:
+        """How many numbers are free."""
+        return len(self.robot.parameters)
 
     @property
     def terrain(self) -> Terrain:
@@ -292,7 +297,7 @@ def _search(speeds: Any, rows: Sequence[Record]) -> dict[str, Any]:
 def _size(found: Mapping[str, Any]) -> tuple[bool, int, float]:
     """In water or not, how many variables, and how much time, in which order problems stand side by side."""
     problem = PROBLEMS[found["problem"]]
-    return problem.water, len(problem.robot.parameters), found["seconds"]
+    return problem.water, problem.variables, found["seconds"]
 
 
 def _overview(advantages: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -343,10 +348,9 @@ def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
         kept = cell(each["kept"], ".2f")
         lines.append((mark, f"{each['evaluations']:.0f}", f"{each['mean']:.3f}", interval, told, kept))
     sides = " x ".join(map(str, problem.shape))
-    variables = len(problem.robot.parameters)
     header = ("search", "evaluations", "mean speed", "95 % interval", "each seed", "kept")
     where_to = problem.terrain.spoken
-    told = f"{sides} cells {where_to}, {variables} variables, {found['seconds']:g} s of CPU time a run:"
+    told = f"{sides} cells {where_to}, {problem.variables} variables, {found['seconds']:g} s of CPU time a run:"
     parts: list[str | list[str]] = [told, markdown(header, "lrrrrr", lines)]
     if "ratio" in found:
         low, high = found["interval"]
