@@ -15,7 +15,8 @@ pytestmark = pytest.mark.kernels
 
 # On the level floor and off it, whose kernels other tests have compiled: contact, skins, feedback, a divergence.
 FORWARDS = (0, 9, 18, 38, 41, 52, 75)
-BACKWARDS = (1, 1_000_065)  # the second has a voxel on sand that is held along one axis
+# The second has a voxel on sand that is held along one axis.
+BACKWARDS = (1, pytest.param(1_000_065, marks=pytest.mark.slow))
 
 
 def test_cases_are_what_they_were_and_have_everything():
