@@ -5,9 +5,12 @@ import platform
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
+from importlib.metadata import distribution
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from taichi_sim.base import files
 from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
 
 JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
@@ -44,10 +47,11 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 def versions(added: Iterable[str] = ()) -> dict[str, str | None]:
     """Versions of Python and of the packages that results depend on, those ``added`` by users among them.
 
-    None for those that are missing or not used.
+    None for those that are missing or not used. As packages of users are often edited between releases, a checksum of
+    their code follows their version.
     """
-    names = (*JUDGING, *SEARCHING, *added)
-    return {"python": platform.python_version(), **{name: _version(name) for name in names}}
+    known = {name: _version(name) for name in (*JUDGING, *SEARCHING)}
+    return {"python": platform.python_version(), **known, **{name: _version_with_code(name) for name in added}}
 
 
 def other_version(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, str | None, str | None] | None:
@@ -68,6 +72,26 @@ def cpu_model() -> str:
 def _version(package: str) -> str | None:
     """Version of a package; None for one that is not installed, and for the compiler that is not in use."""
     return None if package in COMPILERS and package != compiler() else installed_version(package)
+
+
+def _version_with_code(package: str) -> str | None:
+    """Version of a package of a user and a checksum of its code, such as ``1.0 (code 1f3a9c02)``."""
+    version = _version(package)
+    if version is None:
+        return None
+    roots = sorted({entry.module.partition(".")[0] for entry in distribution(package).entry_points})
+    code = "".join(files.sha256(path.read_bytes()) for root in roots for path in _modules(root))
+    return f"{version} (code {files.sha256(code.encode())[:8]})"
+
+
+def _modules(root: str) -> list[Path]:
+    """Python files of an importable module or package, in order of their names."""
+    spec = find_spec(root)
+    if spec is None:
+        return []
+    folders = spec.submodule_search_locations or ()
+    found = [path for folder in folders for path in Path(folder).rglob("*.py")] or [Path(spec.origin or "")]
+    return sorted(path for path in found if path.is_file())
 
 
 def _essential(name: str, version: str | None) -> str | None:

@@ -1,6 +1,7 @@
 """Runs know the versions of packages of users that they need."""
 
 import json
+import re
 import sys
 
 import pytest
@@ -76,13 +77,42 @@ def test_a_run_notes_other_versions_of_the_packages_that_it_needs(slider, morpho
     assert morpholab(f"{SEARCH} --generations 1")[::2] == (0, "")
     known = json.loads((tmp_path / "a/environment.json").read_text())["versions"]
     added = {name: version for name, version in known.items() if name not in versions()}
-    assert added == {"kit_of_slider": "1.0", "kit_of_squared": "1.0", "kit_of_sampling": "1.0"}
+    assert list(added) == ["kit_of_sampling", "kit_of_slider", "kit_of_squared"]
+    (code,) = set(added.values())  # one module defines all three
+    assert re.fullmatch(r"1\.0 \(code [0-9a-f]{8}\)", code)
     assert morpholab("codesign --resume --generations 2 --quiet --out a")[::2] == (0, "")
     for package in added:
         release(slider, package, "2.0")
-    code, _, error = morpholab("codesign --resume --generations 3 --quiet --out a")
-    told = ", ".join(f"{package} 1.0, now 2.0" for package in sorted(added))
-    assert (code, error) == (0, f"note: a: began elsewhere ({told}); results may differ\n")
+    told = ", ".join(f"{package} {code}, now {code.replace('1.0', '2.0')}" for package in sorted(added))
+    assert morpholab("codesign --resume --generations 3 --quiet --out a")[::2] == (
+        0,
+        f"note: a: began elsewhere ({told}); results may differ\n",
+    )
+
+
+def test_an_edited_package_of_the_same_version_is_noticed(slider, morpholab, tmp_path):
+    assert morpholab(f"{SEARCH} --generations 1")[::2] == (0, "")
+    before = versions(["kit_of_slider"])["kit_of_slider"]
+    (slider / "slider_kit.py").write_text(MODULE.replace("points[:, 0]", "2 * points[:, 0]"))
+    after = versions(["kit_of_slider"])["kit_of_slider"]
+    assert before != after
+    code, _, error = morpholab("codesign --resume --generations 2 --quiet --out a")
+    assert code == 0
+    assert f"kit_of_slider {before}, now {after}" in error
+
+
+def test_code_in_every_file_of_a_package_counts(tmp_path, monkeypatch):
+    install(tmp_path, "deep_kit", KINDS.group, {"deep": "deep_package.inner:Kind"})
+    inner = tmp_path / "deep_package/inner.py"
+    inner.parent.mkdir()
+    (inner.parent / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    found = []
+    for text in ("x = 1", "x = 2", "x = 1"):
+        inner.write_text(text)
+        found.append(versions(["deep_kit"])["deep_kit"])
+    assert found[0] == found[2] != found[1]
+    assert versions(["no_such_kit"])["no_such_kit"] is None
 
 
 def test_workers_need_the_version_of_what_they_judge_by(slider, tmp_path):
@@ -90,7 +120,8 @@ def test_workers_need_the_version_of_what_they_judge_by(slider, tmp_path):
     assert packages_of(problem) == ["kit_of_slider", "kit_of_squared"]
     offer = Offer.here(problem, 1.0)
     release(slider, "kit_of_squared", "1.1")
-    assert other_version(versions(packages_of(problem)), offer.versions) == ("kit_of_squared", "1.1", "1.0")
+    name, here, there = other_version(versions(packages_of(problem)), offer.versions)
+    assert (name, here[:10], there[:10]) == ("kit_of_squared", "1.1 (code ", "1.0 (code ")
 
 
 def test_problems_of_files_and_built_in_ones_need_none(slider):
