@@ -1,19 +1,23 @@
-"""What only some kinds of robots can do; the others say in one line that they cannot."""
+"""What only some kinds of robots can do or tell; the others say in one line that they cannot, or tell nothing."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
+
+from numpy.typing import ArrayLike
 
 from robots.kind import KINDS
-from robots.outcome import Judgement, World
+from robots.outcome import Facts, Judgement, Outcome, Picture, Replay, World
 from robots.trial import HERE, Progress
 from taichi_sim.base.compute import Compute
 
 if TYPE_CHECKING:
     from robots.abstract import Robot
+    from robots.uncertainty import Perturbation
 
 
 class Abilities:
-    """Tables for rigs, files for printers and other simulators, checks: a kind overrides what its robots can do."""
+    """Tables, files, checks, draws, and words and pictures of designs: a kind overrides what its robots can do."""
 
     kind: str  # by its name, one of ``KINDS``
 
@@ -70,3 +74,42 @@ class Abilities:
             ValueError: if trials of this kind have one length only.
         """
         raise ValueError(f"horizons: trials of {KINDS.of(self).title} have one length; leave it out")
+
+    def as_terrain(self, world: World) -> World:
+        """A world of this robot as the terrain whose slope can be drawn; the world itself, where it is none."""
+        return world
+
+    def perturbed(self, drawn: "Perturbation") -> Self:
+        """This robot with the part of a draw that concerns it, such as levels of its actuators, and not its world."""
+        return self
+
+    def title_of(self, outcome: Outcome, world: World) -> str:
+        """Title of the picture of a motion; empty for a plain one."""
+        return ""
+
+    def facts_of(self, point: ArrayLike) -> Facts:
+        """Rows for a report about one design."""
+        return []
+
+    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
+        """Pictures of one design, for a report; ``replays`` has its trials in all worlds, if it was tried again."""
+        return []
+
+    def document(self) -> dict[str, Any]:
+        """What a command tells machines of a robot of which nothing is free, beside its measures."""
+        return {}
+
+    def caution(self, point: ArrayLike) -> str:
+        """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
+        return ""
+
+    def save_picture(self, world: World, path: Path) -> None:
+        """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.
+
+        ``robots.view.picture.save_robot_picture`` draws robots of all kinds.
+        """
+        raise NotImplementedError
+
+    def command_options(self) -> dict[str, Any]:
+        """Options, by name, that a command needs beside a saved design to repeat its trial; those not by default."""
+        return {}

@@ -172,14 +172,6 @@ class Robot(Abilities, ShortText):
         variants = [self.perturbed(drawn) for drawn in draws]
         return self.run_in(self.points(()), worlds, Trial(worlds[0], compute, progress=progress), variants)
 
-    def as_terrain(self, world: World) -> World:
-        """A world of this robot as the terrain whose slope can be drawn; the world itself, where it is none."""
-        return world
-
-    def perturbed(self, drawn: "Perturbation") -> Self:
-        """This robot with the part of a draw that concerns it, such as levels of its actuators, and not its world."""
-        return self
-
     def differentiate(
         self,
         points: ArrayLike,
@@ -228,10 +220,6 @@ class Robot(Abilities, ShortText):
             ValueError: if robots of this kind cannot be shown.
         """
         raise ValueError(f"robot: {KINDS.of(self).title} cannot be shown")
-
-    def title_of(self, outcome: Outcome, world: World) -> str:
-        """Title of the picture of such a motion; empty for a plain one."""
-        return ""
 
     def replay(
         self,
@@ -292,41 +280,14 @@ class Robot(Abilities, ShortText):
         """Rows for a report about what is the same for all points."""
         return [("Robot", self.name)]
 
-    def facts_of(self, point: ArrayLike) -> Facts:
-        """Rows for a report about one design."""
-        return []
-
     def columns(self, points: ArrayLike) -> dict[str, list[str]]:
         """What a table of several designs, shape (N, P), tells of each: values by name."""
         points = self.points(points)
         return {p.name: [f"{value:.4g}" for value in points[:, n]] for n, p in enumerate(self.parameters)}
 
-    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
-        """Pictures of one design, for a report; ``replays`` has its trials in all worlds, if it was tried again."""
-        return []
-
-    def document(self) -> dict[str, Any]:
-        """What a command tells machines of a robot of which nothing is free, beside its measures."""
-        return {}
-
     def spoken(self, outcome: Outcome) -> str:
         """What a command tells people of the first design of an outcome that is ok."""
         return ", ".join(measure.value(float(outcome.measures[measure.name][0])) for measure in self.measures)
-
-    def caution(self, point: ArrayLike) -> str:
-        """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
-        return ""
-
-    def save_picture(self, world: World, path: Path) -> None:
-        """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.
-
-        ``robots.view.picture.save_robot_picture`` draws robots of all kinds.
-        """
-        raise NotImplementedError
-
-    def command_options(self) -> dict[str, Any]:
-        """Options, by name, that a command needs beside a saved design to repeat its trial; those not by default."""
-        return {}
 
     def changed(self, options: Mapping[str, Any]) -> "Robot":
         """This robot, of a run or a saved design, with other values of its kind's options.
