@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.abilities import Abilities
+from robots.delegation import delegating
 from robots.kind import KINDS
 from robots.outcome import (
     Facts,
     Measure,
     Outcome,
-    Picture,
     Place,
     Replay,
     World,
@@ -188,7 +188,8 @@ class Robot(Abilities, ShortText):
             ValueError: if the robot has no gradients, and for measures that are unknown or have none.
         """
         if not self.differentiable:
-            raise ValueError(f"robot: {KINDS.of(self).title} has no gradients; choose a method that needs none")
+            told = "choose a method that needs none" if self.parameters else "nothing of it is free"
+            raise ValueError(f"robot: {KINDS.of(self).title} has no gradients; {told}")
         names = tuple(measures) if measures is not None else (self.measures[0].name,)
         known = [measure.name for measure in self.measures_in([world])]
         if unknown := [name for name in names if name not in known]:
@@ -245,7 +246,7 @@ class Robot(Abilities, ShortText):
         return Replay(outcome, motion.every(-(-len(motion.times) // frames)), fixed.title_of(outcome, world))
 
     def design(self, point: ArrayLike) -> "Robot":
-        """The robot of one point, shape (P,), with nothing free."""
+        """The robot of one point, shape (P,), with nothing free; a :class:`FixedRobot` if a kind says nothing else."""
         return FixedRobot(self, point)
 
     def save(self, point: ArrayLike, path: Path) -> None:
@@ -300,76 +301,80 @@ class Robot(Abilities, ShortText):
         return self
 
 
+@delegating("robot", {"points": "_completed", "point": "_completed_one"})
 class FixedRobot(Robot):
-    """The robot of one point: nothing of it is free."""
+    """The robot of one point: nothing of it is free. It asks the robot, at that point, all that is not defined here.
+
+    A kind that tells more of its designs, such as a gait table, has :meth:`Robot.design` give a robot of its own.
+    """
+
+    parameters = ()
+    differentiable = False  # by parameters, of which there are none
+    # What is told of a robot of which nothing is free, the robot itself could only tell of another design.
+    exportable, pictured = False, False
+    judge, table, rig_report, save_picture = Robot.judge, Robot.table, Robot.rig_report, Robot.save_picture
+    # These lead to what is defined here.
+    start, points, differentiate = Robot.start, Robot.points, Robot.differentiate
+    simulate, simulate_in = Robot.simulate, Robot.simulate_in
 
     def __init__(self, robot: Robot, point: ArrayLike) -> None:
         """Fix a robot at a point, shape (P,)."""
-        self.robot, self.point = robot, robot.points(point)[0]
-        self.kind, self.measures, self.worlds = robot.kind, robot.measures, robot.worlds
-        self.curves = robot.curves
-        self.uncertain_in, self.actuators, self.foot_friction = robot.uncertain_in, robot.actuators, robot.foot_friction
+        self.robot, self.point = robot, robot.points(point)[0].copy()
 
-    @property
-    def name(self) -> str:
-        """What people call this robot."""
-        return self.robot.name
+    def _completed(self, points: ArrayLike) -> Floats:
+        """Points of the robot, shape (N, P), for those of this one, shape (N, 0)."""
+        return np.tile(self.point, (len(self.points(points)), 1))
 
-    @property
-    def footprint(self) -> tuple[float, float] | None:
-        """Rear and front of the robot along its heading [m]."""
-        return self.robot.footprint
-
-    @property
-    def steps(self) -> int:
-        """Time steps of a trial."""
-        return self.robot.steps
-
-    @property
-    def has_motion(self) -> bool:
-        """Whether it can be shown."""
-        return self.robot.has_motion
+    def _completed_one(self, point: ArrayLike) -> Floats:
+        """The point of the robot, shape (P,), for that of this one, shape (0,)."""
+        return self._completed(point)[0]
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Try the design, as often as there are points, shape (N, 0)."""
-        several, every = np.tile(self.point, (len(points), 1)), trial.record_every
         return self.robot.simulate(
-            several, trial.world, compute=trial.compute, record_every=every, progress=trial.progress
+            self._completed(points),
+            trial.world,
+            compute=trial.compute,
+            record_every=trial.record_every,
+            progress=trial.progress,
+            sharpness=trial.sharpness,
         )
 
-    def as_terrain(self, world: World) -> World:
-        """The terrain that a world is to the robot."""
-        return self.robot.as_terrain(world)
+    def run_in(
+        self, points: Floats, worlds: Sequence[World], trial: Trial, variants: Sequence[Self] = ()
+    ) -> list[Outcome]:
+        """Try the design in several worlds, in the robot's own way, which may make one batch of them."""
+        plain = dataclasses.replace(trial, gradients=())
+        return self.robot.run_in(self._completed(points), worlds, plain, [variant.robot for variant in variants])
 
     def perturbed(self, drawn: "Perturbation") -> Self:
         """The design with what a draw says of it."""
         return type(self)(self.robot.perturbed(drawn), self.point)
 
-    def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of the design."""
-        return self.robot.motion(outcome, world, name)
+    def at_horizon(self, length: int) -> tuple[str, Self]:
+        """The design in trials of another length."""
+        spoken, robot = self.robot.at_horizon(length)
+        return spoken, type(self)(robot, self.point)
 
-    def title_of(self, outcome: Outcome, world: World) -> str:
-        """Title of its picture."""
-        return self.robot.title_of(outcome, world)
+    def changed(self, options: Mapping[str, Any]) -> Self:
+        """The design of the robot with other values of options."""
+        return type(self)(self.robot.changed(options), self.point)
 
-    def replay(self, point: ArrayLike, world: World, **settings: Any) -> Replay:
-        """Try the design, and build its motion, in the robot's own way."""
-        return self.robot.replay(self.point, world, **settings)
+    def design(self, point: ArrayLike) -> Self:
+        """Itself, as there is no other design of it."""
+        self.points(point)
+        return self
 
-    def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the design."""
-        self.robot.save(self.point, path)
-
-    def facts_of(self, point: ArrayLike) -> Facts:
-        """Rows for a report about the design."""
-        return self.robot.facts_of(self.point)
-
-    def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:
-        """Pictures of the design."""
-        return self.robot.pictures(self.point, replays, compute)
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on: the robot, and the values that are fixed."""
+        return {"robot": self.robot.describe(), **self._values}
 
     def document(self) -> dict[str, Any]:
-        """The values that are fixed, by name."""
+        """What the robot tells machines, and the values that are fixed."""
+        return {**self.robot.document(), **self._values}
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        """Values that are fixed, by the names of the parameters."""
         names = [parameter.name for parameter in self.robot.parameters]
         return {"values": dict(zip(names, self.point.tolist(), strict=True))}
