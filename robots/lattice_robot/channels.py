@@ -45,10 +45,8 @@ def channels_of(robot: "LatticeRobot") -> list[Channel]:
     found: list[Channel] = []
     for drive, nodes in zip(robot.drives, robot.nodes(np.zeros((1, 0))), strict=True):
         waves, rest = np.asarray(nodes[0], float), robot.rest_of(drive)
-        alike: dict[bytes, list[int]] = {}
-        for place in range(len(drive.regions)):
-            alike.setdefault(waves[:, place].tobytes() + rest[:, place].tobytes(), []).append(place)
-        for number, places in enumerate(alike.values(), 1):
+        alike = places_alike(waves, rest)
+        for number, places in enumerate(alike, 1):
             found.append(
                 Channel(
                     drive.name if len(alike) == 1 else f"{drive.name} {number}",
@@ -62,3 +60,16 @@ def channels_of(robot: "LatticeRobot") -> list[Channel]:
                 )
             )
     return found
+
+
+def places_alike(waves: Floats, rest: Floats) -> list[list[int]]:
+    """Which regions of a drive follow one wave, in the order of the first of each, by their places among its regions.
+
+    Args:
+        waves: of the regions, shape (Q, G, 16).
+        rest: what they hold before anything drives them, shape (Q, G).
+    """
+    alike: dict[bytes, list[int]] = {}
+    for place in range(waves.shape[1]):
+        alike.setdefault(waves[:, place].tobytes() + rest[:, place].tobytes(), []).append(place)
+    return list(alike.values())

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
-from robots.lattice_robot.drive import UNITS
+from robots.lattice_robot.channels import places_alike
+from robots.lattice_robot.drive import UNITS, Drive
 from robots.view.motion import CUBE, Channel, Motion, Node
-from robots.view.scene import CLAY, HUES, PURPLES, SAND, SKY, YELLOW
+from robots.view.scene import CLAY, HUES, PURPLES, SAND, SKY, YELLOW, Colour
 from robots.view.voxel_motion import voxel_motion
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
@@ -32,8 +33,8 @@ def lattice_robot_motion(
 ) -> Motion:
     """Build the motion of a simulated lattice robot, with a node for each voxel.
 
-    Channels: each drive, as in the first of its regions, then distance and speed along the heading. Voxels have the
-    colour of their drive, or of their phase, where a drive has several.
+    Channels: each drive, as in the first of its regions, or of friction each wave of it, then distance and speed along
+    the heading. Voxels have the colour of their drive, or of their phase, where a drive has several.
 
     Args:
         result: result of ``simulate``, with frames.
@@ -53,22 +54,20 @@ def lattice_robot_motion(
         raise ValueError(
             f"frames: they have {body.voxel_count} voxels, the robot {robot.body.voxel_count}; give its own"
         )
-    cycle, region = robot.cycle, np.asarray(robot.body.regions)
-    times: Floats = np.arange((cycle.cycles + 1) * SEGMENTS + 1, dtype=float) * (cycle.segment * cycle.time_step)
-    driven, shown = list[Channel](), np.full(body.voxel_count, -1)
+    region, (shown, grip) = np.asarray(robot.body.regions), np.full((2, body.voxel_count), -1)
+    driven, by_phase = list[Channel](), dict[tuple[int, int], Colour]()
     for number, (drive, nodes) in enumerate(zip(robot.drives, robot.nodes(robot.start[None]), strict=True)):
-        wave: Floats = np.tile(nodes[0, 0, 0], cycle.cycles + 2)[: len(times)]
-        colour, label = DRIVES[number % len(DRIVES)], f"{drive.name} {drive.quantity}"
-        driven.append(Channel(label, UNITS[drive.quantity], times, wave, colour))
-        shown[np.isin(region, drive.regions)] = number
+        phases = drive.phase if isinstance(drive.phase, tuple) else (None,) * len(drive.regions)
+        for channel, places in _channels(robot, drive, np.asarray(nodes[0], float), DRIVES[number % len(DRIVES)]):
+            on = np.isin(region, [drive.regions[place] for place in places])
+            shown[on] = len(driven)
+            if drive.quantity == "friction" and np.ptp(channel.values) > 0:
+                grip[on] = len(driven)
+            for label, phase in ((drive.regions[place], phases[place]) for place in places):
+                if isinstance(phase, float):
+                    by_phase[len(driven), label] = _phase_colour(phase)
+            driven.append(channel)
     colours = {number: channel.colour for number, channel in enumerate(driven)}
-    by_phase = {
-        (number, label): _phase_colour(phase)
-        for number, drive in enumerate(robot.drives)
-        if isinstance(drive.phase, tuple)
-        for label, phase in zip(drive.regions, drive.phase, strict=True)
-        if isinstance(phase, float)
-    }
     own = robot.placed.robot if robot.placed is not None else body
     nodes = [
         Node(
@@ -76,8 +75,9 @@ def lattice_robot_motion(
             CUBE,
             by_phase.get((n, label), colours.get(n, UNDRIVEN if v < own.voxel_count else PROP)),
             None if n < 0 else n,
+            None if foot < 0 else foot,
         )
-        for v, (n, label) in enumerate(zip(shown.tolist(), region.tolist(), strict=True))
+        for v, (n, foot, label) in enumerate(zip(shown.tolist(), grip.tolist(), region.tolist(), strict=True))
     ]
     seen = voxel_motion(name, result.frames[place], body, 0, nodes, driven, terrain, robot.heading, travelling=own)
     if light is None:
@@ -87,6 +87,32 @@ def lattice_robot_motion(
     return dataclasses.replace(seen, lights=lamp, light_radius=0.5 * body.voxel_size)
 
 
-def _phase_colour(phase: float) -> tuple[float, float, float]:
+def _channels(robot: "LatticeRobot", drive: Drive, waves: Floats, colour: Colour) -> list[tuple[Channel, list[int]]]:
+    """Timeline rows of a drive, each with the places of its regions: one row, or of friction one for each wave.
+
+    Feet that take turns to grip so are told apart.
+
+    Args:
+        robot: that has it.
+        drive: the drive.
+        waves: its quantities in its regions in a cycle, shape (Q, G, 16).
+        colour: of the rows.
+    """
+    cycle, alike = robot.cycle, [list(range(len(drive.regions)))]
+    if drive.quantity == "friction":
+        alike = places_alike(waves, robot.rest_of(drive))
+    times: Floats = np.arange((cycle.cycles + 1) * SEGMENTS + 1, dtype=float) * (cycle.segment * cycle.time_step)
+    found = []
+    for number, places in enumerate(alike, 1):
+        once = waves[0, places[0]]
+        wave: Floats = np.tile(once, cycle.cycles + 2)[: len(times)]
+        name = drive.name if len(alike) == 1 else f"{drive.name} {number}"
+        told = drive.quantity == "pressure" and not np.ptp(once) > 0  # a flat line says less than its number
+        label, unit = f"{name} {drive.quantity}", UNITS[drive.quantity]
+        found.append((Channel(label, unit, times, wave, colour, read_out=told), places))
+    return found
+
+
+def _phase_colour(phase: float) -> Colour:
     """A colour of the wheel for a phase [cycles], so that equal phases look alike."""
     return colorsys.hls_to_rgb(phase % 1.0, 0.55, 0.55)

@@ -1,6 +1,5 @@
 """Colours of a motion's nodes: by material, strain, contact or friction."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,7 +16,6 @@ PERCENTILE = 99  # of the sizes of strains that the colours tell apart
 PLAIN: Colour = (0.84, 0.82, 0.78)
 FLOOR, ITSELF, BOTH = (0.0, 0.45, 0.70), (0.84, 0.37, 0.0), (0.48, 0.25, 0.55)
 GRIPS, SLIDES = (0.48, 0.25, 0.55), (0.90, 0.62, 0.0)
-FOOT = re.compile(r"foot \d+")
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,7 @@ def _material(motion: Motion) -> Colouring:
     full = np.array([node.colour for node in motion.nodes])
 
     def material(frame: int) -> Floats:
-        return faded(full, _shown(motion, frame)[:, None])
+        return faded(full, _levels(motion, frame, [node.channel for node in motion.nodes])[:, None])
 
     return Colouring("material", material)
 
@@ -105,19 +103,18 @@ def faded(colours: Floats, level: Floats) -> Floats:
 
 
 def _friction(motion: Motion) -> Colouring:
-    feet = {n for n, channel in enumerate(motion.channels) if FOOT.fullmatch(channel.name)}
-    if not feet:
+    of_feet = np.array([node.foot is not None for node in motion.nodes])
+    if not of_feet.any():
         raise ValueError(f"colour: friction is not allowed for {motion.name}, which has no feet that grip and slide")
-    of_feet = np.array([node.channel in feet for node in motion.nodes])
 
     def friction(frame: int) -> Floats:
-        grips = _shown(motion, frame)[:, None] > 0.5
+        grips = _levels(motion, frame, [node.foot for node in motion.nodes])[:, None] > 0.5
         return np.where(of_feet[:, None], np.where(grips, GRIPS, SLIDES), PLAIN)
 
     return Colouring("friction", friction, (("foot grips", GRIPS), ("foot slides", SLIDES)))
 
 
-def _shown(motion: Motion, frame: int) -> Floats:
-    """Levels of the channels that nodes show in a frame, from 0 to 1, shape (N,); 1 for nodes that show none."""
+def _levels(motion: Motion, frame: int, numbers: Sequence[int | None]) -> Floats:
+    """Levels of channels, by their numbers, in a frame, from 0 to 1, shape (N,); 1 for None."""
     levels = [*(channel.levels(motion.times[frame]) for channel in motion.channels), 1.0]
-    return np.array([levels[-1 if node.channel is None else node.channel] for node in motion.nodes])
+    return np.array([levels[-1 if number is None else number] for number in numbers])

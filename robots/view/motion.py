@@ -49,6 +49,9 @@ class Channel:
         colour: red, green, blue from 0 to 1.
         switch: whether a value holds until the next one; otherwise they are joined by lines.
         logarithmic: whether the values, all positive, are better seen by their logarithms.
+        read_out: whether the value is told as a number beside the robot, too.
+        group: how the names of switches that belong together begin, such as ``bladder`` of ``bladder 3``; empty for a
+            row by itself.
     """
 
     name: str
@@ -58,8 +61,12 @@ class Channel:
     colour: Colour = (0.35, 0.35, 0.35)
     switch: bool = False
     logarithmic: bool = False
+    read_out: bool = False
+    group: str = ""
 
     def __post_init__(self) -> None:
+        if not self.name.startswith(self.group):
+            raise ValueError(f"{self.name}: group: {self.group!r} is not allowed; give how the name begins")
         times = numbers(f"{self.name}: times", self.times, "K")
         values = numbers(f"{self.name}: values", self.values, len(times))
         if (np.diff(times) < 0).any():
@@ -90,12 +97,15 @@ class Node:
         colour: red, green, blue from 0 to 1.
         channel: number of the channel that shows on it: pale at the channel's smallest value, in full colour at its
             largest; None: always in full colour.
+        foot: number of the channel whose high half of values means that it grips the ground, and whose low half that it
+            slides; None for what is no such foot.
     """
 
     name: str
     solid: Solid
     colour: Colour
     channel: int | None = None
+    foot: int | None = None
 
 
 @dataclass(frozen=True)
@@ -206,7 +216,8 @@ class Motion:
             raise ValueError(
                 f"lattice: poses of shape {self.lattice.positions.shape} are not allowed; give {(frames, count, 3)}"
             )
-        wrong = [n.channel for n in self.nodes if n.channel is not None and not 0 <= n.channel < len(self.channels)]
+        named = {number for node in self.nodes for number in (node.channel, node.foot) if number is not None}
+        wrong = sorted(number for number in named if not 0 <= number < len(self.channels))
         if wrong:
             raise ValueError(f"channel: {wrong[0]} of a node is not allowed; there are {len(self.channels)}")
 
@@ -269,7 +280,10 @@ def speed_channels(times: Floats, way: Floats) -> tuple[Channel, Channel]:
     before, after = np.maximum(times - half, times[0]), np.minimum(times + half, times[-1])
     gone = np.interp(after, times, way) - np.interp(before, times, way)
     speed = gone / np.maximum(after - before, 1e-9)
-    return Channel("distance", "m", times, way - way[0], INK), Channel("speed", "m/s", times, speed, INK)
+    return (
+        Channel("distance", "m", times, way - way[0], INK, read_out=True),
+        Channel("speed", "m/s", times, speed, INK, read_out=True),
+    )
 
 
 def diameter(solid: Solid) -> float:

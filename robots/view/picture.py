@@ -1,6 +1,5 @@
 """The picture of a robot in motion: a film strip of its poses above a chart of its actuators."""
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -84,11 +83,11 @@ def draw_channels(axes: "Axes", channels: tuple[Channel, ...]) -> float:
 
 
 def _draw_switches(axes: "Axes", switches: list[Channel]) -> None:
-    groups = [re.sub(r"\d+", "", channel.name) for channel in switches]
+    groups = [channel.group for channel in switches]
     new = [k == 0 or groups[k] != groups[k - 1] for k in range(len(switches))]
     # Within a group, such as bladders 1 to 8, the number is enough.
     names = [
-        channel.name if first or not channel.name[-1].isdigit() else channel.name.split()[-1]
+        channel.name if first else channel.name.removeprefix(channel.group).strip()
         for channel, first in zip(switches, new, strict=True)
     ]
     levels = np.array([channel.values[:-1] for channel in switches])

@@ -10,7 +10,6 @@ from robots.inflatable import body as regions
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg
-from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import GaitTimeline, gait_timeline
 from robots.inflatable.view import colours
@@ -142,10 +141,12 @@ def _gait_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
 
     Pressures change until the motion of a column ends.
     """
-    names = [row.replace("bladder", "bladder ").replace("foot", "foot ") for row in GaitSchedule.row_names]
     levels, times = np.concatenate([gait.levels, gait.levels[:, -1:]], axis=1), gait.edges.astype(float) * time_step
-    rows = zip(names, levels, (*BLADDERS, *FEET), strict=True)
-    found = [Channel(name, "", times, row, colour, switch=True) for name, row, colour in rows]
+    rows = [(group, *each) for group, hues in (("bladder", BLADDERS), ("foot", FEET)) for each in enumerate(hues, 1)]
+    found = [
+        Channel(f"{group} {number}", "", times, row, colour, switch=True, group=group)
+        for row, (group, number, colour) in zip(levels, rows, strict=True)
+    ]
     several = gait.pressures.ndim > 1
     for number, pressures in enumerate(gait.pressures.reshape(len(times), -1).T, start=1):
         steps, pascals = gait.edges[[0, -1]], pressures[[0, -1]]
@@ -153,7 +154,7 @@ def _gait_channels(gait: GaitTimeline, time_step: float) -> list[Channel]:
             steps = np.append(0, np.column_stack([gait.settles, gait.edges[1:]]))
             pascals = np.append(pressures[0], np.repeat(pressures[1:], 2))
         name = f"core pressure {number}" if several else "core pressure"
-        found.append(Channel(name, "kPa", steps.astype(float) * time_step, pascals / 1000, INK))
+        found.append(Channel(name, "kPa", steps.astype(float) * time_step, pascals / 1000, INK, read_out=True))
     return found
 
 
@@ -166,4 +167,5 @@ def _inflatable_node(voxel: int, region: int) -> Node:
         colour = colours.SKIN if region == regions.SKIN else colours.SEAM
         return Node(f"voxel {voxel}, skin", CUBE, colour)
     foot = region - regions.FOOT_1
-    return Node(f"voxel {voxel}, foot {foot + 1}", CUBE, FEET[foot], len(BLADDERS) + foot)
+    row = len(BLADDERS) + foot
+    return Node(f"voxel {voxel}, foot {foot + 1}", CUBE, FEET[foot], row, row)

@@ -22,7 +22,6 @@ from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 MOST_MOTIONS = 4
 PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "relief.js", "stage.js", "timeline.js", "player.js")
 FAR = 5.0  # lengths of a robot: those that go farther are followed
-READOUTS = ("core pressure", "distance", "speed")  # how names of channels begin that are shown as numbers
 MOST_VALUES = 2000  # of a channel in the chart
 
 
@@ -82,7 +81,7 @@ def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
         "channel_of": [node.channel for node in motion.nodes],
         "path": _list(motion.path, 5),
         "channels": [_channel(channel, motion.times[0]) for channel in motion.channels],
-        "readouts": [channel.name for channel in motion.channels if channel.name.startswith(READOUTS)],
+        "readouts": [n for n, channel in enumerate(motion.channels) if channel.read_out],
         "lights": _list(motion.lights, 4),
         "light_radius": motion.light_radius,
         "skin": None if motion.skin is None else _skin(motion.skin),

@@ -27,7 +27,8 @@ class Player {
     name.textContent = about.name;
     element("div", holder, "grid").textContent = `grid ${about.ground.label}`;
     const shown = element("div", holder, "readouts");
-    this.readouts.push(about.channels.filter((c) => about.readouts.includes(c.name)).map((channel) => {
+    this.readouts.push(about.readouts.map((number) => {
+      const channel = about.channels[number];
       const part = element("span", shown);
       part.append(`${channel.name} `);
       const value = element("b", part);

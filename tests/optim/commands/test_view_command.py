@@ -144,6 +144,11 @@ def test_soft_robots_in_their_colours(morpholab, tmp_path):
         assert morpholab(line)[0] == 0 and (tmp_path / f"{colour}.png").stat().st_size > 10_000
 
 
+def test_a_pouch_has_feet_that_grip_and_slide(morpholab, tmp_path):
+    line = "view pouch --cycles 1 --frames 9 --threads 1 --quiet --strip feet.png --colour friction"
+    assert morpholab(line)[0] == 0 and (tmp_path / "feet.png").stat().st_size > 10_000
+
+
 def test_all_colours_can_be_asked_for():
     assert COLOURINGS == COLOURS
 

@@ -21,6 +21,7 @@ from robots.lattice_robot.motion import lattice_robot_motion
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk
+from robots.view.colouring import GRIPS, PLAIN, SLIDES, colouring
 from robots.world import STANDARD_GRAVITY, Terrain
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file
@@ -365,3 +366,25 @@ def test_motions_show_what_drives_each_voxel():
     assert legs.times[-1] == pytest.approx(0.75) and legs.values[4] == pytest.approx(
         1.0 + 0.1 * np.sin(np.pi / 2 + np.pi)
     )
+
+
+@pytest.mark.kernels
+def test_every_wave_of_friction_has_a_row_and_its_feet():
+    """Feet may take turns, be driven otherwise too, and be called anything; friction that stays is no foot's."""
+    drives = (
+        Drive("sole", (0, 1), "friction", mean=0.5, amplitude=0.4, phase=(0.25, 0.75)),
+        Drive("mud", (2,), "friction", mean=0.5),
+        Drive("speed", (0,), amplitude=0.05, mean=1.0),
+        Drive("core", (1,), "pressure", mean=100.0),
+    )
+    robot = dataclasses.replace(lopsided(), drives=drives, moduli={})
+    motion = lattice_robot_motion(simulate(robot, threads=1, record_every=100), robot)
+    names = ["sole 1 friction", "sole 2 friction", "mud friction", "speed scale", "core pressure", "distance", "speed"]
+    assert [channel.name for channel in motion.channels] == names
+    assert [channel.name for channel in motion.channels if channel.read_out] == ["core pressure", "distance", "speed"]
+    regions = np.asarray(robot.body.regions)
+    shown = {(region, node.channel, node.foot) for region, node in zip(regions.tolist(), motion.nodes, strict=True)}
+    assert shown == {(0, 3, 0), (1, 4, 1), (2, 2, None)}
+    friction = colouring(motion, "friction").of(0)
+    for region, colour in enumerate((GRIPS, SLIDES, PLAIN)):
+        assert np.allclose(friction[regions == region], colour)

@@ -16,6 +16,7 @@ from robots.view.colouring import FLOOR, GRIPS, PLAIN, SLIDES, colouring
 from robots.view.film import pictures, save_gif, save_mp4, save_strip, strip_picture
 from robots.view.mesh import BOX_CELLS, faces
 from robots.view.motion import BALL, Channel, Motion, Node
+from robots.view.picture import draw_channels
 from robots.view.scene import Camera, paint
 from robots.view.still import default_camera, draw_motion, save_still, setting, still_picture
 from taichi_sim.rigid import Box, Capsule
@@ -137,6 +138,35 @@ def test_colours_of_contact_and_friction():
     last = len(motion.times) - 1
     assert np.allclose(friction.of(0)[first], SLIDES) and np.allclose(friction.of(last)[first], GRIPS)
     assert np.allclose(friction.of(last)[other], PLAIN)
+
+
+def test_feet_are_what_the_nodes_say_and_not_what_rows_are_called():
+    motion = motions.inflatable()
+    channels = tuple(replace(each, name=f"a {n}", group="") for n, each in enumerate(motion.channels))
+    renamed = replace(motion, channels=channels)
+    last = len(motion.times) - 1
+    assert np.array_equal(colouring(renamed, "friction").of(last), colouring(motion, "friction").of(last))
+    without = replace(motion, nodes=[replace(node, foot=None) for node in motion.nodes])
+    with pytest.raises(ValueError, match="which has no feet that grip and slide"):
+        colouring(without, "friction")
+
+
+def test_switches_of_a_group_are_labelled_by_what_follows_its_name():
+    named = (
+        ("leg 1", "leg"),
+        ("leg 2", "leg"),
+        ("arm left", "arm"),
+        ("arm right", "arm"),
+        ("valve 7", ""),
+        ("valve 8", ""),
+    )
+    switches = [Channel(name, "", [0.0, 1.0], [0.0, 1.0], switch=True, group=group) for name, group in named]
+    axes = Figure().add_subplot()
+    draw_channels(axes, tuple(switches))
+    told = [label.get_text() for label in axes.get_yticklabels()]
+    assert told == ["leg 1", "2", "arm left", "right", "valve 7", "valve 8"]
+    with pytest.raises(ValueError, match=r"^arm: group: 'leg' is not allowed; give how the name begins$"):
+        Channel("arm", "", [0.0], [1.0], group="leg")
 
 
 def test_levels_of_channels():

@@ -111,6 +111,14 @@ def test_a_still_motion_takes_no_room_and_a_far_one_is_refused():
         pack(far)
 
 
+def test_read_outs_are_what_channels_say_and_not_what_they_are_called():
+    times, values = [0.0, 0.5, 1.0], [3.0, 5.0, 4.0]
+    named = ("speed of a wave", False), ("depth", True), ("distance", False)
+    channels = [Channel(name, "", times, values, read_out=read_out) for name, read_out in named]
+    (about,) = json.loads(Page(page(made(channels=channels))).scripts["about"])
+    assert about["readouts"] == [1]
+
+
 def test_a_page_holds_its_motions():
     motions = [robot(20, 30), made(channels=[Channel("heat", "K", [0.0, 0.5, 1.0], [3.0, 5.0, 4.0])])]
     seen = Page(page(motions, "Two & <b>more</b>"))

@@ -48,7 +48,9 @@ def test_the_timeline_of_a_gait_is_its_matrix(inflatable):
     assert others["distance"].values[-1] == pytest.approx(gone, abs=1e-7)
     assert motion.ground == Ground(-0.01, 10.0, 30.0)
     lit = {node.channel for node in motion.nodes}
-    assert lit == {None, *range(10)}
+    assert lit == {None, *range(10)} and {node.foot for node in motion.nodes} == {None, 8, 9}
+    assert [channel.name for channel in motion.channels if channel.read_out] == ["core pressure", "distance", "speed"]
+    assert [channel.group for channel in switches] == ["bladder"] * 8 + ["foot"] * 2
 
 
 @pytest.mark.kernels
