@@ -141,12 +141,12 @@ def test_help_of_every_command_imports_nothing_heavy():
     out = run(
         "import contextlib, sys\n"
         "from optim.cli import main\n"
-        "for arguments in ([], ['simulate'], ['codesign'], ['status'], ['compare'], ['export'], ['bench']):\n"
+        "for arguments in ([], ['simulate'], ['codesign'], ['status'], ['compare'], ['export'], ['bench'], ['view']):\n"
         "    with contextlib.suppress(SystemExit):\n"
         "        main([*arguments, '--help'])\n"
         f"print('heavy:', [name for name in {HEAVY} if name in sys.modules])"
     )
-    assert out.count("usage: morpholab") == 7
+    assert out.count("usage: morpholab") == 8
     assert out.splitlines()[-1] == "heavy: []"
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import options
 from optim.commands.options import Option, path_to
+from robots.view.colour_names import COLOURS, listed
 from taichi_sim.base.claims import claimed_path, undone_if_it_fails
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
-COLOURS = ("material", "strain", "contact", "friction", "beams")
 LONGEST_FILM = 10.0  # unless asked for [s]
 PICTURES = (".png", ".pdf", ".svg")
 APPEARANCE = (
@@ -48,6 +48,8 @@ class Output:
         several: whether it can hold several robots.
         endings: that its name may have; any if there are none.
         metavar: what is given to the option.
+        checker: module and name of a function that refuses, before any work, what cannot be written.
+        checked: options that it takes, by the same name.
     """
 
     name: str
@@ -57,23 +59,32 @@ class Output:
     several: bool = False
     endings: tuple[str, ...] = ()
     metavar: str = "FILE"
+    checker: str = ""
+    checked: tuple[str, ...] = ()
 
     @property
     def option(self) -> Option:
         """The option that asks for it."""
         return path_to(self.name, self.metavar, self.description)
 
+    def check(self, args: argparse.Namespace) -> None:
+        """Refuse what cannot be written.
+
+        Raises:
+            ValueError: if a package is missing, or an option is of other files.
+        """
+        if self.checker:
+            _imported(self.checker)(*(getattr(args, name) for name in self.checked))
+
     def write(self, motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
         """Write motions to a path; the bytes."""
-        module, _, name = self.writer.partition(":")
         settings: dict[str, Any] = {name: getattr(args, name) for name in self.settings}
         if "seconds" in settings and args.seconds is None:
             longest = max(float(m.times[-1] - m.times[0]) for m in motions)
             settings["seconds"] = max(min(longest, LONGEST_FILM), 0.5)
         if "title" in settings:
             settings["title"] = args.title or ", ".join(args.sources)
-        write = getattr(import_module(module), name)
-        return int(write(list(motions) if self.several else motions[0], path, **settings))
+        return int(_imported(self.writer)(list(motions) if self.several else motions[0], path, **settings))
 
 
 # What may be refused for a robot comes first, so that nothing is written then.
@@ -91,6 +102,8 @@ OUTPUTS = (
         "robots.view.film:save_strip",
         ("colour",),
         endings=PICTURES,
+        checker="robots.view.colour_names:check_colour_of_strip",
+        checked=("colour",),
     ),
     Output("gif", "moving picture to write", "robots.view.film:save_gif", ("seconds", "colour"), True, (".gif",)),
     Output(
@@ -100,6 +113,7 @@ OUTPUTS = (
         ("seconds", "colour"),
         True,
         (".mp4",),
+        checker="robots.view.film:need_video",
     ),
     Output(
         "paraview",
@@ -112,6 +126,7 @@ OUTPUTS = (
         "recording to write, of one robot, for the Rerun viewer; needs the extra 'rerun'",
         "robots.view.rerun_file:save_rerun",
         endings=(".rrd",),
+        checker="robots.view.rerun_file:need_rerun",
     ),
     Output("glb", "animation to write, of one robot, for Blender", "robots.view.glb:save_glb", endings=(".glb",)),
     Output(
@@ -124,12 +139,12 @@ def check_outputs(args: argparse.Namespace) -> None:
     """Check that everything asked for can be written, and keep other processes off it while the command runs.
 
     Raises:
-        ValueError: if nothing is asked for, a path exists or cannot be written, or a file would hold several robots
-            although it can hold only one.
+        ValueError: if nothing is asked for, a path exists or cannot be written, a package is missing, a file would hold
+            several robots although it can hold only one, or an option is of no file that is asked for.
     """
     asked = _asked(args)
     if not asked:
-        raise ValueError("out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png")
+        raise ValueError(f"out: there is nothing to write; give {_flags(OUTPUTS)}")
     for output, path in asked:
         args.held.enter_context(claimed_path(output.name, path, output.metavar.lower()))
         if output.endings and path.suffix.lower() not in output.endings:
@@ -137,23 +152,12 @@ def check_outputs(args: argparse.Namespace) -> None:
             raise ValueError(f"{output.name}: {path} is not allowed; give a name that ends in {endings}")
         if not output.several and len(args.sources) > 1:
             raise ValueError(f"{output.name}: {len(args.sources)} robots are not allowed in one file; give one")
-    if args.at is not None and args.picture is None:
-        raise ValueError("at: there is no picture; give --picture file.png")
-    films = args.gif is not None or args.mp4 is not None
-    if args.seconds is not None and not films:
-        raise ValueError("seconds: there is no film; give --gif file.gif or --mp4 file.mp4")
-    if args.colour != "material" and args.picture is None and args.strip is None and not films:
-        raise ValueError(f"colour: {args.colour} is of pictures and films; give --picture file.png or --gif file.gif")
-    if args.strip is not None and args.colour == "beams":
-        raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
-    if args.mp4 is not None:
-        from robots.view.film import need_video
-
-        need_video()
-    if args.rerun is not None:
-        from robots.view.rerun_file import need_rerun
-
-        need_rerun()
+    for option in APPEARANCE:
+        given, of = getattr(args, option.name), [each for each in OUTPUTS if option.name in each.settings]
+        if given != option.default and not any(output in of for output, _ in asked):
+            raise ValueError(f"{option.name}: no file asked for takes it; give {_flags(of)}")
+    for output, _ in asked:
+        output.check(args)
 
 
 def write_outputs(motions: Sequence["Motion"], args: argparse.Namespace) -> list[tuple[Path, int]]:
@@ -170,3 +174,14 @@ def write_outputs(motions: Sequence["Motion"], args: argparse.Namespace) -> list
 def _asked(args: argparse.Namespace) -> list[tuple[Output, Path]]:
     paths = [(output, getattr(args, output.name)) for output in OUTPUTS]
     return [(output, path) for output, path in paths if path is not None]
+
+
+def _flags(outputs: Sequence[Output]) -> str:
+    return listed(tuple(f"--{output.name}" for output in outputs))
+
+
+def _imported(place: str) -> Callable[..., Any]:
+    """The function of a module and a name, such as ``robots.view.film:save_gif``."""
+    module, _, name = place.partition(":")
+    found: Callable[..., Any] = getattr(import_module(module), name)
+    return found

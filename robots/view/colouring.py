@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 
+from robots.view.colour_names import BEAMS, COLOURS, listed
 from robots.view.motion import Motion
 from robots.view.scene import Colour, pale
 from taichi_sim.base.arrays import Floats
 
-COLOURINGS = ("material", "strain", "contact", "friction", "beams")
 STRAINS = LinearSegmentedColormap.from_list("strains", ["#08519c", "#4f9bd0", "#d3cec4", "#e2703a", "#a50f15"])
 PERCENTILE = 99  # of the sizes of strains that the colours tell apart
 PLAIN: Colour = (0.84, 0.82, 0.78)
@@ -23,7 +23,7 @@ class Colouring:
     """Colours of a motion's nodes in every frame, with their legend.
 
     Attributes:
-        name: "material", "strain", "contact", "friction" or "beams".
+        name: one of ``robots.view.colour_names.COLOURS``.
         of: the colours of the nodes in a frame: red, green, blue from 0 to 1, shape (N, 3).
         key: legend: names of colours.
         limit: strain, of either sign, at the ends of the colour scale; 0 if the colours do not show strains.
@@ -49,15 +49,14 @@ def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()
 
     Args:
         motion: to colour.
-        name: "material", "strain", "contact", "friction" or "beams".
+        name: one of ``robots.view.colour_names.COLOURS``.
         frames: that have one scale of strains; all by default.
 
     Raises:
         ValueError: for other names, and colours that need what this robot does not have.
     """
-    if name not in COLOURINGS:
-        *names, last = COLOURINGS
-        raise ValueError(f"colour: {name!r} is not allowed; give {', '.join(names)} or {last}")
+    if name not in COLOURS:
+        raise ValueError(f"colour: {name!r} is not allowed; give {listed(COLOURS)}")
     lattice = motion.lattice
     if name == "material":
         return _material(motion)
@@ -73,7 +72,7 @@ def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()
 
         return Colouring(name, contact, (("touches the floor", FLOOR), ("touches itself", ITSELF), ("both", BOTH)))
     part = lattice.part(frames) if len(frames) else lattice
-    if name == "beams":
+    if name == BEAMS:
         return replace(_material(motion), name=name, limit=strain_limit(part.strains()))
     limit = strain_limit(part.voxel_strains())
 

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from robots.view.colour_names import check_colour_of_strip
 from robots.view.drawing import draw_path, draw_polygons, draw_scale_bar, write_below
 from robots.view.motion import Motion
 from robots.view.scene import INK, Polygons
@@ -43,7 +44,7 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
     Args:
         motion: to show.
         frames: poses, at equal times; at least 2.
-        colour: "material", "strain", "contact" or "friction".
+        colour: one of ``robots.view.colour_names.COLOURS`` but beams.
 
     Raises:
         ValueError: for values that are not allowed.
@@ -65,7 +66,7 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
         axes: to draw on; this sets their limits.
         motion: to show.
         poses: numbers of its frames.
-        colour: "material", "strain", "contact" or "friction".
+        colour: one of ``robots.view.colour_names.COLOURS`` but beams.
 
     Returns:
         Camera, ground and colours that the poses share.
@@ -73,8 +74,7 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
     Raises:
         ValueError: for a colour that a strip does not have.
     """
-    if colour == "beams":
-        raise ValueError("colour: beams is not allowed for a strip; give material, strain, contact or friction")
+    check_colour_of_strip(colour)
     given = setting(motion, poses, colour=colour, reach=math.inf)
     robots, path, rim = [given.polygons(frame) for frame in poses], given.camera.project(motion.path), given.rim
     together = _apart(robots)
@@ -163,7 +163,7 @@ def pictures(
         seconds: length of the film [s]; by default that of the longest motion.
         rate: pictures a second [Hz].
         width: width of a picture [pixels].
-        colour: "material", "strain", "contact", "friction" or "beams".
+        colour: one of ``robots.view.colour_names.COLOURS``.
         one_scale: whether all robots are drawn on equally long ground.
 
     Yields:

@@ -17,8 +17,10 @@ from matplotlib.lines import Line2D
 from PIL import Image
 
 from robots.view.beams import arrows, draw_beams
+from robots.view.colour_names import BEAMS
 from robots.view.colouring import PLAIN, STRAINS, Colouring, colouring
 from robots.view.drawing import NO_SHIFT, draw_path, draw_polygons, draw_scale_bar, draw_uneven
+from robots.view.lattice_states import LatticeStates
 from robots.view.mesh import ball_at, faces
 from robots.view.motion import LIGHT_COLOUR, Motion
 from robots.view.scene import GROUND, GROUND_LINE, INK, Camera, Polygons, paint
@@ -87,6 +89,11 @@ class Setting:
         """The lights that stand on the ground that is seen, shape (L, 3) [m]."""
         return self.motion.lights[self.shows(self.motion.lights)]
 
+    @property
+    def beams(self) -> LatticeStates | None:
+        """The lattice, if its links and pressure are drawn in place of its faces."""
+        return self.motion.lattice if self.colouring.name == BEAMS else None
+
     def shows(self, points: Floats) -> Bools:
         """Whether points in space, shape (N, 3) [m], are above the ground that is seen, shape (N,)."""
         places = self.camera.by_the_way(points)
@@ -127,7 +134,7 @@ def setting(
     Args:
         motion: to show.
         frames: numbers of the frames that must fit on the ground.
-        colour: "material", "strain", "contact", "friction" or "beams".
+        colour: one of ``robots.view.colour_names.COLOURS``.
         camera: by default it looks from the right, on the way that the robot goes.
         reach: longest way shown [lengths of the robot]; the rest is cut off. Lights are seen if they add no ground, or
             little.
@@ -161,9 +168,8 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
     """
     motion = given.motion
     draw_ground(axes, given)
-    if given.colouring.name == "beams":
-        assert motion.lattice is not None
-        draw_beams(axes, motion.lattice, frame, given.camera, given.level, given.colouring.limit)
+    if given.beams is not None:
+        draw_beams(axes, given.beams, frame, given.camera, given.level, given.colouring.limit)
     else:
         draw_polygons(axes, given.polygons(frame), outlined=outlined and motion.skin is not None)
         if given.colouring.name == "contact":
@@ -213,8 +219,8 @@ def limits(given: Setting, frames: Sequence[int]) -> tuple[tuple[float, float], 
     points = [given.outline, given.way(max(frames)), camera.project(given.lights) + motion.light_radius]
     for frame in frames:
         points.append(camera.project(faces(motion, frame)[0]).reshape(-1, 2))
-        if given.colouring.name == "beams" and motion.lattice is not None:
-            points.append(camera.project(arrows(motion.lattice, frame)[1]))
+        if given.beams is not None:
+            points.append(camera.project(arrows(given.beams, frame)[1]))
     (left, bottom), (right, top) = (f(np.concatenate(points), axis=0) for f in (np.min, np.max))
     wide = right - left
     return (left - 0.01 * wide, right + 0.01 * wide), (bottom - 0.085 * wide, top + 0.02 * wide)
@@ -233,7 +239,7 @@ def still_picture(
     Args:
         motion: to show.
         at: time [s]; the end by default.
-        colour: "material", "strain", "contact", "friction" or "beams".
+        colour: one of ``robots.view.colour_names.COLOURS``.
         camera: by default it looks from the right, on the way that the robot goes.
         reach: longest way shown [lengths of the robot].
 

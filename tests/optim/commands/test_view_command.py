@@ -9,13 +9,11 @@ import pytest
 from run_products import searched
 from stand_in import Simulator
 
-from optim.commands.view_files import COLOURS
 from optim.problems.braitenberg import VehicleProblem
 from robots.braitenberg import STARTS, VehicleTask
 from robots.hardware import export_csv
 from robots.inflatable import INCHING, save_design
 from robots.lattice_robot.walker import ACTIVE, PASSIVE, WalkerDesign, save_walker
-from robots.view.colouring import COLOURINGS
 
 pytestmark = pytest.mark.kernels
 
@@ -149,10 +147,6 @@ def test_a_pouch_has_feet_that_grip_and_slide(morpholab, tmp_path):
     assert morpholab(line)[0] == 0 and (tmp_path / "feet.png").stat().st_size > 10_000
 
 
-def test_all_colours_can_be_asked_for():
-    assert COLOURINGS == COLOURS
-
-
 def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):
     line = "view vehicle --threads 1 --frames 5 --colour strain --picture a.png --out a.html --glb a.glb --quiet"
     code, _, error = morpholab(line)
@@ -160,6 +154,24 @@ def test_colours_that_a_robot_does_not_have_write_nothing(morpholab, tmp_path):
     assert (code, error) == (2, f"morpholab view: error: {refusal}\n") and not list(tmp_path.iterdir())
 
 
+@pytest.fixture
+def nothing_simulated(monkeypatch):
+    """Whatever is refused is refused before any robot is made."""
+
+    def simulated(*_):
+        raise AssertionError
+
+    monkeypatch.setattr("optim.commands.view.loaded", simulated)
+
+
+@pytest.mark.usefixtures("nothing_simulated")
+def test_strips_of_beams_are_refused_before_any_work(morpholab):
+    code, _, error = morpholab("view rolling --strip a.png --colour beams --quiet")
+    told = "colour: beams is not allowed for a strip; give material, strain, contact or friction"
+    assert (code, error) == (2, f"morpholab view: error: {told}\n")
+
+
+@pytest.mark.usefixtures("nothing_simulated")
 def test_videos_need_their_extra(morpholab, monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     code, _, error = morpholab("view rolling --mp4 a.mp4 --quiet")
@@ -175,6 +187,7 @@ def test_recordings_for_rerun(morpholab, tmp_path):
     assert code == 2 and "rerun: a.rrd exists; name a new file" in error
 
 
+@pytest.mark.usefixtures("nothing_simulated")
 def test_recordings_need_their_extra(morpholab, monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "rerun", None)
     code, _, error = morpholab("view rolling --rerun a.rrd --quiet")
@@ -187,7 +200,7 @@ NO_ROBOT = (
     "soft-swimmer, lattice, articulated, pouch, legged, wheeled, whegged, quadruped, "
 )
 BAD_INPUT = {
-    "rolling": "out: there is nothing to write; give --out page.html, --glb file.glb or --picture file.png",
+    "rolling": "out: there is nothing to write; give --picture, --strip, --gif, --mp4, --paraview, --rerun, ",
     "rolling --out there.html": "out: there.html exists; name a new file",
     "rolling --glb there.html": "glb: there.html exists; name a new file",
     "rolling --out no/page.html": "out: no/page.html cannot be written; there is no folder no",
@@ -198,9 +211,9 @@ BAD_INPUT = {
     "rolling --picture a.doc": "picture: a.doc is not allowed; give a name that ends in .png or .pdf or .svg",
     "rolling --rerun a.bin": "rerun: a.bin is not allowed; give a name that ends in .rrd",
     "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
-    "rolling --out a.html --at 1": "at: there is no picture; give --picture file.png",
-    "rolling --out a.html --colour strain": "colour: strain is of pictures and films; give --picture file.png",
-    "rolling --strip a.png --seconds 5": "seconds: there is no film; give --gif file.gif or --mp4 file.mp4",
+    "rolling --out a.html --at 1": "at: no file asked for takes it; give --picture",
+    "rolling --out a.html --colour strain": "colour: no file asked for takes it; give --picture, --strip, --gif or ",
+    "rolling --strip a.png --seconds 5": "seconds: no file asked for takes it; give --gif or --mp4",
     "rolling --strip a.png --colour beams": "colour: beams is not allowed for a strip; give material, strain,",
     "vehicle --picture a.png --at 9999": "at: 9999.0 is not allowed; give a number from 0 to ",
     "a b c d e --out a.html": "sources: 5 robots are not allowed; give up to 4",
