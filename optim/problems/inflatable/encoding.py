@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from optim.problems.inflatable.body_genes import EMPTY_CORE
+from optim.problems.inflatable.gait_pattern import GAIT_WIRING, pattern
 from optim.space import Variable
-from robots.control.pattern import PatternWiring
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
 from robots.inflatable.timing import cycle_starts, most_repeats, play
@@ -285,22 +285,12 @@ class GradedGait(GaitEncoding):
         return GaitSchedule(levels, 1, motion_steps=motion, settle_steps=settle, **own)
 
 
-# Places of the actuators on the robot, from -1 to 1: across (x), along (y), below or above (z), bladder or foot.
-# Bladders 1 to 4 lie on top in order of x, 5 to 8 underneath in the opposite order; feet are the two ends.
-ACROSS = (-0.75, -0.25, 0.25, 0.75)
-ACTUATORS = np.array(
-    [(x, 0.0, 1.0, -1.0) for x in ACROSS]
-    + [(x, 0.0, -1.0, -1.0) for x in reversed(ACROSS)]
-    + [(0.0, y, 0.0, 1.0) for y in (-1.0, 1.0)]
-)
-GAIT_WIRING = PatternWiring(inputs=("x", "y", "z", "foot", "sine", "cosine", "time"), outputs=("on",))
-
-
 class PatternGait(GaitEncoding):
     """Weights and functions of a network that says of every actuator at every time whether it is on (output > 0).
 
-    It knows where the actuator is (``ACTUATORS``), the phase of the column in the cycle, 2 pi t / T, by its sine and
-    cosine, and the middle of the column in time, from -1 to 1. Source: Stanley 2007, see ``robots.control.pattern``.
+    It knows where the actuator is (``gait_pattern.ACTUATORS``), the phase of the column in the cycle, 2 pi t / T, by
+    its sine and cosine, and the middle of the column in time, from -1 to 1. Source: Stanley 2007, see
+    ``robots.control.pattern``.
     """
 
     def variables(self) -> list[Variable]:
@@ -309,7 +299,7 @@ class PatternGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The sign of the network's output."""
-        return GaitSchedule((_pattern(values, self.columns) > 0).astype(float), self.repeats)
+        return GaitSchedule((pattern(values, self.columns) > 0).astype(float), self.repeats)
 
 
 class GradedPatternGait(GradedGait):
@@ -328,7 +318,7 @@ class GradedPatternGait(GradedGait):
     def _tables(self, values: Floats) -> tuple[Floats, ...]:
         """What the network says, and settling."""
         values = np.asarray(values, float)
-        output = _pattern(values[: -self.columns], self.columns)
+        output = pattern(values[: -self.columns], self.columns)
         return output[:BLADDERS] + 0.5, (output[BLADDERS:] > 0).astype(float), values[-self.columns :]
 
 
@@ -375,15 +365,6 @@ class GradedWaveGait(GradedGait):
 def _wave(levels: Floats, shift: int) -> Floats:
     """Levels of all bladders, shape (8, T): each plays those of the one before, ``shift`` columns earlier."""
     return np.stack([np.roll(levels, -shift * bladder) for bladder in range(BLADDERS)])
-
-
-def _pattern(values: Floats, columns: int) -> Floats:
-    """Output of a network of such genes for all actuators and columns, shape (10, T)."""
-    column = np.arange(columns)
-    phase = 2 * np.pi * column / columns
-    times = np.stack([np.sin(phase), np.cos(phase), (2 * column + 1) / columns - 1], axis=1)
-    coordinates = np.hstack([np.repeat(ACTUATORS, columns, axis=0), np.tile(times, (ROWS, 1))])
-    return np.asarray(GAIT_WIRING.network(values)(coordinates)).reshape(ROWS, columns)
 
 
 # Encodings that can say a given gait, by their static method ``genome``.
