@@ -8,18 +8,20 @@ Numerical Optimization, 2006, section 17.2).
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from optim.problem import Objective
 from optim.problems.objectives import RobotObjective
-from robots.robot import Measure, Outcome
+from robots.robot import Measure, Outcome, World
 from robots.tasks import Success
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.short_text import shortest
 
 LOSS = 10.0  # of score, for all of a bound that is missing
+LOST = "lost_to_limits"  # a detail of points: by how much limits lower their scores, in the draw where it is most
 
 
 @dataclass(frozen=True)
@@ -92,3 +94,27 @@ class Missing(RobotObjective):
         """Parts that are missing for each unit of the measure."""
         size = abs(self.bound.bound) or 1.0
         return (-1.0 if self.bound.sign == ">=" else 1.0) / size
+
+
+def broken_limits(
+    bounds: Sequence[Success], details: Mapping[str, float], worlds: Sequence[World], draws: int
+) -> list[str]:
+    """What details of a point break of limits, such as ``mass <= 0.1: 0.12``, world by world.
+
+    Args:
+        bounds: that shall be kept.
+        details: of the point, means over draws, if something is uncertain; limits that hold for these may be broken in
+            some draws.
+        worlds: where the point was tried; of several, details end with their names.
+        draws: how many there were.
+    """
+    if not details.get(LOST, 0.0) > 0:
+        return []
+    ends = [("", "")] if len(worlds) == 1 else [(f"_{world.name}", f" on {world.name}") for world in worlds]
+    found = [
+        f"{bound.text}: {details[bound.measure + end]:.6g}{place}"
+        for bound in bounds
+        for end, place in ends
+        if not bound.allows(details[bound.measure + end])
+    ]
+    return found or [f"{' and '.join(bound.text for bound in bounds)}: not in all of {draws} draws"]

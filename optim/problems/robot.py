@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from optim.problem import OK, Evaluation, Minibatch, Objective
 from optim.problems.goals import Goals, Names, named, objective_of, score_in_each
+from optim.problems.limits import LOST, broken_limits
 from optim.problems.objectives import RobotObjective
 from optim.problems.robot_designing import RobotDesigning, subject_of
 from optim.problems.uncertain import (
@@ -34,7 +35,6 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import positive
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
-LOST = "lost_to_limits"  # a detail of points: by how much limits lower their scores, in the draw where it is most
 
 
 class JudgedRobot(RobotDesigning):
@@ -247,23 +247,9 @@ class JudgedRobot(RobotDesigning):
         return {name + end: label + place for name, label in labels.items() for end, place in places}
 
     def limits_broken(self, details: Mapping[str, float]) -> list[str]:
-        """What details of a point break of the objective's limits, such as ``mass <= 0.1: 0.12``, world by world.
-
-        Details are means over draws, if something is uncertain; limits that hold for these may be broken in some.
-        """
-        if not details.get(LOST, 0.0) > 0:
-            return []
+        """What details of a point break of the objective's limits, such as ``mass <= 0.1: 0.12``, world by world."""
         bounds = self._objective.bounds if isinstance(self._objective, Goals) else ()
-        single = len(self.tried_in) == 1
-        ends = [("", "") if single else (f"_{world.name}", f" on {world.name}") for world in self.tried_in]
-        found = [
-            f"{bound.text}: {details[bound.measure + end]:.6g}{place}"
-            for bound in bounds
-            for end, place in ends
-            if not bound.allows(details[bound.measure + end])
-        ]
-        texts = " and ".join(bound.text for bound in bounds)
-        return found or [f"{texts}: not in all of {self.draws} draws"]
+        return broken_limits(bounds, details, self.tried_in, self.draws)
 
     @property
     def detail_names(self) -> set[str]:
