@@ -5,45 +5,75 @@ reacts after the valve's delay; the line then changes no faster than its slew li
 as a first-order system does, lag * dp/dt = line - p.
 """
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.rig import PneumaticRig
+from robots.hardware.rig import Channel, PneumaticRig
 from taichi_sim.base.arrays import Floats
+
+Course = Callable[[Floats], Floats]  # a line's gauge pressures [kPa] at times [s]
+Response = frozenset["Cause"]  # the causes that act; limits of pressure always do
 
 
 @dataclass(frozen=True)
-class Response:
-    """Which parts of a rig's pneumatics act; limits of pressure always do.
+class Cause:
+    """One way in which a line's pressure differs from what the line is told.
 
     Attributes:
-        delay: of valves.
-        slew: limits of rate.
-        resolution: of regulators.
-        lag: the first-order lag of lines.
+        name: in results, such as ``"lag"`` in ``speed_with_lag``.
+        spoken: what people call it.
+        parameter: field of a channel that tells how strong it is; at 0 the channel has no such cause.
+        apply: what it makes of a course of pressure, given the parameter's value.
     """
 
-    delay: bool = True
-    slew: bool = True
-    resolution: bool = True
-    lag: bool = True
+    name: str
+    spoken: str
+    parameter: str
+    apply: Callable[[Course, float], Course]
+
+    def acted(self, course: Course, channel: Channel) -> Course:
+        """A course as it is behind this part of a channel."""
+        value = getattr(channel, self.parameter)
+        return self.apply(course, value) if value > 0 else course
+
+    def present(self, rig: PneumaticRig) -> bool:
+        """Whether a channel of the rig has it."""
+        return any(getattr(channel, self.parameter) > 0 for channel in rig.channels)
 
 
-WHOLE_RESPONSE = Response()
-CAUSES = tuple(field.name for field in fields(Response))
-STRETCHED = Response(**dict.fromkeys(CAUSES, False))  # the table's times alone
+def _delayed(course: Course, delay: float) -> Course:
+    return lambda at: course(at - delay)
 
 
-def causes_of(rig: PneumaticRig) -> tuple[str, ...]:
+def _in_steps(course: Course, step: float) -> Course:
+    return lambda at: np.round(course(at) / step) * step
+
+
+def _slew_limited(course: Course, rate: float) -> Course:
+    return lambda at: slew_limited(course(at), at, rate)
+
+
+def _lagged(course: Course, lag: float) -> Course:
+    return lambda at: lagged(course(at), at, lag)
+
+
+LAG = Cause("lag", "lag", "lag_s", _lagged)
+# In the order in which they act; between the two tuples a command is cut to the channel's limits of pressure.
+REGULATOR = (
+    Cause("delay", "delays of valves", "valve_delay_s", _delayed),
+    Cause("resolution", "steps of regulators", "resolution_kpa", _in_steps),
+)
+LINE = (Cause("slew", "limits of rate", "slew_kpa_per_s", _slew_limited), LAG)
+CAUSES = (*REGULATOR, *LINE)
+WHOLE_RESPONSE: Response = frozenset(CAUSES)
+AS_COMMANDED: Response = frozenset()  # at any time the line has what it is told
+
+
+def causes_of(rig: PneumaticRig) -> tuple[Cause, ...]:
     """The ``CAUSES`` of deviations that a rig has; limits of rate every one."""
-    has = {
-        "delay": any(channel.valve_delay_s for channel in rig.channels),
-        "slew": True,
-        "resolution": any(channel.resolution_kpa for channel in rig.channels),
-        "lag": any(channel.lag_s for channel in rig.channels),
-    }
-    return tuple(cause for cause in CAUSES if has[cause])
+    return tuple(cause for cause in CAUSES if cause.present(rig))
 
 
 def line_pressures(
@@ -56,22 +86,29 @@ def line_pressures(
         commands: gauge pressures [kPa], shape (N, C), a column for each channel of the rig.
         rig: with the C channels.
         at: when pressures are asked for, equally spaced [s], shape (S,).
-        response: which parts act.
+        response: the causes that act.
 
     Returns:
         Gauge pressures [kPa], shape (S, C).
     """
     found = np.empty((len(at), commands.shape[1]))
     for place, channel in enumerate(rig.channels):
-        delay = channel.valve_delay_s if response.delay else 0.0
-        told = np.interp(at - delay, times, commands[:, place])
-        if response.resolution and channel.resolution_kpa > 0:
-            told = np.round(told / channel.resolution_kpa) * channel.resolution_kpa
-        line = np.clip(told, channel.minimum_kpa, channel.maximum_kpa)
-        if response.slew:
-            line = slew_limited(line, at, channel.slew_kpa_per_s)
-        found[:, place] = lagged(line, at, channel.lag_s) if response.lag else line
+        course = _told(times, commands[:, place])
+        for cause in REGULATOR:
+            course = cause.acted(course, channel) if cause in response else course
+        course = _limited(course, channel)
+        for cause in LINE:
+            course = cause.acted(course, channel) if cause in response else course
+        found[:, place] = course(at)
     return found
+
+
+def _told(times: Floats, commands: Floats) -> Course:
+    return lambda at: np.interp(at, times, commands)
+
+
+def _limited(course: Course, channel: Channel) -> Course:
+    return lambda at: np.clip(course(at), channel.minimum_kpa, channel.maximum_kpa)
 
 
 def slew_limited(line: Floats, at: Floats, rate: float) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_play import check_strokes, play_table
-from robots.hardware.rig_response import STRETCHED, WHOLE_RESPONSE, causes_of
+from robots.hardware.rig_response import AS_COMMANDED, CAUSES, LAG, WHOLE_RESPONSE, Response, causes_of
 from robots.hardware.table import GaitTable, read_csv
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.simulation import InflatableResult, reordered, simulate
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from robots.inflatable.robot import InflatableRobot
 
 IDEAL = "ideal"
-SOURCES = {"delay": "delays of valves", "slew": "limits of rate", "resolution": "regulators", "lag": "lag"}
 
 
 def gait_of_table(
@@ -47,13 +46,17 @@ def gait_of_table(
 def played_by_rig(robot: "InflatableRobot", trial: Trial) -> tuple[InflatableResult, dict[str, Floats]]:
     """What becomes of a robot whose rig plays its table, and speeds by what of the rig acts.
 
-    ``speed_designed`` is that of the gait in the simulator's own time; ``speed_without_valves`` has the table's longer
-    strokes alone, and ``speed_with_lag`` and the like one cause besides.
+    ``speed_designed`` is that of the gait in the simulator's own time; ``speed_as_commanded`` has the table's longer
+    strokes alone, as lines have what they are told at once, and ``speed_with_lag`` and the like one cause besides.
     """
     assert robot.rig is not None and robot.rig_table is not None
     geometry, actuation = robot.parts
-    causes = causes_of(robot.rig)
-    alone = [replace(STRETCHED, **{cause: True}) for cause in causes]
+    responses: dict[str, Response] = {
+        "speed_simulated": WHOLE_RESPONSE,
+        "speed_without_lag": WHOLE_RESPONSE - {LAG},
+        "speed_as_commanded": AS_COMMANDED,
+        **{f"speed_with_{cause.name}": frozenset({cause}) for cause in causes_of(robot.rig)},
+    }
     settings: dict[str, Any] = {
         **trial.compute.options,
         "geometry": geometry,
@@ -67,24 +70,24 @@ def played_by_rig(robot: "InflatableRobot", trial: Trial) -> tuple[InflatableRes
         replace(robot.rig_table, design=robot.gait),
         robot.rig,
         ground,
-        (WHOLE_RESPONSE, replace(WHOLE_RESPONSE, lag=False), STRETCHED, *alone),
+        tuple(responses.values()),
         **settings,
         record_every=trial.record_every,
         progress=told and (lambda done: told((1 + done) / 2)),
     )
-    names = ("speed_without_lag", "speed_without_valves", *(f"speed_with_{cause}" for cause in causes))
-    speeds = {name: played.speed_simulated[n : n + 1] for n, name in enumerate(names, start=1)}
-    return reordered(played, np.array([0])), {"speed_designed": designed.speed_simulated, **speeds}
+    speeds = {name: played.speed_simulated[n : n + 1] for n, name in enumerate(responses)}
+    whole = list(responses).index("speed_simulated")
+    return reordered(played, np.array([whole])), {"speed_designed": designed.speed_simulated, **speeds}
 
 
 def speed_lines(rig: PneumaticRig, numbers: Mapping[str, float]) -> str:
     """Two lines for people about speeds on a rig."""
-    designed, stretched = numbers["speed_designed"], numbers["speed_without_valves"]
-    lost = {SOURCES[cause]: stretched - numbers[f"speed_with_{cause}"] for cause in causes_of(rig)}
+    designed, commanded = numbers["speed_designed"], numbers["speed_as_commanded"]
+    lost = {cause.spoken: commanded - numbers[f"speed_with_{cause.name}"] for cause in causes_of(rig)}
     return (
         f"on the rig {rig.name}, in its time: {numbers['speed_simulated']:z.4f} BL/s; "
-        f"without lag {numbers['speed_without_lag']:z.4f}, "
-        f"nor delays and limits of rate {stretched:z.4f}\n"
-        f"designed {designed:z.4f}; of it the rig's longer strokes take {designed - stretched:z.4f}, then each alone: "
-        + ", ".join(f"{cause} {loss:z.4f}" for cause, loss in lost.items())
+        f"without {LAG.spoken} {numbers['speed_without_lag']:z.4f}, "
+        f"without {', '.join(cause.spoken for cause in CAUSES[:-1])} and {CAUSES[-1].spoken} {commanded:z.4f}\n"
+        f"designed {designed:z.4f}; of it the rig's longer strokes take {designed - commanded:z.4f}, then each alone: "
+        + ", ".join(f"{spoken} {loss:z.4f}" for spoken, loss in lost.items())
     )

@@ -8,12 +8,26 @@ import pytest
 
 from robots.hardware import LineMap, PneumaticRig, export_csv, gait_table, read_csv
 from robots.hardware.rig_play import Play, check_strokes, commanded, play_table, play_tables
-from robots.hardware.rig_response import STRETCHED, Response, causes_of, lagged, line_pressures, slew_limited
+from robots.hardware.rig_response import (
+    AS_COMMANDED,
+    CAUSES,
+    LAG,
+    WHOLE_RESPONSE,
+    causes_of,
+    lagged,
+    line_pressures,
+    slew_limited,
+)
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING
+from robots.inflatable.on_rig import speed_lines
 from robots.world import Terrain
 
 AT = np.arange(0.0, 10.0, 0.01)
 SHORT = replace(INCHING, schedule=INCHING.schedule.cut(2, 1))
+
+
+def without(*names):
+    return frozenset(cause for cause in CAUSES if cause.name not in names)
 
 
 def rig_with(**changes):
@@ -48,8 +62,8 @@ def test_a_valve_delays_and_a_regulator_limits():
     rows = np.repeat(np.array([[0.0], [20.0]]), 11, axis=1)
     found = line_pressures(np.array([0.0, 4.0]), rows, rig, AT)
     assert np.allclose(found[:, 1], np.minimum(np.clip((AT - 0.5) / 4.0, 0, 1) * 20.0, 15.0))
-    without = line_pressures(np.array([0.0, 4.0]), rows, rig, AT, Response(delay=False, slew=False))
-    assert np.allclose(without[:, 1], np.minimum(AT / 4.0 * 20.0, 15.0))
+    unlimited = line_pressures(np.array([0.0, 4.0]), rows, rig, AT, without("delay", "slew"))
+    assert np.allclose(unlimited[:, 1], np.minimum(AT / 4.0 * 20.0, 15.0))
 
 
 def test_a_regulator_takes_commands_in_steps():
@@ -58,14 +72,49 @@ def test_a_regulator_takes_commands_in_steps():
     found = line_pressures(np.array([0.0, 8.0]), rows, rig, AT)[:, 1]
     ramp = np.minimum(AT / 8.0 * 20.0, 20.0)
     assert set(np.round(found, 9)) == set(np.arange(0.0, 21.0, 2.0)) and np.abs(found - ramp).max() <= 1.0 + 1e-9
-    smooth = line_pressures(np.array([0.0, 8.0]), rows, rig, AT, Response(resolution=False))[:, 1]
+    smooth = line_pressures(np.array([0.0, 8.0]), rows, rig, AT, without("resolution"))[:, 1]
     assert np.allclose(smooth, ramp)
 
 
 def test_the_causes_of_a_rig_are_those_that_it_has():
-    assert causes_of(PneumaticRig()) == ("slew",)
-    assert causes_of(rig_with(valve_delay_s=0.1, resolution_kpa=1.0)) == ("delay", "slew", "resolution")
-    assert causes_of(PneumaticRig.load("dissertation-lag")) == ("slew", "lag")
+    def names(rig):
+        return [cause.name for cause in causes_of(rig)]
+
+    assert names(PneumaticRig()) == ["slew"]
+    assert names(rig_with(valve_delay_s=0.1, resolution_kpa=1.0)) == ["delay", "resolution", "slew"]
+    assert names(PneumaticRig.load("dissertation-lag")) == ["slew", "lag"]
+
+
+def test_each_cause_alone_does_what_its_parameter_says_and_none_does_nothing():
+    rig = rig_with(valve_delay_s=0.5, resolution_kpa=2.0, slew_kpa_per_s=1.5, lag_s=0.7)
+    times, rows = np.array([0.0, 8.0]), np.repeat(np.array([[0.0], [20.0]]), 11, axis=1)
+    ramp = np.minimum(AT / 8.0 * 20.0, 20.0)
+
+    def alone(*causes):
+        return line_pressures(times, rows, rig, AT, frozenset(causes))[:, 1]
+
+    expected = {
+        "delay": np.clip((AT - 0.5) / 8.0, 0, 1) * 20.0,
+        "resolution": np.round(ramp / 2.0) * 2.0,
+        "slew": slew_limited(ramp, AT, 1.5),
+        "lag": lagged(ramp, AT, 0.7),
+    }
+    assert np.array_equal(alone(), ramp) and {cause.name for cause in CAUSES} == set(expected)
+    for cause in CAUSES:
+        assert np.allclose(alone(cause), expected[cause.name], atol=1e-12) and not np.array_equal(alone(cause), ramp)
+
+
+def test_speeds_on_a_rig_are_told_with_all_that_lines_as_commanded_lack():
+    rig = rig_with(resolution_kpa=1.0, lag_s=0.1)
+    speeds = {"simulated": 0.1, "without_lag": 0.2, "as_commanded": 0.3, "designed": 0.5}
+    speeds |= {"with_resolution": 0.29, "with_slew": 0.28, "with_lag": 0.27}
+    text = speed_lines(rig, {f"speed_{name}": value for name, value in speeds.items()})
+    assert text == (
+        f"on the rig {rig.name}, in its time: 0.1000 BL/s; without lag 0.2000, without delays of valves, steps of "
+        "regulators, limits of rate and lag 0.3000\n"
+        "designed 0.5000; of it the rig's longer strokes take 0.2000, then each alone: steps of regulators 0.0100, "
+        "limits of rate 0.0200, lag 0.0300"
+    )
 
 
 def test_commands_are_the_prefix_and_every_loop():
@@ -108,7 +157,7 @@ def test_a_lag_of_nothing_changes_no_bit_and_lags_change_the_way():
     small = NAMED_GEOMETRIES["small"]
     short = replace(SHORT, schedule=SHORT.schedule.cut(2, 1))
     rig = rig_with(lag_s=0.3)
-    responses = (Response(), Response(lag=False), STRETCHED)
+    responses = (WHOLE_RESPONSE, WHOLE_RESPONSE - {LAG}, AS_COMMANDED)
     played = play_table(gait_table(short), rig, None, responses, geometry=small, precision="f32")
     assert list(played.status) == ["ok"] * 3
     assert played.distance[1] == played.distance[2] != played.distance[0]
@@ -146,9 +195,9 @@ def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path, found):
     code, out, _ = morpholab(f"simulate --table gait.csv --rig dissertation-lag {short}")
     found = json.loads(out)
     assert code == 0 and found["rig"] == "dissertation-lag"
-    assert {"speed_without_lag", "speed_without_valves"} <= set(found)
+    assert {"speed_without_lag", "speed_as_commanded"} <= set(found)
     designed = json.loads(outs[0])["speed_simulated"]
-    assert found["speed_designed"] == designed and found["speed_with_slew"] == found["speed_without_valves"]
+    assert found["speed_designed"] == designed and found["speed_with_slew"] == found["speed_as_commanded"]
     assert found["speed_with_lag"] == found["speed_simulated"] and "speed_with_delay" not in found
 
 

@@ -1,7 +1,6 @@
 """Gaits are judged here, in double precision: under draws that no search has seen, and as a rig plays them."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -12,7 +11,7 @@ from optim.studies.beyond.robust_gaits.settings import BATCH, RobustGaits, file_
 from robots.hardware import gait_table
 from robots.hardware.rig import PRESETS
 from robots.hardware.rig_play import Play, play_tables
-from robots.hardware.rig_response import WHOLE_RESPONSE
+from robots.hardware.rig_response import LAG, WHOLE_RESPONSE
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robot import InflatableRobot
 from robots.inflatable.schedule import BLADDERS
@@ -63,7 +62,7 @@ def on_rig(
     progress: Progress,
 ) -> list[dict[str, Any]]:
     """Speeds of gaits as the rig plays them where nothing is uncertain: without the lag of its lines, and with it."""
-    rig, responses = PRESETS[settings.rig], (replace(WHOLE_RESPONSE, lag=False), WHOLE_RESPONSE)
+    rig, responses = PRESETS[settings.rig], (WHOLE_RESPONSE - {LAG}, WHOLE_RESPONSE)
 
     def speeds(name: str, told: Progress) -> Floats:
         design, slope = gaits[name]
