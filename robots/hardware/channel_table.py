@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from robots.hardware.headroom import RigReport, uses_of
-from robots.hardware.rig import CHANNELS, KPA_PER_UNIT, PneumaticRig
+from robots.hardware.rig import CHANNELS, PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.hardware.timeline import (
     FASTEST_RATE,
@@ -26,6 +26,7 @@ from robots.hardware.timeline import (
     timeline,
     violations,
 )
+from robots.hardware.units import KPA_PER_UNIT
 from robots.inflatable.schedule import BLADDERS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number

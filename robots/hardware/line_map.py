@@ -9,17 +9,16 @@ that is on by parts has a pressure as far between its two.
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from functools import partial
 from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.hardware.units import PRESSURE, PositivePressure, PressureError, Unit, Vacuum
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import NotNegative, Positive, check_fields, number
+from taichi_sim.base.checks import NotNegative, Positive, check_fields
 
-ABSOLUTE_VACUUM = -101.4  # a little below the gauge pressure of empty space, which people round: -14.7 psi [kPa]
 RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
 PRESSURE_DECIMALS = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 LEVEL_DECIMALS = 6  # and of a level
@@ -28,11 +27,20 @@ LEVEL_DECIMALS = 6  # and of a level
 def _each_actuator(field: str, value: Any) -> tuple[float, ...]:
     """Check the pressures of the ten actuators."""
     if not isinstance(value, list | tuple) or len(value) != ROWS:
-        raise ValueError(f"{field}: {value!r} is not allowed; give {ROWS} pressures, bladders then feet")
-    return tuple(number(field, part) for part in value)
+        allowed = f"give {ROWS} pressures, bladders then feet"
+        raise PressureError(lambda unit: f"{unit.field(field)}: {unit.shown(value)} is not allowed; {allowed}")
+    return tuple(PRESSURE(field, part) for part in value)
 
 
 Actuators = Annotated[tuple[float, ...], _each_actuator]
+
+
+def _not_below(name: str, off: float, on: float) -> PressureError:
+    def tell(unit: Unit) -> str:
+        limit = f"it must be below its {unit.field('on_kpa')}, {unit.text(on)}"
+        return f"{unit.field('off_kpa')}: {unit.text(off)} of {name} is not allowed; {limit}"
+
+    return PressureError(tell)
 
 
 @dataclass(frozen=True)
@@ -53,8 +61,8 @@ class LineMap:
     """
 
     simulated_pa: Positive = 12e3
-    core_kpa: Positive = 50.0
-    flat_kpa: Annotated[float, partial(number, low=ABSOLUTE_VACUUM, high=0.0)] = -80.0
+    core_kpa: PositivePressure = 50.0
+    flat_kpa: Vacuum = -80.0
     on_kpa: Actuators = (20.0,) * BLADDERS + (50.0,) * FEET
     off_kpa: Actuators = (0.0,) * BLADDERS + (-80.0,) * FEET
     ramp_pa: NotNegative = 0.0
@@ -63,7 +71,7 @@ class LineMap:
         check_fields(self)
         for name, on, off in zip(GaitSchedule.row_names, self.on_kpa, self.off_kpa, strict=True):
             if off >= on:
-                raise ValueError(f"off_kpa: {off:g} of {name} is not allowed; it must be below its on_kpa, {on:g}")
+                raise _not_below(name, off, on)
 
     def lines(self, pressures: ArrayLike, levels: ArrayLike) -> Floats:
         """Line pressures [kPa] of states.

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.hardware.rig import UNIT_SPELLING
 from robots.hardware.rig_table import SECTIONS, RigTable
+from robots.hardware.units import UNIT_SPELLING
 from taichi_sim.base.files import write_text
 
 

@@ -5,7 +5,6 @@ Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
 import os
-import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -16,18 +15,25 @@ from typing import Annotated, Any, TypeVar
 
 import tomli_w
 
-from robots.hardware.line_map import ABSOLUTE_VACUUM, RAMP_PA, LineMap
+from robots.hardware.line_map import RAMP_PA, LineMap
+from robots.hardware.units import (
+    KPA_PER_UNIT,
+    NotNegativePressure,
+    PositivePressure,
+    Pressure,
+    PressureError,
+    Unit,
+    Vacuum,
+    refused,
+)
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
-from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, choice, number, whole_number
+from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
 Described = TypeVar("Described", "Channel", LineMap)
 CHANNELS = ("core", *GaitSchedule.row_names)
 LONGEST_LAG = 3600.0  # [s]
 MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
-KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}
-UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
-_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.]| pressures)")
 
 
 def channel_names(cores: int) -> tuple[str, ...]:
@@ -53,22 +59,25 @@ class Channel:
 
     rise_s: Positive
     fall_s: Positive
-    minimum_kpa: Finite
-    maximum_kpa: Finite
-    slew_kpa_per_s: Positive
+    minimum_kpa: Pressure
+    maximum_kpa: Pressure
+    slew_kpa_per_s: PositivePressure
     valve_delay_s: NotNegative = 0.0
     lag_s: Annotated[float, partial(number, low=0.0, high=LONGEST_LAG, unit="s")] = 0.0
-    resolution_kpa: NotNegative = 0.0
+    resolution_kpa: NotNegativePressure = 0.0
 
     def __post_init__(self) -> None:
         check_fields(self)
         if self.minimum_kpa >= self.maximum_kpa:
-            limit = f"it must be below maximum_kpa, {self.maximum_kpa:g}"
-            raise ValueError(f"minimum_kpa: {self.minimum_kpa:g} is not allowed; {limit}")
+            raise refused(
+                "minimum_kpa",
+                self.minimum_kpa,
+                lambda unit: f"it must be below {unit.field('maximum_kpa')}, {unit.text(self.maximum_kpa)}",
+            )
         if self.minimum_kpa > 0:
-            raise ValueError(f"minimum_kpa: {self.minimum_kpa:g} is not allowed; lines are vented, give at most 0")
+            raise refused("minimum_kpa", self.minimum_kpa, lambda _: "lines are vented, give at most 0")
         if self.maximum_kpa < 0:
-            raise ValueError(f"maximum_kpa: {self.maximum_kpa:g} is not allowed; lines are vented, give at least 0")
+            raise refused("maximum_kpa", self.maximum_kpa, lambda _: "lines are vented, give at least 0")
 
 
 # Published: 50 and -80 kPa on the lines of core and feet; the core takes 11.5 s to become round and 4.7 s to become
@@ -95,8 +104,8 @@ class PneumaticRig:
     """
 
     name: str = "dissertation"
-    supply_kpa: Positive = 50.0
-    vacuum_kpa: Annotated[float, partial(number, low=ABSOLUTE_VACUUM, high=0.0)] = -80.0
+    supply_kpa: PositivePressure = 50.0
+    vacuum_kpa: Vacuum = -80.0
     channels: tuple[Channel, ...] = (_CORE,) + (_BLADDER,) * BLADDERS + (_FOOT,) * FEET
     shortest_state_s: Positive = 0.1
     line_map: LineMap = _MAP
@@ -114,11 +123,19 @@ class PneumaticRig:
             raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)} to {ROWS + MOST_CORES}")
         for name, channel in zip(self.channel_names, self.channels, strict=True):
             if channel.maximum_kpa > self.supply_kpa:
-                limit = f"the supply has {self.supply_kpa:g} kPa"
-                raise ValueError(f"{name}: maximum_kpa: {channel.maximum_kpa:g} is not allowed; {limit}")
+                error = refused(
+                    "maximum_kpa",
+                    channel.maximum_kpa,
+                    lambda unit: f"the supply has {unit.text(self.supply_kpa)} {unit.spelling}",
+                )
+                raise error.of(name)
             if channel.minimum_kpa < self.vacuum_kpa:
-                limit = f"the vacuum has {self.vacuum_kpa:g} kPa"
-                raise ValueError(f"{name}: minimum_kpa: {channel.minimum_kpa:g} is not allowed; {limit}")
+                error = refused(
+                    "minimum_kpa",
+                    channel.minimum_kpa,
+                    lambda unit: f"the vacuum has {unit.text(self.vacuum_kpa)} {unit.spelling}",
+                )
+                raise error.of(name)
 
     @property
     def cores(self) -> int:
@@ -187,7 +204,10 @@ _LAGGED = replace(
 )
 PRESETS: Mapping[str, PneumaticRig] = MappingProxyType({rig.name: rig for rig in (_DISSERTATION, _GENTLE, _LAGGED)})
 
-_ALL = {"bladder": CHANNELS[1:9], "foot": CHANNELS[9:]}  # tables that speak of several channels
+_SEVERAL = {  # tables that speak of several channels
+    "bladder": GaitSchedule.row_names[:BLADDERS],
+    "foot": GaitSchedule.row_names[BLADDERS:],
+}
 _NAMES = ("name", "units", "supply_kpa", "vacuum_kpa", "shortest_state_s", "map", "channels", "cores")
 
 
@@ -195,72 +215,48 @@ def _rig(data: dict[str, Any]) -> PneumaticRig:
     units = data.get("units", "kpa")
     if not isinstance(units, str) or units not in KPA_PER_UNIT:
         raise ValueError(f"units: {units!r} is not allowed; give one of {', '.join(KPA_PER_UNIT)}")
-    data = _in_kpa(data, units)
+    unit = Unit(units)
     try:
-        return _built(data, units)
-    except ValueError as error:
-        raise ValueError(_in_units(str(error), units)) from None
+        return _built(data, unit)
+    except PressureError as error:
+        raise ValueError(error.tell(unit)) from None
 
 
-def _in_units(text: str, units: str) -> str:
-    """A message of one pressure's field, in the units in which its file gives it."""
-    if units == "kpa" or "_kpa" not in text:
-        return text
-    numbers = _NUMBER.sub(lambda found: f"{float(found[0]) / KPA_PER_UNIT[units]:.5g}", text)
-    return numbers.replace("_kpa", f"_{units}").replace("kPa", UNIT_SPELLING[units])
-
-
-def _built(data: dict[str, Any], units: str) -> PneumaticRig:
-    """The rig of a file's content, all in kPa."""
-    data = _known(data, "rig", _NAMES)
+def _built(given: dict[str, Any], unit: Unit) -> PneumaticRig:
+    """The rig of a file's content, whose pressures are in a unit."""
+    data = _in_kpa(given, "rig", _NAMES, unit)
     default = PneumaticRig()
     cores = whole_number("cores", data.pop("cores", 1), 1, MOST_CORES)
     names = channel_names(cores)
     channels = dict(zip(names, default.channels[:1] * cores + default.channels[1:], strict=True))
-    several = _ALL if cores == 1 else {**_ALL, "core": names[:cores]}
-    tables = _known(data.pop("channels", {}), "channels", (*several, *names))
+    several = _SEVERAL if cores == 1 else {**_SEVERAL, "core": names[:cores]}
+    tables = _in_kpa(data.pop("channels", {}), "channels", (*several, *names), unit)
     for table in sorted(tables, key=lambda name: name not in several):  # one channel's own table wins
         for name in several.get(table, (table,)):
-            channels[name] = _changed(channels[name], table, tables[table])
-    line_map = _changed(LineMap(), "map", data.pop("map", {}))  # files that say no ramp have none
+            channels[name] = _changed(channels[name], table, tables[table], unit)
+    line_map = _changed(LineMap(), "map", data.pop("map", {}), unit)  # files that say no ramp have none
     simple = {name: value for name, value in data.items() if name != "units"}
-    return replace(default, channels=tuple(channels.values()), line_map=line_map, units=units, **simple)
+    return replace(default, channels=tuple(channels.values()), line_map=line_map, units=unit.name, **simple)
 
 
-def _changed(given: Described, what: str, table: object) -> Described:
+def _changed(given: Described, what: str, table: object, unit: Unit) -> Described:
     """A channel or a map with the values of a table."""
-    changes = _known(table, what, [entry.name for entry in fields(given)])
+    changes = _in_kpa(table, what, [entry.name for entry in fields(given)], unit)
     try:
         return replace(given, **changes)
+    except PressureError as error:
+        raise error.of(what) from None
     except ValueError as error:
         raise ValueError(f"{what}: {error}") from None
 
 
-def _in_kpa(data: Any, units: str) -> Any:
-    """The same with all that is named by units, such as ``maximum_psi``, in kPa and named so."""
-    if units == "kpa" or not isinstance(data, dict):
-        return data
-    converted = {}
-    for name, value in data.items():
-        if "_kpa" in name:
-            right = name.replace("_kpa", f"_{units}")
-            raise ValueError(f"{name}: is not allowed, as the units are {units}; give {right}")
-        if f"_{units}" in name:
-            name, value = name.replace(f"_{units}", "_kpa"), _scaled(value, KPA_PER_UNIT[units])
-        converted[name] = _in_kpa(value, units)
-    return converted
-
-
-def _scaled(value: Any, factor: float) -> Any:
-    if isinstance(value, list):
-        return [_scaled(part, factor) for part in value]
-    return value * factor if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _known(data: object, what: str, names: Sequence[str]) -> dict[str, Any]:
-    """The data as a dict with no other than these names."""
+def _in_kpa(data: object, what: str, names: Sequence[str], unit: Unit) -> dict[str, Any]:
+    """A table that has no other than these names, with those of pressures, such as ``maximum_psi``, in kPa."""
+    known = {unit.field(name): name for name in names}
     if not isinstance(data, dict):
-        raise ValueError(f"{what}: give a table with {', '.join(names)}")
-    if unknown := sorted(set(data) - set(names)):
-        raise ValueError(f"{what}: {unknown[0]!r} is unknown; give {', '.join(names)}")
-    return dict(data)
+        raise ValueError(f"{what}: give a table with {', '.join(known)}")
+    for name in sorted(set(data) - set(known)):
+        if unit.field(name) != name:
+            raise ValueError(f"{name}: is not allowed, as the units are {unit.name}; give {unit.field(name)}")
+        raise ValueError(f"{what}: {name!r} is unknown; give {', '.join(known)}")
+    return {known[name]: unit.kpa(value) if "_kpa" in known[name] else value for name, value in data.items()}

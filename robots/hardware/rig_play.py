@@ -11,9 +11,10 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from robots.hardware.rig import KPA_PER_UNIT, UNIT_SPELLING, PneumaticRig
+from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_response import WHOLE_RESPONSE, Response, line_pressures
 from robots.hardware.table import GaitTable
+from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import FIRST_BLADDER, FOOT_REGIONS, PUBLISHED, InflatableGeometry, skin_regions
 from robots.inflatable.body import SKIN_REGIONS as SKIN

@@ -17,7 +17,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots.hardware.rig import KPA_PER_UNIT, UNIT_SPELLING, channel_names
+from robots.hardware.rig import channel_names
+from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from robots.inflatable.schedule import ROWS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text

@@ -15,9 +15,10 @@ import numpy as np
 
 from robots.hardware.channel_table import SCHEMA as CHANNELS_SCHEMA
 from robots.hardware.channel_table import read_channels
-from robots.hardware.rig import KPA_PER_UNIT, PRESETS, UNIT_SPELLING, PneumaticRig
+from robots.hardware.rig import PRESETS, PneumaticRig
 from robots.hardware.rig_table import RigTable
 from robots.hardware.table import read_csv
+from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text
 

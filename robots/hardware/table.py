@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.hardware.line_map import LEVEL_DECIMALS, PRESSURE_DECIMALS, LineMap
-from robots.hardware.rig import KPA_PER_UNIT, PneumaticRig
+from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
+from robots.hardware.units import KPA_PER_UNIT
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
 from robots.inflatable.materials import RegionMaterials

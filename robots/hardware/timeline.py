@@ -16,9 +16,10 @@ from typing import Self
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import KPA_PER_UNIT, UNIT_SPELLING, PneumaticRig
+from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import State, section_of, write_csv
 from robots.hardware.table import TIME_STEP, GaitTable, on_lines
+from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS

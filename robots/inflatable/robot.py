@@ -280,7 +280,7 @@ class InflatableRobot(Robot):
 
     def facts_of(self, point: ArrayLike) -> Facts:
         """Shape, heading and gait."""
-        from robots.hardware.rig import KPA_PER_UNIT
+        from robots.hardware.units import KPA_PER_UNIT
 
         gait = self.gait
         cores: list[tuple[str, str | Quantity]] = []

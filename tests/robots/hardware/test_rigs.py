@@ -1,3 +1,4 @@
+import pickle
 import re
 from dataclasses import replace
 
@@ -6,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig, gait_table
+from robots.hardware.units import Unit, refused
 from robots.inflatable import ROLLING
 
 
@@ -140,7 +142,26 @@ def test_a_rig_has_all_channels():
         ("[channels.bladder2]\nslew_psi_per_s = -2", "bladder2: slew_psi_per_s: -2 is not allowed"),
         ("[channels.core]\nrise_s = -2", "core: rise_s: -2 is not allowed"),
         ("[channels.core]\nmaximum_kpa = 9.0", "maximum_kpa: is not allowed, as the units are psi; give maximum_psi"),
-        ("[map]\non_psi = [1, 2]", "give 10 pressures, bladders then feet"),
+        ("[map]\non_psi = [1, 2]", "map: on_psi: [1, 2] is not allowed; give 10 pressures, bladders then feet"),
+        ("[map]\noff_psi = 3", "map: off_psi: 3 is not allowed; give 10 pressures, bladders then feet"),
+        ('[channels.core]\nmaximum_psi = "99"', "core: maximum_psi: '99' is not allowed; give a finite number"),
+        ("[channels.core]\nmaximum_psi = true", "core: maximum_psi: True is not allowed; give a finite number"),
+        ("[channels.core]\nmaximum_psi = inf", "core: maximum_psi: inf is not allowed; give a finite number"),
+        (f"[channels.core]\nmaximum_psi = 1{'0' * 400}", "core: maximum_psi: 1000"),
+        ("[channels.core]\nminimum_psi = 5", "minimum_psi: 5 is not allowed; lines are vented, give at most 0"),
+        (
+            "[channels.foot]\nminimum_psi = 8",
+            "foot: minimum_psi: 8 is not allowed; it must be below maximum_psi, 7",
+        ),
+        ("vacuum_psi = -20", "vacuum_psi: -20 is not allowed; give a number from -14.7068 to 0"),
+        (
+            "[channels.core]\nvalve_psi = 1",
+            "core: 'valve_psi' is unknown; give rise_s, fall_s, minimum_psi,",
+        ),
+        (
+            f"[map]\noff_psi = {[0] * 9 + [7.5]}",
+            "map: off_psi: 7.5 of foot2 is not allowed; it must be below its on_psi, 7.2519",
+        ),
     ],
 )
 def test_mistakes_of_a_rig_in_psi_are_told_in_psi(tmp_path, text, message):
@@ -148,6 +169,14 @@ def test_mistakes_of_a_rig_in_psi_are_told_in_psi(tmp_path, text, message):
     with pytest.raises(ValueError) as error:
         PneumaticRig.load(tmp_path / "rig.toml")
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_an_error_of_a_pressure_keeps_counts_and_times_and_survives_another_process():
+    error = refused("slew_kpa_per_s", 50.0, lambda unit: f"in 3 s it has 8 steps of {unit.text(20.0)} {unit.spelling}")
+    assert str(error) == "slew_kpa_per_s: 50 is not allowed; in 3 s it has 8 steps of 20 kPa"
+    told = error.of("core").tell(Unit("psi"))
+    assert told == "core: slew_psi_per_s: 7.2519 is not allowed; in 3 s it has 8 steps of 2.9008 psi"
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
 def test_what_a_rig_in_psi_refuses_is_told_in_psi(tmp_path):
