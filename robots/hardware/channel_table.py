@@ -308,20 +308,19 @@ def _commands(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, keep_sle
     for line, wave in enumerate(waves, 1):
         ring[:, line] = wave.calibration.kpa(wave.values)
     if keep_slew:
-        low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
+        low, high = rig.pressure_limits
         ring = np.clip(ring, low, high)
     cycle = np.roll(ring, -1, axis=0)
     targets = np.vstack([ring[:1], cycle, cycle, np.zeros((1, len(CHANNELS)))])
     steps = np.diff(np.vstack([np.zeros((1, len(CHANNELS))), targets]), axis=0)
-    rise, fall, slew = np.array([(c.rise_s, c.fall_s, c.slew_kpa_per_s) for c in rig.channels]).T
+    strokes = rig.stroke_times(steps)
     lengths = np.full(len(targets), 1 / (rhythm.frequency * rhythm.nodes))
     # Beginning and venting take the rig's time of a stroke, by the part of it that is gone.
     whole = np.append(np.inf, np.subtract(rig.line_map.on_kpa, rig.line_map.off_kpa))
-    gentle = (np.abs(steps) / whole * np.where(steps > 0, rise, fall)).max(axis=1)
-    slowest = (np.abs(steps) / slew).max(axis=1)
+    gentle = (np.abs(steps) / whole * strokes).max(axis=1)
+    slowest = rig.least_times(steps).max(axis=1)
     lengths[0], lengths[-1] = max(rhythm.settling, gentle[0], slowest[0]), max(gentle[-1], slowest[-1], _SHORTEST)
     if keep_slew:
         lengths = np.maximum(lengths, slowest)
     lengths = np.maximum(lengths, _SHORTEST)
-    strokes = np.where(steps > 0, rise, fall)
     return Commands(targets, lengths[:, None] / strokes, lengths, np.zeros(len(targets)))

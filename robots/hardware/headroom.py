@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.rig import Channel, PneumaticRig
+from robots.hardware.rig import ROUNDING, Channel, PneumaticRig
 from robots.hardware.table import on_lines
 from robots.hardware.timeline import Timeline, commands_of, timeline
 from robots.inflatable.design import InflatableDesign
 
 NEAR = 0.9  # of a limit
-ROUNDING = 1e-9
 EXCEEDED, AT_THE_LIMIT, NEAR_THE_LIMIT, WITHIN = "exceeded", "at the limit", "near the limit", "within"
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
+import numpy as np
 import tomli_w
 
 from robots.hardware.line_map import RAMP_PA, LineMap
@@ -27,12 +28,14 @@ from robots.hardware.units import (
     refused,
 )
 from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
 Described = TypeVar("Described", "Channel", LineMap)
 CHANNELS = ("core", *GaitSchedule.row_names)
 LONGEST_LAG = 3600.0  # [s]
+ROUNDING = 1e-9  # of a limit, as part of it: what is exactly at a limit survives rounding
 MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
 
 
@@ -146,6 +149,21 @@ class PneumaticRig:
     def channel_names(self) -> tuple[str, ...]:
         """Names of what its lines drive, in their order."""
         return channel_names(self.cores)
+
+    @property
+    def pressure_limits(self) -> tuple[Floats, Floats]:
+        """Lowest and highest pressures of its lines [kPa], shape (L,) each."""
+        low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in self.channels]).T
+        return low, high
+
+    def stroke_times(self, steps: Floats) -> Floats:
+        """How long whole strokes of lines take that rise or fall as changes of pressure do [s], shape (..., L)."""
+        rise, fall = np.array([(channel.rise_s, channel.fall_s) for channel in self.channels]).T
+        return np.where(steps > 0, rise, fall)
+
+    def least_times(self, steps: Floats) -> Floats:
+        """How long changes of pressure [kPa] take at least, at the limits of rate [s], shape (..., L)."""
+        return np.abs(steps) / np.array([channel.slew_kpa_per_s for channel in self.channels])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rig as TOML, every channel for itself, in kPa.

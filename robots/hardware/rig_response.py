@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robots.hardware.rig import Channel, PneumaticRig
+from robots.hardware.rig import ROUNDING, Channel, PneumaticRig
 from taichi_sim.base.arrays import Floats
 
 Course = Callable[[Floats], Floats]  # a line's gauge pressures [kPa] at times [s]
@@ -113,7 +113,7 @@ def _limited(course: Course, channel: Channel) -> Course:
 
 def slew_limited(line: Floats, at: Floats, rate: float) -> Floats:
     """A course of pressure that follows another no faster than a rate per second, shape (S,)."""
-    most = rate * np.diff(at) * (1 + 1e-9)  # a rate exactly at the limit survives rounding
+    most = rate * np.diff(at) * (1 + ROUNDING)
     if (np.abs(np.diff(line)) <= most).all():
         return line
     followed = line.copy()

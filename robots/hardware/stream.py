@@ -175,11 +175,8 @@ class Stream:
         They come at the stream's rate, but at least at ``SLOWEST_VENTING``: nobody waits for the next slow sample.
         """
         kpa = np.array(last.pressures) * KPA_PER_UNIT[self.table.units]
-        strokes = [
-            max(channel.fall_s if value > 0 else channel.rise_s, abs(value) / channel.slew_kpa_per_s) if value else 0.0
-            for value, channel in zip(kpa, self.rig.channels, strict=False)
-        ]
-        lasting, rate = np.array(strokes), max(self.rate, SLOWEST_VENTING)
+        strokes = np.maximum(self.rig.stroke_times(-kpa), self.rig.least_times(kpa))
+        lasting, rate = np.where(kpa != 0, strokes, 0.0), max(self.rate, SLOWEST_VENTING)
         steps = int(np.ceil(max(lasting.max(), 0.0) * rate - 1e-9))
         for step in range(1, steps + 1):
             left = np.clip(1 - step / rate / np.maximum(lasting, 1e-9), 0.0, 1.0)

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from robots.hardware.line_map import LineMap
-from robots.hardware.rig import PneumaticRig
+from robots.hardware.rig import ROUNDING, PneumaticRig
 from robots.hardware.rig_table import State, section_of, write_csv
 from robots.hardware.table import TIME_STEP, GaitTable, on_lines
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
@@ -65,9 +65,9 @@ class Commands:
 
     def strokes(self, rig: PneumaticRig, keep_slew: bool) -> Floats:
         """How long lines take to their targets; with ``keep_slew`` not faster than their limits [s], shape (S, L)."""
-        rise, fall, slew = np.array([(c.rise_s, c.fall_s, c.slew_kpa_per_s) for c in rig.channels]).T
-        times = np.where(self.targets > self.before, rise, fall) * self.portions
-        return np.maximum(times, np.abs(self.targets - self.before) / slew) if keep_slew else times
+        steps = self.targets - self.before
+        times = rig.stroke_times(steps) * self.portions
+        return np.maximum(times, rig.least_times(steps)) if keep_slew else times
 
 
 def commands_of(design: InflatableDesign, line_map: LineMap, cores: int = 1) -> Commands:
@@ -211,7 +211,7 @@ def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -
     for place, index in np.argwhere(commands.targets != before):
         name, channel, start = rig.channel_names[index], rig.channels[index], states[place].start_s
         first, last, rate = (float(each[place, index]) for each in (before, commands.targets, rates))
-        if rate > channel.slew_kpa_per_s * (1 + 1e-9):  # a rate exactly at the limit survives rounding
+        if rate > channel.slew_kpa_per_s * (1 + ROUNDING):
             found.append(Violation(name, start, rate / factor, channel.slew_kpa_per_s / factor, f"{unit}/s"))
         limit = min(max(last, channel.minimum_kpa), channel.maximum_kpa)
         if limit != last:
@@ -266,7 +266,7 @@ def gait_table(
     if found and not clip:
         raise RigViolation(found)
     if found:
-        low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in rig.channels]).T
+        low, high = rig.pressure_limits
         line_map = line_map.within(low[rig.cores :], high[rig.cores :])
         commands = commands_of(design, line_map, rig.cores).within(low, high)
     line = timeline(commands, rig, rate, keep_slew=clip)

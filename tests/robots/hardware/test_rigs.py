@@ -2,11 +2,13 @@ import pickle
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robots.hardware import CHANNELS, KPA_PER_UNIT, PRESETS, Channel, LineMap, PneumaticRig, gait_table
+from robots.hardware.stream import Sample, stream_of
 from robots.hardware.units import Unit, refused
 from robots.inflatable import ROLLING
 
@@ -177,6 +179,29 @@ def test_an_error_of_a_pressure_keeps_counts_and_times_and_survives_another_proc
     told = error.of("core").tell(Unit("psi"))
     assert told == "core: slew_psi_per_s: 7.2519 is not allowed; in 3 s it has 8 steps of 2.9008 psi"
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+def test_lines_take_the_rigs_times_and_no_less_than_their_limits_of_rate_ask():
+    rig = PneumaticRig()
+    steps = np.array([[60.0] + [15.0] * 8 + [-75.0] * 2, [-60.0] + [-30.0] * 8 + [0.0] * 2])
+    assert rig.stroke_times(steps).tolist() == [[11.5] + [2.0] * 8 + [1.0] * 2, [4.7] + [2.0] * 8 + [1.0] * 2]
+    assert rig.least_times(steps).tolist() == [[2.0] + [1.0] * 8 + [0.5] * 2, [2.0] + [2.0] * 8 + [0.0] * 2]
+
+
+def test_venting_takes_the_longer_of_stroke_and_limit_of_rate():
+    rig = PneumaticRig()
+    slow = replace(rig, channels=tuple(replace(channel, slew_kpa_per_s=4.0) for channel in rig.channels))
+
+    def lasting(line, kpa):
+        stream = stream_of(gait_table(ROLLING, rig), rig, rate=100.0)
+        pressures = [0.0] * 11
+        pressures[line] = kpa
+        last = Sample(0, 0.0, "main", tuple(pressures))
+        return [list(replace(stream, rig=each).venting(last))[-1].time_s for each in (rig, slow)]
+
+    assert lasting(0, 50.0) == pytest.approx([4.7, 12.5])
+    assert lasting(0, -80.0) == pytest.approx([11.5, 20.0])
+    assert lasting(9, 2.0) == pytest.approx([1.0, 1.0])
 
 
 def test_what_a_rig_in_psi_refuses_is_told_in_psi(tmp_path):
