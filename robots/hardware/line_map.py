@@ -22,6 +22,7 @@ from taichi_sim.base.checks import NotNegative, Positive, check_fields
 RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
 PRESSURE_DECIMALS = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
 LEVEL_DECIMALS = 6  # and of a level
+_ADDED = {"ramp_pa"}  # fields that earlier tables lack; their defaults do what those do, and are not written
 
 
 def _each_actuator(field: str, value: Any) -> tuple[float, ...]:
@@ -136,10 +137,9 @@ class LineMap:
 
     def to_text(self) -> str:
         """One line, for the header of a table."""
-        data = asdict(self)
-        if self.ramp_pa == 0:  # tables without a ramp stay as they were
-            del data["ramp_pa"]
-        return json.dumps(data)
+        default = type(self)()
+        unused = {name for name in _ADDED if getattr(self, name) == getattr(default, name)}
+        return json.dumps({name: value for name, value in asdict(self).items() if name not in unused})
 
     @classmethod
     def from_text(cls, text: str) -> Self:
@@ -149,6 +149,6 @@ class LineMap:
             ValueError: if it is damaged.
         """
         data: Mapping[str, Any] = json.loads(text)
-        if not isinstance(data, dict) or set(data) | {"ramp_pa"} != {field.name for field in fields(cls)}:
+        if not isinstance(data, dict) or set(data) | _ADDED != {field.name for field in fields(cls)}:
             raise ValueError("map: give a JSON object with all of its fields")
         return cls(**data)

@@ -172,7 +172,7 @@ class PneumaticRig:
             ValueError: if the file cannot be written.
         """
         channels = {name: asdict(channel) for name, channel in zip(self.channel_names, self.channels, strict=True)}
-        data = {name: getattr(self, name) for name in ("name", "supply_kpa", "vacuum_kpa", "shortest_state_s")}
+        data = {name: getattr(self, name) for name in _SIMPLE}
         data |= {"cores": self.cores} if self.cores > 1 else {}
         content = {"units": "kpa", **data, "map": asdict(self.line_map), "channels": channels}
         write_text(path, tomli_w.dumps(content))
@@ -226,7 +226,8 @@ _SEVERAL = {  # tables that speak of several channels
     "bladder": GaitSchedule.row_names[:BLADDERS],
     "foot": GaitSchedule.row_names[BLADDERS:],
 }
-_NAMES = ("name", "units", "supply_kpa", "vacuum_kpa", "shortest_state_s", "map", "channels", "cores")
+_SIMPLE = tuple(each.name for each in fields(PneumaticRig) if each.name not in ("channels", "line_map", "units"))
+_NAMES = ("units", *_SIMPLE, "map", "channels", "cores")
 
 
 def _rig(data: dict[str, Any]) -> PneumaticRig:
@@ -253,7 +254,7 @@ def _built(given: dict[str, Any], unit: Unit) -> PneumaticRig:
         for name in several.get(table, (table,)):
             channels[name] = _changed(channels[name], table, tables[table], unit)
     line_map = _changed(LineMap(), "map", data.pop("map", {}), unit)  # files that say no ramp have none
-    simple = {name: value for name, value in data.items() if name != "units"}
+    simple = {name: value for name, value in data.items() if name in _SIMPLE}
     return replace(default, channels=tuple(channels.values()), line_map=line_map, units=unit.name, **simple)
 
 

@@ -24,6 +24,29 @@ def test_a_rig_survives_its_file(tmp_path_factory, delay, still, core):
     assert PneumaticRig.load(path) == rig
 
 
+def test_a_rigs_file_is_what_earlier_versions_wrote(tmp_path):
+    PneumaticRig().save(tmp_path / "rig.toml")
+    head = (tmp_path / "rig.toml").read_text().partition("\n[map]")[0].splitlines()
+    assert head[:5] == [
+        'units = "kpa"',
+        'name = "dissertation"',
+        "supply_kpa = 50.0",
+        "vacuum_kpa = -80.0",
+        "shortest_state_s = 0.1",
+    ]
+
+
+def test_a_map_of_earlier_tables_has_the_defaults_of_later_fields():
+    text = LineMap().to_text()
+    assert text == (
+        '{"simulated_pa": 12000.0, "core_kpa": 50.0, "flat_kpa": -80.0, '
+        f'"on_kpa": {[20.0] * 8 + [50.0] * 2}, "off_kpa": {[0.0] * 8 + [-80.0] * 2}}}'
+    )
+    assert LineMap.from_text(text) == LineMap()
+    with pytest.raises(ValueError, match="map: give a JSON object with all of its fields"):
+        LineMap.from_text('{"ramp_pa": 0.0}')
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_known_by_their_names(name):
     assert PneumaticRig.load(name) == PRESETS[name] and PRESETS[name].name == name
@@ -74,7 +97,7 @@ def test_a_rig_file_may_be_in_psi(tmp_path):
     ("text", "message"),
     [
         ("{", "Invalid statement"),
-        ("channel = 1", "rig: 'channel' is unknown; give name, units, supply_kpa"),
+        ("channel = 1", "rig: 'channel' is unknown; give units, name, supply_kpa"),
         ("channels = 1", "channels: give a table with bladder, foot, core"),
         ("[channels]\nhand = 1", "channels: 'hand' is unknown; give bladder, foot, core"),
         ("[channels.core]\nrise = 1", "core: 'rise' is unknown; give rise_s"),
