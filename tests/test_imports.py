@@ -34,6 +34,9 @@ OF_ONE_KIND = {
     ("optim.commands.vehicle_options", "robots.braitenberg"),
 }
 
+# What a rig is and is told, whichever robot it drives.
+OF_ANY_RIG = ("lines", "units", "line_map", "rig", "rig_response", "rig_table", "timeline", "headroom", "channel_table")
+
 # Functions with more parameters than a reader can hold, and how many they have.
 MOST, MOST_IN_KERNELS = 10, 20
 LONG: dict[str, int] = {}
@@ -98,6 +101,13 @@ def test_views_reports_searches_and_commands_know_no_kind_of_robot():
     assert len(KINDS) == 7 and len(general) > 100
     assert known <= OF_ONE_KIND, f"take what is about a kind to its package: {known - OF_ONE_KIND}"
     assert known == OF_ONE_KIND, f"take these off the list: {OF_ONE_KIND - known}"
+
+
+def test_a_rig_knows_no_kind_of_robot():
+    needed = {f"robots.hardware.{name}" for name in OF_ANY_RIG}
+    while more := {other for name in needed for other in imported(parsed()[MODULES[name]])} - needed:
+        needed |= more
+    assert not {name for name in needed if name.startswith(tuple(f"{kind}." for kind in KINDS))}
 
 
 def test_functions_have_few_parameters():

@@ -7,8 +7,10 @@ from taichi_sim.base.lazy import exported_names
 if TYPE_CHECKING:
     from robots.hardware.channel_table import ChannelTable as ChannelTable
     from robots.hardware.channel_table import read_channels as read_channels
+    from robots.hardware.gait_commands import export_csv as export_csv
+    from robots.hardware.gait_commands import gait_table as gait_table
     from robots.hardware.line_map import LineMap as LineMap
-    from robots.hardware.rig import CHANNELS as CHANNELS
+    from robots.hardware.lines import CHANNELS as CHANNELS
     from robots.hardware.rig import PRESETS as PRESETS
     from robots.hardware.rig import Channel as Channel
     from robots.hardware.rig import PneumaticRig as PneumaticRig
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     from robots.hardware.table import read_design as read_design
     from robots.hardware.timeline import RigViolation as RigViolation
     from robots.hardware.timeline import Violation as Violation
-    from robots.hardware.timeline import export_csv as export_csv
-    from robots.hardware.timeline import gait_table as gait_table
     from robots.hardware.units import KPA_PER_UNIT as KPA_PER_UNIT
 
 __getattr__, __dir__ = exported_names(__name__)

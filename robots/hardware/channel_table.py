@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from robots.hardware.headroom import RigReport, uses_of
-from robots.hardware.rig import CHANNELS, PneumaticRig
+from robots.hardware.lines import BLADDER_LINES, CHANNELS
+from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.hardware.timeline import (
     FASTEST_RATE,
@@ -27,12 +28,11 @@ from robots.hardware.timeline import (
     violations,
 )
 from robots.hardware.units import KPA_PER_UNIT
-from robots.inflatable.schedule import BLADDERS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
 
 SCHEMA = "morpholab-channels-1"
-LINES = CHANNELS[1 : 1 + BLADDERS]  # those that channels can be on
+LINES = BLADDER_LINES  # those that channels can be on
 _SHORTEST = 1e-6  # of a state [s]
 _TIMES = 1e-6  # to which times of rows are rounded [s]
 

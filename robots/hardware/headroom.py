@@ -1,7 +1,7 @@
-"""How near a gait comes to the limits of the rig that is to play it.
+"""How near what lines are told comes to the limits of the rig that is to play it.
 
-``gait_table`` refuses a gait that exceeds a limit; this tells of every channel how much of each limit
-the gait uses, and how long the rig takes.
+Tables refuse what exceeds a limit; this tells of every channel how much of each limit is used, and how long the rig
+takes.
 """
 
 from dataclasses import dataclass
@@ -9,9 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robots.hardware.rig import ROUNDING, Channel, PneumaticRig
-from robots.hardware.table import on_lines
-from robots.hardware.timeline import Timeline, commands_of, timeline
-from robots.inflatable.design import InflatableDesign
+from robots.hardware.timeline import Timeline
 
 NEAR = 0.9  # of a limit
 EXCEEDED, AT_THE_LIMIT, NEAR_THE_LIMIT, WITHIN = "exceeded", "at the limit", "near the limit", "within"
@@ -77,22 +75,6 @@ class RigReport:
     def exceeded(self) -> bool:
         """Whether the rig refuses the gait."""
         return any(use.verdict == EXCEEDED for use in self.uses)
-
-
-def rig_report(design: InflatableDesign, rig: PneumaticRig | None = None) -> RigReport:
-    """What a design asks of a rig, the dissertation's if None; a gait that is refused, too.
-
-    Raises:
-        ValueError: for a design with several cores that are not alike, and too few lines for them.
-    """
-    rig = rig or PneumaticRig()
-    columns, repeats = design.schedule.columns, design.schedule.repeats
-    line = timeline(commands_of(on_lines(design, rig), rig.line_map, rig.cores), rig)
-    lasting = [state.end_s - state.start_s for state in line.states]
-    first, again = lasting[1 : columns + 1], lasting[columns + 1 : 2 * columns + 1]
-    played = [*first, *again] if repeats > 1 else first
-    playing = sum(first) + (repeats - 1) * sum(again)
-    return RigReport(uses_of(line, rig), lasting[0], playing, columns * repeats, min(played), max(played))
 
 
 def uses_of(line: Timeline, rig: PneumaticRig) -> tuple[Use, ...]:

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.hardware.lines import ACTUATOR_LINES, ACTUATORS, BLADDERS, FEET
 from robots.hardware.units import PRESSURE, PositivePressure, PressureError, Unit, Vacuum
-from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields
 
@@ -27,8 +27,8 @@ _ADDED = {"ramp_pa"}  # fields that earlier tables lack; their defaults do what 
 
 def _each_actuator(field: str, value: Any) -> tuple[float, ...]:
     """Check the pressures of the ten actuators."""
-    if not isinstance(value, list | tuple) or len(value) != ROWS:
-        allowed = f"give {ROWS} pressures, bladders then feet"
+    if not isinstance(value, list | tuple) or len(value) != ACTUATORS:
+        allowed = f"give {ACTUATORS} pressures, bladders then feet"
         raise PressureError(lambda unit: f"{unit.field(field)}: {unit.shown(value)} is not allowed; {allowed}")
     return tuple(PRESSURE(field, part) for part in value)
 
@@ -70,7 +70,7 @@ class LineMap:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for name, on, off in zip(GaitSchedule.row_names, self.on_kpa, self.off_kpa, strict=True):
+        for name, on, off in zip(ACTUATOR_LINES, self.on_kpa, self.off_kpa, strict=True):
             if off >= on:
                 raise _not_below(name, off, on)
 
@@ -103,11 +103,11 @@ class LineMap:
     def as_read(self, lines: ArrayLike) -> tuple[Floats, Floats]:
         """The same with all digits, of which the last may be those of the table."""
         given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
-        told = given[:, :-ROWS].T if given.shape[1] > ROWS + 1 else given[:, 0]
+        told = given[:, :-ACTUATORS].T if given.shape[1] > ACTUATORS + 1 else given[:, 0]
         core = np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa
         if self.ramp_pa > 0:
             core = np.where(told < self._ramp[1], np.interp(told, self._ramp, (0.0, self.ramp_pa)), core)
-        levels = (given[:, -ROWS:] - off) / (np.array(self.on_kpa) - off)
+        levels = (given[:, -ACTUATORS:] - off) / (np.array(self.on_kpa) - off)
         return core, np.clip(levels, 0.0, 1.0).T
 
     def without_unused_ramp(self, pressures: ArrayLike) -> Self:
@@ -131,7 +131,7 @@ class LineMap:
         """
         on, off = (np.clip(side, low, high) for side in (self.on_kpa, self.off_kpa))
         if (same := np.flatnonzero(on <= off)).size:
-            name = GaitSchedule.row_names[same[0]]
+            name = ACTUATOR_LINES[same[0]]
             raise ValueError(f"{name}: clipping leaves {on[same[0]]:g} kPa for both on and off; widen its limits")
         return replace(self, on_kpa=tuple(on.tolist()), off_kpa=tuple(off.tolist()))
 

@@ -17,6 +17,7 @@ import numpy as np
 import tomli_w
 
 from robots.hardware.line_map import RAMP_PA, LineMap
+from robots.hardware.lines import ACTUATORS, BLADDER_LINES, BLADDERS, CHANNELS, FEET, FOOT_LINES, channel_names
 from robots.hardware.units import (
     KPA_PER_UNIT,
     NotNegativePressure,
@@ -27,21 +28,14 @@ from robots.hardware.units import (
     Vacuum,
     refused,
 )
-from robots.inflatable.schedule import BLADDERS, FEET, ROWS, GaitSchedule
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
 
 Described = TypeVar("Described", "Channel", LineMap)
-CHANNELS = ("core", *GaitSchedule.row_names)
 LONGEST_LAG = 3600.0  # [s]
 ROUNDING = 1e-9  # of a limit, as part of it: what is exactly at a limit survives rounding
 MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
-
-
-def channel_names(cores: int) -> tuple[str, ...]:
-    """Names of the lines of a rig with so many for cores: ``CHANNELS`` for one, else ``core1``, ``core2`` and on."""
-    return CHANNELS if cores == 1 else (*(f"core{n}" for n in range(1, cores + 1)), *GaitSchedule.row_names)
 
 
 @dataclass(frozen=True)
@@ -123,7 +117,7 @@ class PneumaticRig:
         if (given := len(self.channels)) < len(CHANNELS):
             raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)}")
         if self.cores > MOST_CORES:
-            raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)} to {ROWS + MOST_CORES}")
+            raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)} to {ACTUATORS + MOST_CORES}")
         for name, channel in zip(self.channel_names, self.channels, strict=True):
             if channel.maximum_kpa > self.supply_kpa:
                 error = refused(
@@ -143,7 +137,7 @@ class PneumaticRig:
     @property
     def cores(self) -> int:
         """How many of its lines are for cores."""
-        return len(self.channels) - ROWS
+        return len(self.channels) - ACTUATORS
 
     @property
     def channel_names(self) -> tuple[str, ...]:
@@ -222,10 +216,7 @@ _LAGGED = replace(
 )
 PRESETS: Mapping[str, PneumaticRig] = MappingProxyType({rig.name: rig for rig in (_DISSERTATION, _GENTLE, _LAGGED)})
 
-_SEVERAL = {  # tables that speak of several channels
-    "bladder": GaitSchedule.row_names[:BLADDERS],
-    "foot": GaitSchedule.row_names[BLADDERS:],
-}
+_SEVERAL = {"bladder": BLADDER_LINES, "foot": FOOT_LINES}  # tables that speak of several channels
 _SIMPLE = tuple(each.name for each in fields(PneumaticRig) if each.name not in ("channels", "line_map", "units"))
 _NAMES = ("units", *_SIMPLE, "map", "channels", "cores")
 

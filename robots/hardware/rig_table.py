@@ -17,9 +17,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots.hardware.rig import channel_names
+from robots.hardware.lines import ACTUATORS, channel_names
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
-from robots.inflatable.schedule import ROWS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text
 
@@ -82,7 +81,7 @@ class RigTable(ABC):
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of what the lines drive, in the order of their pressures."""
-        return channel_names(self.pressures.shape[1] - ROWS)
+        return channel_names(self.pressures.shape[1] - ACTUATORS)
 
     @property
     @abstractmethod

@@ -338,7 +338,7 @@ class InflatableRobot(Robot):
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:
         """What the gait asks of each line of a rig, and the time of the gait in the simulation [s]."""
-        from robots.hardware.headroom import rig_report
+        from robots.hardware.gait_commands import rig_report
 
         return rig_report(self.gait, rig), self._seconds
 

@@ -15,12 +15,12 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.hardware import lines
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number, numbers, whole_number
 
-BLADDERS = 8
-FEET = 2
-ROWS = BLADDERS + FEET
+BLADDERS, FEET = lines.BLADDERS, lines.FEET
+ROWS = lines.ACTUATORS
 MOST_COLUMNS, MOST_REPEATS = 10_000, 100_000  # published gaits have 8, played twice
 # Safety limit of the core in the simulator [Pa]. The search space ends at 12 kPa; published evaluations reach 13,281.
 MAXIMUM_PRESSURE = 15e3
@@ -62,10 +62,7 @@ class GaitSchedule:
     pace: Floats | None = None
     skip_idle: bool = True
 
-    row_names: ClassVar[tuple[str, ...]] = (
-        *(f"bladder{i + 1}" for i in range(BLADDERS)),
-        *(f"foot{i + 1}" for i in range(FEET)),
-    )
+    row_names: ClassVar[tuple[str, ...]] = lines.ACTUATOR_LINES
 
     def __post_init__(self) -> None:
         levels = _table("schedule", self.levels, 1.0, "T", self.row_names)

@@ -10,7 +10,7 @@ from graded import QUICK, TINY_TWO
 
 from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv, read_design
 from robots.hardware.gait_chart import gait_chart
-from robots.hardware.headroom import rig_report
+from robots.hardware.gait_commands import rig_report
 from robots.hardware.rig_play import play_table
 from robots.hardware.stream import CommaLines, stream_of
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED

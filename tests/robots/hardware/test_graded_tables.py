@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robots.hardware import PneumaticRig, RigViolation, export_csv, gait_table, read_csv
-from robots.hardware.headroom import rig_report
+from robots.hardware.gait_commands import rig_report
 from robots.hardware.table import TIME_STEP
 from robots.inflatable import ACTUATION, INCHING, simulation
 from robots.inflatable.design import InflatableDesign

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robots.hardware import CHANNELS, PneumaticRig, RigViolation, gait_table
-from robots.hardware.headroom import rig_report
+from robots.hardware.gait_commands import rig_report
 from robots.inflatable import INCHING, ROLLING
 
 RIG = PneumaticRig()

@@ -13,7 +13,7 @@ from graded import TINY_TWO as TINY
 from optim.problems.inflatable.problem import GaitProblem
 from robots import inflatable
 from robots.hardware import gait_table
-from robots.hardware.headroom import rig_report
+from robots.hardware.gait_commands import rig_report
 from robots.inflatable import (
     INCHING,
     PUBLISHED,
