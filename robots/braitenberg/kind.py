@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from robots.braitenberg.body import CONTROLLERS, FORMAT
+from robots.environments import Environment
 from robots.kind import choices
 from robots.robot import Option, Robot, RobotKind, World
-from robots.world import Environment
 from taichi_sim.base.options import whole
 
 DESIGN = Option(

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from robots.braitenberg.body import BASELINE, CONTROLLERS, FORMAT, HALF_SIDE, VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral
 from robots.braitenberg.sweeps import sweep
+from robots.environments import Environment
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
-from robots.world import Environment
 from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, whole_number

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.neural import TIME_STEP, Lights
+from robots.environments import Environment
 from robots.outcome import recorded
 from robots.robot import HERE, Option, Outcome, Robot, RobotKind, Trial, World, counted
-from robots.world import Environment
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute

@@ -15,11 +15,12 @@ from robots.braitenberg.body import DESIGNS
 from robots.braitenberg.experiment import DISTANCE
 from robots.braitenberg.offered import VehicleRobot
 from robots.control.lights import LightAt
+from robots.environments import Environment
 from robots.quadruped.body import ENVIRONMENTS, Kind, Quadruped
 from robots.quadruped.offered import OfferedQuadruped
 from robots.robot import Robot, Trial, World
 from robots.tasks import Success
-from robots.world import Environment, Terrain
+from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 
