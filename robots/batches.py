@@ -71,16 +71,10 @@ def in_groups(
 def around(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:
     """A key that is equal for terrains on which robots of these materials can share a batch.
 
-    It holds all but slope, ground, light and friction, and whether there is water and the ground yields; among props,
-    friction, too.
+    It holds all but slope, ground, light and friction, and which laws what is on the ground has, such as water; among
+    props, friction, too.
     """
     named = (*_OF_ALL, *_RUBBING) if terrain.props else _OF_ALL
     pairs = tuple((m.static_friction, m.kinetic_friction) for m in materials) if terrain.props else ()
-    return tuple(getattr(terrain, name) for name in named), pairs, _laws(terrain)
-
-
-def _laws(terrain: Terrain) -> tuple[bool, bool]:
-    """Whether there is water on a terrain's ground, and whether it yields."""
-    if (ground := terrain.uneven) is None:
-        return False, False
-    return ground.water is not None, ground.yield_per_depth is not None
+    laws = frozenset(terrain.uneven.laws) if terrain.uneven else frozenset()
+    return tuple(getattr(terrain, name) for name in named), pairs, laws

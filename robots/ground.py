@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.ground_kinds import BEGINS, COVERS, GROUNDS, LEVEL, POSITIVE, SAND, SIGNED, WATER, Named, way, ways
+from robots.ground_kinds import COVERS, GROUNDS, LEVEL, Cover, GroundKind, read_numbers, ways
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
 
@@ -49,8 +49,7 @@ class Ground:
         if not isinstance(self.text, str):
             raise ValueError(f"ground: {self.text!r} is not allowed; give its name, such as 'rough:0.01'")
         self._checked()
-        for cover in self.covers:
-            self._cover(cover)
+        self._check_laws()
 
     @property
     def solid(self) -> str:
@@ -71,18 +70,35 @@ class Ground:
         return found
 
     @property
-    def water(self) -> "Water | None":
-        """The water on it."""
-        from taichi_sim.lattice import Water
-
-        numbers = self._cover(WATER)
-        return Water(*numbers) if numbers else None
+    def is_wet(self) -> bool:
+        """Whether there is water on it."""
+        return any(cover.wet for cover, _ in self._covers)
 
     @property
-    def yield_per_depth(self) -> float | None:
-        """Stress per depth at which it gives way [N/m^3]; None for firm ground."""
-        numbers = self._cover(SAND)
-        return numbers[0] if numbers else None
+    def laws(self) -> dict[str, Any]:
+        """What is on it as arguments of a ``Relief``: the water, the stress per depth at which it yields."""
+        return {name: law(*numbers) for cover, numbers in self._covers for name, law in cover.laws.items()}
+
+    @property
+    def water(self) -> "Water | None":
+        """The water on it."""
+        return self.laws.get("water")
+
+    @property
+    def _covers(self) -> list[tuple[Cover, tuple[float, ...]]]:
+        """What is on the ground, with its numbers, in the order of ``COVERS``."""
+        given = {name: numbers for name, _, numbers in (part.partition(":") for part in self.covers)}
+        return [(cover, cover.read(given[name], self.text)) for name, cover in COVERS.items() if name in given]
+
+    def _check_laws(self) -> None:
+        """Refuse covers of which two say the same about the ground."""
+        known: dict[str, str] = {}
+        for cover, _ in self._covers:
+            for law in cover.laws:
+                if law in known:
+                    told = f"{known[law]} and {cover.name} both say its {law}"
+                    raise ValueError(f"terrain: {self.text!r} is not allowed, as {told}; give one of them")
+                known[law] = cover.name
 
     @property
     def _parts(self) -> list[str]:
@@ -126,12 +142,7 @@ class Ground:
         except OSError as error:
             raise ValueError(f"terrain: {self.file!r} cannot be read ({why_unread(error)})") from None
 
-    def _cover(self, kind: str) -> tuple[float, ...]:
-        """The numbers of what is on the ground; none without."""
-        given = next((part for part in self.covers if part.partition(":")[0] == kind.partition(":")[0]), None)
-        return () if given is None else self._numbers_of(COVERS[given.partition(":")[0]], given)
-
-    def _checked(self) -> tuple[Named | None, tuple[float, ...]]:
+    def _checked(self) -> tuple[GroundKind | None, tuple[float, ...]]:
         """The kind, or None for a file, and its numbers.
 
         Raises:
@@ -141,30 +152,14 @@ class Ground:
             return LEVEL, ()
         if found := _OF_FILE.fullmatch(self.solid):
             return None, self._file_numbers(found[1], found[2] or "")
-        kind = self.solid.partition(":")[0]
-        if kind not in GROUNDS:
+        name, _, numbers = self.solid.partition(":")
+        if name not in GROUNDS:
             raise ValueError(f"terrain: {self.text!r} is unknown; give {ways()}")
-        return GROUNDS[kind], self._numbers_of(GROUNDS[kind], self.solid)
-
-    def _numbers_of(self, named: Named, text: str) -> tuple[float, ...]:
-        """The numbers after the name of a kind, or of what is on the ground."""
-        kind, _, given = text.partition(":")
-        numbers = _numbers(self.text, given, len(named.numbers))
-        for name, default in named.numbers[len(numbers) :]:
-            if default is None:
-                raise ValueError(f"terrain: {self.text!r} lacks {name}; give {way(kind)}")
-            numbers += (default,)
-        for (name, _), value in zip(named.numbers, numbers, strict=True):
-            if name not in SIGNED and (value < 0 or (value == 0 and name in POSITIVE)):
-                allowed = "more than 0" if name in POSITIVE else "at least 0"
-                raise ValueError(f"terrain: {name} {value:g} of {self.text!r} is not allowed; give {allowed}")
-            if name == "SEED" and not (value.is_integer() and value < 2**32):
-                raise ValueError(f"terrain: SEED {value:g} of {self.text!r} is not allowed; give a whole number")
-        return numbers
+        return GROUNDS[name], GROUNDS[name].read(numbers, self.text)
 
     def _file_numbers(self, file: str, given: str) -> tuple[float, ...]:
         image = Path(file).suffix.lower() in IMAGES
-        numbers = _numbers(self.text, given, 2 if image else 1)
+        numbers = read_numbers(given, self.text, 2 if image else 1)
         if len(numbers) != (2 if image else 1) or min(numbers) <= 0:
             way = "FILE.png:HEIGHT,SPACING" if image else "FILE.npy:SPACING"
             raise ValueError(f"terrain: {self.text!r} is not allowed; give {way}, in metres, more than 0")
@@ -202,22 +197,26 @@ class Ground:
             return math.inf
         return None if where[0] <= end else float(where[0])
 
+    @property
+    def start_name(self) -> str | None:
+        """The number that says where it begins; None for kinds of ground that begin nowhere."""
+        kind, _ = self._checked()
+        return None if kind is None or kind.start is None else kind.numbers[kind.start].name
+
     def beginning_at(self, place: float) -> str | None:
-        """The text with another start [m]; None for kinds of ground that have none."""
-        named, numbers = self._checked()
-        if named is None or BEGINS not in named.numbers:
+        """The text with another start [m]; None for kinds of ground that begin nowhere."""
+        kind, numbers = self._checked()
+        if kind is None or kind.start is None:
             return None
-        numbers = (*numbers[: named.numbers.index(BEGINS)], place)
+        numbers = (*numbers[: kind.start], place, *numbers[kind.start + 1 :])
         return "+".join([f"{self.solid.partition(':')[0]}:{','.join(f'{n:g}' for n in numbers)}", *self.covers])
 
     @property
     def spoken(self) -> str:
         """The ground in words, such as ``"smooth random hills of sand (rough:0.01+sand:2e5)"``."""
-        named, _ = self._checked()
-        told = "ground of a file" if named is None else named.description
-        sand = " of sand" if self.yield_per_depth else ""
-        water = " with water" if self.water else ""
-        return f"{told}{sand}{water} ({self.text})"
+        kind, _ = self._checked()
+        told = "ground of a file" if kind is None else kind.description
+        return " ".join([told, *(cover.spoken for cover, _ in self._covers), f"({self.text})"])
 
 
 def is_ground(text: str) -> bool:
@@ -231,21 +230,6 @@ def _parts_of(text: str) -> list[str]:
     parts = text.split("+")
     last = next((n for n, part in enumerate(parts) if part.partition(":")[0] in COVERS), len(parts))
     return [*(["+".join(parts[:last])] if last else []), *parts[last:]]
-
-
-def _numbers(text: str, given: str, most: int) -> tuple[float, ...]:
-    """Numbers between commas.
-
-    Raises:
-        ValueError: for what is no finite number, and too many.
-    """
-    try:
-        numbers = tuple(float(part) for part in given.split(",")) if given else ()
-    except ValueError:
-        numbers = (math.nan,)
-    if len(numbers) > most or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"terrain: {given!r} of {text!r} is not allowed; give at most {most} numbers, as in 0.01,0.05")
-    return numbers
 
 
 @lru_cache(maxsize=16)
@@ -263,7 +247,7 @@ def _relief(given: Ground, heading: float, edge: float, changed: int | None) -> 
     heights, friction = _values(given, x * cosine + y * sine, y * cosine - x * sine)
     try:
         origin = float(low[0]), float(low[1])
-        return Relief(heights, spacing, origin, friction, given.water, given.yield_per_depth)
+        return Relief(heights, spacing, origin, friction, **given.laws)
     except ValueError as refused:
         raise ValueError(f"terrain: {given.text!r} on a grid of {spacing:g} m: {refused}") from None
 
@@ -272,10 +256,10 @@ def _values(ground: Ground, along: Floats, across: Floats) -> tuple[Floats, Floa
     """Heights [m] and factors of friction at places; None where that is 1 everywhere."""
     from taichi_sim.lattice import Relief
 
-    named, numbers = ground._checked()
-    if named is not None:
-        friction = named.friction and named.friction(along, across, *numbers)
-        return named.make(along, across, *numbers), friction
+    kind, numbers = ground._checked()
+    if kind is not None:
+        friction = kind.friction and kind.friction(along, across, *numbers)
+        return kind.height(along, across, *numbers), friction
     file = str(ground.source)
     heights, friction = _tables(file)
     *height, spacing = numbers

@@ -1,36 +1,150 @@
-"""Kinds of uneven ground by name, and what may be on any: their numbers, heights and friction, how they are written.
+"""Kinds of uneven ground by name, and what may be on any: their numbers, what they do, how they are written.
 
-``robots.ground`` reads the names. Kinds that begin somewhere leave the ground below a robot level.
+``robots.ground`` reads the names. A new kind or cover is one entry of ``GROUNDS`` or ``COVERS``, and a row of
+``docs/terrains.md``. Kinds that begin somewhere leave the ground below a robot level.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
 
+if TYPE_CHECKING:
+    from taichi_sim.lattice import Water
+
 START = 0.3  # m ahead of a robot's origin: where stairs, ramps and gaps begin; up to there the ground is level
 WATER_DENSITY = 1000.0  # kg/m^3
 
 
 @dataclass(frozen=True)
-class Named:
-    """A kind of ground that is made from a few numbers.
+class Number:
+    """A number in the name of a ground, or of what is on it.
 
     Attributes:
-        description: what it is, for help.
-        numbers: names of its numbers, with the value of those that may be left out, else None.
-        make: height [m] at places (x, y) [m], from these numbers.
-        friction: factor of friction there, from these numbers; None is 1 everywhere.
+        name: in capitals, as messages and help write it.
+        default: its value where it is left out; None must be given.
+        low: its lowest value.
+        open: whether ``low`` itself is refused, too.
+        whole: whether it must be a whole number, which is less than 2^32.
+        start: whether it says how far ahead of a robot's origin the ground begins to differ [m].
     """
 
+    name: str
+    default: float | None = None
+    low: float = 0.0
+    open: bool = True
+    whole: bool = False
+    start: bool = False
+
+    def check(self, value: float, text: str) -> None:
+        """Refuse a value, in the name of a ground, that is not allowed.
+
+        Raises:
+            ValueError: that names both.
+        """
+        told = f"terrain: {self.name} {value:g} of {text!r} is not allowed; give"
+        if value < self.low or (self.open and value == self.low):
+            raise ValueError(f"{told} {'more than' if self.open else 'at least'} {self.low:g}")
+        if self.whole and not (value.is_integer() and value < 2**32):
+            raise ValueError(f"{told} a whole number")
+
+
+@dataclass(frozen=True)
+class Numbered:
+    """What the name of a terrain names, and the few numbers that it is made from.
+
+    Attributes:
+        name: that stands before its numbers.
+        description: what it is, for people.
+        numbers: in their order; those that may be left out come last.
+    """
+
+    name: str
     description: str
-    numbers: tuple[tuple[str, float | None], ...]
-    make: Callable[..., Floats]
+    numbers: tuple[Number, ...]
+
+    @property
+    def way(self) -> str:
+        """How it is written, such as ``stairs:RISE,RUN[,START]``."""
+        marks = ":" + "," * len(self.numbers)
+        parts = [f"{mark}{number.name}" for mark, number in zip(marks, self.numbers, strict=False)]
+        each = zip(parts, self.numbers, strict=True)
+        return self.name + "".join(part if number.default is None else f"[{part}]" for part, number in each)
+
+    def read(self, given: str, text: str) -> tuple[float, ...]:
+        """Its numbers as given after its name, with those that are left out.
+
+        Args:
+            given: numbers between commas.
+            text: the whole name, for messages.
+
+        Raises:
+            ValueError: for numbers that are not allowed, too many, or too few.
+        """
+        found = read_numbers(given, text, len(self.numbers))
+        for number in self.numbers[len(found) :]:
+            if number.default is None:
+                raise ValueError(f"terrain: {text!r} lacks {number.name}; give {self.way}")
+            found += (number.default,)
+        for number, value in zip(self.numbers, found, strict=True):
+            number.check(value, text)
+        return found
+
+
+@dataclass(frozen=True)
+class GroundKind(Numbered):
+    """A kind of firm ground.
+
+    Attributes:
+        height: [m] at places (x, y) [m], from its numbers.
+        friction: factor of friction there, from its numbers; None is 1 everywhere.
+    """
+
+    height: Callable[..., Floats]
     friction: Callable[..., Floats] | None = None
+
+    @property
+    def start(self) -> int | None:
+        """Which of its numbers says where it begins; None for kinds that begin nowhere."""
+        return next((n for n, number in enumerate(self.numbers) if number.start), None)
+
+
+@dataclass(frozen=True)
+class Cover(Numbered):
+    """What may be on any ground, or alone on level ground, and what it does to a robot.
+
+    Attributes:
+        spoken: what is said of it after the ground.
+        laws: arguments of a ``taichi_sim.lattice.Relief`` by their names, each a function of its numbers.
+    """
+
+    spoken: str
+    laws: Mapping[str, Callable[..., Any]]
+
+    @property
+    def wet(self) -> bool:
+        """Whether it is water, in which a robot meets drag and floats."""
+        return "water" in self.laws
+
+
+def read_numbers(given: str, text: str, most: int) -> tuple[float, ...]:
+    """Numbers between commas in the name of a ground.
+
+    Raises:
+        ValueError: for what is no finite number, and too many.
+    """
+    try:
+        numbers = tuple(float(part) for part in given.split(",")) if given else ()
+    except ValueError:
+        numbers = (math.nan,)
+    if len(numbers) > most or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"terrain: {given!r} of {text!r} is not allowed; give at most {most} numbers, as in 0.01,0.05")
+    return numbers
 
 
 def _drawn(i: Floats, j: Floats, seed: float) -> Floats:
@@ -84,45 +198,77 @@ def _course_friction(x: Floats, y: Floats, *numbers: float) -> Floats:
     return Course(*numbers).friction(x)
 
 
-LEVEL = Named("level ground", (), _level)
-SEED, BEGINS = ("SEED", 0.0), ("START", START)
+def _water(level: float, density: float) -> "Water":
+    from taichi_sim.lattice import Water
+
+    return Water(level, density)
+
+
+def _yield_per_depth(limit: float) -> float:
+    return limit
+
+
+LEVEL = GroundKind("level", "level ground", (), _level)
+HEIGHT, SIZE = Number("HEIGHT", open=False), Number("SIZE", 0.05)
+SEED, BEGINS = Number("SEED", 0.0, open=False, whole=True), Number("START", START, -math.inf, start=True)
 GROUNDS = {
-    "rough": Named("smooth random hills", (("HEIGHT", None), ("SIZE", 0.05), SEED), _rough),
-    "steps": Named("square blocks of random heights", (("HEIGHT", None), ("SIZE", 0.05), SEED), _blocks),
-    "stairs": Named("stairs", (("RISE", None), ("RUN", None), BEGINS), _stairs),
-    "ramp": Named("level, then a slope", (("DEGREES", None), BEGINS), _ramp),
-    "gap": Named("a trench across the way", (("WIDTH", None), ("DEPTH", 0.02), BEGINS), _gap),
-    "wave": Named("waves across the way", (("HEIGHT", None), ("LENGTH", None)), _wave),
-    "patches": Named(
-        "level squares whose friction counts by a random factor",
-        (("LOW", None), ("HIGH", None), ("SIZE", 0.05), SEED),
-        _level,
-        _patches,
-    ),
-    "course": Named(
-        "level stretches, and slopes, ridges and slippery ones in random order between them",
-        (("SEED", None), ("LENGTH", 0.2), ("DEGREES", 8.0), ("RIDGE", 0.004), ("FACTOR", 0.05)),
-        _course_height,
-        _course_friction,
-    ),
+    kind.name: kind
+    for kind in (
+        GroundKind("rough", "smooth random hills", (HEIGHT, SIZE, SEED), _rough),
+        GroundKind("steps", "square blocks of random heights", (HEIGHT, SIZE, SEED), _blocks),
+        GroundKind("stairs", "stairs", (Number("RISE", open=False), Number("RUN"), BEGINS), _stairs),
+        GroundKind("ramp", "level, then a slope", (Number("DEGREES", low=-math.inf), BEGINS), _ramp),
+        GroundKind(
+            "gap", "a trench across the way", (Number("WIDTH"), Number("DEPTH", 0.02, open=False), BEGINS), _gap
+        ),
+        GroundKind("wave", "waves across the way", (HEIGHT, Number("LENGTH")), _wave),
+        GroundKind(
+            "patches",
+            "level squares whose friction counts by a random factor",
+            (Number("LOW", open=False), Number("HIGH", open=False), SIZE, SEED),
+            _level,
+            _patches,
+        ),
+        GroundKind(
+            "course",
+            "level stretches, and slopes, ridges and slippery ones in random order between them",
+            (
+                Number("SEED", open=False, whole=True),
+                Number("LENGTH", 0.2),
+                Number("DEGREES", 8.0, -math.inf),
+                Number("RIDGE", 0.004, open=False),
+                Number("FACTOR", 0.05, open=False),
+            ),
+            _course_height,
+            _course_friction,
+        ),
+    )
 }
-# What may be on any ground, level ground without a name, too.
-SAND, WATER = "sand", "water"
 COVERS = {
-    SAND: Named("granular", (("YIELD", None),), _level),
-    WATER: Named("water", (("LEVEL", None), ("DENSITY", WATER_DENSITY)), _level),
+    cover.name: cover
+    for cover in (
+        Cover("sand", "granular ground", (Number("YIELD"),), "of sand", {"yield_per_depth": _yield_per_depth}),
+        Cover(
+            "water",
+            "water on the ground",
+            (Number("LEVEL", low=-math.inf), Number("DENSITY", WATER_DENSITY)),
+            "with water",
+            {"water": _water},
+        ),
+    )
 }
-SIGNED = ("DEGREES", "START", "LEVEL")  # numbers that may be negative
-POSITIVE = ("SIZE", "RUN", "LENGTH", "WIDTH", "YIELD", "DENSITY")
-
-
-def way(kind: str) -> str:
-    """How a kind of ground is written, such as ``stairs:RISE,RUN[,START]``."""
-    first, *others = (GROUNDS | COVERS)[kind].numbers
-    return f"{kind}:{first[0]}" + "".join(f",{name}" if value is None else f"[,{name}]" for name, value in others)
 
 
 def ways() -> str:
-    """How all kinds of ground are written."""
-    on_it = " or ".join(f"+{way(kind)}" for kind in COVERS)
-    return ", ".join([*map(way, GROUNDS), "FILE.npy:SPACING", f"FILE.png:HEIGHT,SPACING; on any of them {on_it}"])
+    """How all kinds of ground, and what is on them, are written."""
+    on_it = " or ".join(f"+{cover.way}" for cover in COVERS.values())
+    grounds = [kind.way for kind in GROUNDS.values()]
+    return ", ".join([*grounds, "FILE.npy:SPACING", f"FILE.png:HEIGHT,SPACING; on any of them {on_it}"])
+
+
+def described() -> str:
+    """How all kinds of ground, and what is on them, are written, each with what it is."""
+    grounds = [f"{kind.way} ({kind.description})" for kind in GROUNDS.values()]
+    covers = [f"{cover.way} ({cover.description})" for cover in COVERS.values()]
+    files = ["FILE.npy:SPACING", "FILE.png:HEIGHT,SPACING (heights of a file)"]
+    return f"{', '.join([*grounds, *files])}; after a plus on any of them, or alone, {', '.join(covers)}"

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from robots.ground_kinds import described
 from robots.robot import Option, RobotKind, World
 from robots.world import STEEPEST, Terrain
 from taichi_sim.base.options import checked
@@ -16,7 +17,8 @@ class TerrainKind(RobotKind):
     world_type = staticmethod(checked(Terrain.parse, "terrain"))
     world_hint = (
         "flat, hill:15, water or uneven ground, such as rough:0.01 (default: flat, of a run its own); with a light for "
-        "robots that feel it, flat+light:X,Y, or a box, ball or wall, flat+box:LX,LY,LZ,X,Y[,Z]"
+        "robots that feel it, flat+light:X,Y, or a box, ball or wall, flat+box:LX,LY,LZ,X,Y[,Z]; uneven ground is "
+        f"{described()}"
     )
     view_precision = "f32"
 

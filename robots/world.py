@@ -92,7 +92,7 @@ class Terrain:
         if self.light is not None:
             object.__setattr__(self, "light", checked_place("light", self.light))
         object.__setattr__(self, "props", tuple(_prop(each) for each in self.props or ()) or None)
-        if self.ground is not None and Ground(self.ground).water and self.slope:
+        if self.ground is not None and Ground(self.ground).is_wet and self.slope:
             raise ValueError(
                 f"slope: {self.slope} is not allowed with water, whose surface is level; give 0, or a ramp in place of "
                 f"the hill, such as ramp:{self.slope:g}+water:0"
@@ -155,7 +155,7 @@ class Terrain:
     @property
     def is_wet(self) -> bool:
         """Whether a fluid is around robots, or water on the ground."""
-        return self.is_fluid or (self.uneven is not None and self.uneven.water is not None)
+        return self.is_fluid or (self.uneven is not None and self.uneven.is_wet)
 
     @property
     def name(self) -> str:

@@ -53,7 +53,7 @@ def _far(robot: Robot, worlds: Iterable[World], gone: float | None) -> Iterable[
         way = ground.beginning_at(closer)
         if start is None or start <= near or (math.isinf(start) and way is None):
             continue
-        told = f"; give its START, such as {way}" if way else ""
+        told = f"; give its {ground.start_name}, such as {way}" if way else ""
         if math.isinf(start):
             yield f"terrain: {ground.text} is level as far as ground is made, {AHEAD:g} m ahead{told}"
             continue

@@ -1,23 +1,28 @@
 """Uneven ground by name, and robots that stand and move on it."""
 
 import json
+import math
 import os
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from optim.commands.far_ground import note_far_ground
+from optim.problems.inflatable.problem import GaitProblem
+from robots.batches import around
 from robots.course import Course
 from robots.ground import Ground
-from robots.ground_kinds import GROUNDS
+from robots.ground_kinds import COVERS, GROUNDS, HEIGHT, Cover, GroundKind, Number, described, ways
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.journeys import Leg, simulate_journey
 from robots.view.uneven import node_tints
 from robots.world import Terrain, medium_of, one_each, standing
-from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder
+from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Water
 
 EDGE = 0.01
 
@@ -327,3 +332,66 @@ def test_files_that_change_and_deep_images(tmp_path):
 def test_ground_that_is_no_text_is_refused_in_one_line():
     with pytest.raises(ValueError, match=r"^ground: array.* is not allowed; give a text such as 'rough"):
         Terrain(ground=np.zeros((9, 9)))
+
+
+DUNES = GroundKind(
+    "dunes",
+    "dunes across the way",
+    (HEIGHT, Number("BEGIN", 0.2, -math.inf, start=True), Number("RADIUS", 0.1)),
+    lambda x, y, height, begin, radius: height * np.clip((x - begin) / radius, 0.0, 1.0),
+)
+MUD = Cover(
+    "mud",
+    "mud",
+    (Number("DEPTH", low=-math.inf), Number("YIELD", 1e4)),
+    "of mud",
+    {"water": lambda depth, _: Water(depth, 1800.0), "yield_per_depth": lambda _, limit: limit},
+)
+
+
+def test_a_kind_of_ground_says_which_numbers_it_takes_and_where_it_begins(monkeypatch, capsys):
+    """Whatever they are called: a radius of 0 is refused by name, and another start keeps what follows it."""
+    monkeypatch.setitem(GROUNDS, "dunes", DUNES)
+    for text, message in (
+        ("dunes:0.01,0.3,0", "RADIUS 0 of 'dunes:0.01,0.3,0' is not allowed; give more than 0"),
+        ("dunes", "'dunes' lacks HEIGHT; give dunes:HEIGHT[,BEGIN][,RADIUS]"),
+    ):
+        with pytest.raises(ValueError, match=f"^terrain: {re.escape(message)}$"):
+            Terrain.parse(text)
+    assert height("dunes:0.01", [0.2, 0.25, 0.5], 0.0) == pytest.approx([0.0, 0.005, 0.01])
+    assert Ground("dunes:0.01").beginning_at(0.5) == "dunes:0.01,0.5,0.1"
+    assert Ground("dunes:0.01,0.3,0.4+sand:1").beginning_at(0.5) == "dunes:0.01,0.5,0.4+sand:1"
+    note_far_ground(GaitProblem((Terrain.parse("dunes:0.01,2,0.4"),), geometry="small"))
+    assert re.search(r"; give its BEGIN, such as dunes:0\.01,0\.\d+,0\.4$", capsys.readouterr().err)
+
+
+def test_a_cover_says_what_it_does_to_robots(monkeypatch):
+    """One entry of the table gives its laws, its words, its batches and its help; two never say the same."""
+    monkeypatch.setitem(COVERS, "mud", MUD)
+    mud, terrain = Ground("rough:0.01+mud:0.02"), Terrain.parse("rough:0.01+mud:0.02")
+    relief = mud.relief(0, EDGE)
+    assert (relief.water, relief.yield_per_depth) == (Water(0.02, 1800.0), 1e4)
+    assert mud.spoken == "smooth random hills of mud (rough:0.01+mud:0.02)" and terrain.is_wet
+    assert terrain.resistance == pytest.approx((0.5 * 1800 * 1.2, 0.5 * 1800 * 0.02))
+    shore = Terrain.parse("water:0+sand:1")
+    keys = [around(each) for each in (terrain, shore, Terrain.parse("sand:1"), Terrain.parse("rough:0.01"), Terrain())]
+    assert keys[0] == keys[1] and keys[3] == keys[4] and len({*keys}) == 3
+    assert "+mud:DEPTH[,YIELD]" in ways() and "mud:DEPTH[,YIELD] (mud)" in described()
+    with pytest.raises(
+        ValueError, match=r"^terrain: 'sand:1\+mud:0' is not allowed, as sand and mud both say its yield"
+    ):
+        Ground("sand:1+mud:0")
+
+
+@pytest.mark.parametrize("kind", [*GROUNDS.values(), *COVERS.values()], ids=lambda kind: kind.name)
+def test_every_ground_and_cover_is_in_the_documents(kind):
+    """A row of the table has it with its numbers, what it is, and what those are that may be left out."""
+    page = (Path(__file__).resolve().parents[2] / "docs/terrains.md").read_text()
+    (row,) = (line for line in page.splitlines() if line.startswith(f"| `{kind.way}`"))
+    assert kind.description in row.replace("[", "").replace("](#sand-and-water)", "")
+    common = page.partition("Numbers are metres and degrees.")[2].partition("\n\n")[0]
+    for number in kind.numbers:
+        if number.default is not None:
+            assert re.search(rf"(?<![\d.]){number.default:g}(?![\d.]*\d)", row + common) or (
+                re.search(rf"(?<![\d.]){1000 * number.default:g} mm", row)
+            )
