@@ -68,7 +68,7 @@ def in_groups(
     return [found[number] for number in range(count)]
 
 
-def around(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:
+def batch_key(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashable:
     """A key that is equal for terrains on which robots of these materials can share a batch.
 
     It holds all but slope, ground, light and friction, and which laws what is on the ground has, such as water; among

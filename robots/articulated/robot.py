@@ -125,7 +125,7 @@ class ArticulatedRobot(Robot):
 
     def _check_command_rate(self) -> None:
         """Refuse commands of a rhythm that change more than once a time step."""
-        step = self.world.time_step
+        step = self.physics.time_step
         rate = self.command_rate or 0.0
         if self.controller == "rhythm" and rate * step > 1 + 1e-9:
             raise ValueError(
@@ -138,7 +138,7 @@ class ArticulatedRobot(Robot):
         if self.controller != "rhythm":
             raise ValueError("reflexes: not allowed beside a network; give them with a rhythm")
         sensed_of(self).network(reflexes)
-        slowest, rate = STEADY * self.quickest, 1 / (self.hold * self.world.time_step)
+        slowest, rate = STEADY * self.quickest, 1 / (self.hold * self.physics.time_step)
         if reflexes.kind == "oscillators" and slowest > rate * (1 + 1e-9):
             raise ValueError(f"command_rate: {rate:g} Hz is not allowed; give {slowest:g} or more")
 
@@ -164,7 +164,7 @@ class ArticulatedRobot(Robot):
         return Senses(self.model.senses.touch, eyes)
 
     @property
-    def world(self) -> rigid.World:
+    def physics(self) -> rigid.World:
         """Time step and gravity of the model; friction as asked for."""
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
@@ -178,12 +178,12 @@ class ArticulatedRobot(Robot):
     @property
     def steps(self) -> int:
         """Time steps of a trial."""
-        return max(1, round(self.duration / self.world.time_step))
+        return max(1, round(self.duration / self.physics.time_step))
 
     @property
     def hold(self) -> int:
         """Time steps for which a command of a rhythm is kept."""
-        return max(1, round(1 / ((self.command_rate or USUAL_RATE) * self.world.time_step)))
+        return max(1, round(1 / ((self.command_rate or USUAL_RATE) * self.physics.time_step)))
 
     @property
     def direction(self) -> Floats:
@@ -224,7 +224,7 @@ class ArticulatedRobot(Robot):
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
         found = try_points(self, points, trial)
-        seconds = self.steps * self.world.time_step
+        seconds = self.steps * self.physics.time_step
         slopes = {}
         if found.gradient is not None:
             slopes = {"speed": found.gradient / seconds, "distance": found.gradient}

@@ -163,10 +163,10 @@ def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
     """The physics of a robot on ground that rises along its heading; the robot is turned with it."""
     slope = world.slope if isinstance(world, Terrain) else 0.0
     if slope == 0:
-        return robot.world
-    angle, down = math.radians(slope), robot.world.gravity
+        return robot.physics
+    angle, down = math.radians(slope), robot.physics.gravity
     x, y, _ = down * math.sin(angle) * robot.direction
-    return replace(robot.world, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
+    return replace(robot.physics, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
 
 
 def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
@@ -193,7 +193,7 @@ def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop
     """The reflexes of robots at some points, if they have any."""
     if robot.reflexes is None:
         return None
-    split, span = robot.rhythm_size, robot.hold * robot.world.time_step
+    split, span = robot.rhythm_size, robot.hold * robot.physics.time_step
     weights = points[:, split:]
     if robot.reflexes.weights is not None:
         weights = np.tile(robot.reflexes.weights, (len(points), 1))
@@ -241,7 +241,7 @@ def rhythm_slopes(robot: "ArticulatedRobot", points: Floats, of_commands: Floats
 def _parts(robot: "ArticulatedRobot", points: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Amplitudes and offsets, (N, 1, M), where in the cycle drives are, (N, K, M), and when, (K, 1) [s]."""
     count = -(-robot.steps // robot.hold)
-    times: Floats = np.arange(count, dtype=float)[:, None] * (robot.hold * robot.world.time_step)
+    times: Floats = np.arange(count, dtype=float)[:, None] * (robot.hold * robot.physics.time_step)
     values = points[:, 1 : robot.rhythm_size].reshape(len(points), 1, len(robot.drives), len(PARTS))
     amplitude, phase, offset = np.moveaxis(values, -1, 0)
     turns: Floats = points[:, :1, None] * times + phase

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.batches import around, grouped, in_groups, of_each
+from robots.batches import batch_key, grouped, in_groups, of_each
 from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
@@ -83,7 +83,7 @@ def try_variants(
     terrains = [terrain_of(world) for world in worlds]
     pairs = zip(robots, terrains, strict=True)
     groups = grouped(
-        (r.actuation.frequency, terrain.light is None, around(terrain, r.palette.materials)) for r, terrain in pairs
+        (r.actuation.frequency, terrain.light is None, batch_key(terrain, r.palette.materials)) for r, terrain in pairs
     )
 
     def run(group: Sequence[int], progress: Progress | None) -> Iterator[LatticeRobotResult]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.batches import around, grouped, in_groups
+from robots.batches import batch_key, grouped, in_groups
 from robots.inflatable.design import InflatableDesign, common_pressure, save_design
 from robots.inflatable.schedule import BLADDERS
 from robots.outcome import recorded
@@ -159,7 +159,7 @@ class InflatableRobot(Robot):
             return [self._on_rig(part) for part in trial.parts(worlds)]
         terrains, robots = [terrain_of(world) for world in worlds], variants or [self] * len(worlds)
         noisy = self.perturbation > 0 and len(points) > 1  # each of several has noise of its own, the same everywhere
-        groups = grouped((around(terrain), number * noisy) for number, terrain in enumerate(terrains))
+        groups = grouped((batch_key(terrain), number * noisy) for number, terrain in enumerate(terrains))
 
         def run(group: Sequence[int], progress: Progress | None) -> list[Outcome]:
             told = dataclasses.replace(trial, progress=progress)

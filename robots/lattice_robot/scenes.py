@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from robots.batches import around, grouped, of_each
+from robots.batches import batch_key, grouped, of_each
 from robots.world import MATERIAL_FRICTION, Terrain
 from taichi_sim.base.arrays import Floats, Ints
 
@@ -77,7 +77,7 @@ def sharing(robots: "Sequence[LatticeRobot]", terrains: Sequence[Terrain]) -> li
     known = {number: _shared(robot) for number, robot in distinct.items()} if len(distinct) > 1 else {}
     pairs = zip(robots, terrains, strict=True)
     return grouped(
-        (known.get(id(robot)), robot.light_in(terrain) is None, around(terrain, robot.body.materials))
+        (known.get(id(robot)), robot.light_in(terrain) is None, batch_key(terrain, robot.body.materials))
         for robot, terrain in pairs
     )
 

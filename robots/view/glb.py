@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robots.view.motion import BALL, LIGHT_COLOUR, Motion
 from robots.view.scene import GROUND, Colour
-from robots.view.uneven import around, is_plain, node_tints, nodes, triangles
+from robots.view.uneven import is_plain, node_tints, nodes, relief_around, triangles
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
@@ -100,7 +100,7 @@ def _glb(motion: Motion) -> bytes:
 
 def _add_ground(document: dict[str, Any], numbers: "_Numbers", motion: Motion) -> None:
     """Add uneven ground as the last node; darker where friction is larger. A plane is told by its level alone."""
-    relief, whole = around(motion), motion.ground.relief
+    relief, whole = relief_around(motion), motion.ground.relief
     if relief is None or whole is None:
         return
     places = nodes(relief, motion.ground.level).astype(np.float32)

@@ -20,7 +20,7 @@ from robots.view.colouring import colouring
 from robots.view.mesh import boxes, faces, joined_corners
 from robots.view.motion import Motion
 from robots.view.scene import GROUND
-from robots.view.uneven import around, nodes, tints, triangles
+from robots.view.uneven import nodes, relief_around, tints, triangles
 from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.files import new_folder, write_bytes, write_text
 
@@ -137,7 +137,7 @@ def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
 
 def _ground(motion: Motion) -> bytes | None:
     """Content of the file of uneven ground; None where it is a plane."""
-    relief, whole = around(motion), motion.ground.relief
+    relief, whole = relief_around(motion), motion.ground.relief
     if relief is None or whole is None:
         return None
     corners = triangles(relief)

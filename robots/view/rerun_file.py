@@ -19,7 +19,7 @@ from robots.view.glb import surface
 from robots.view.mesh import boxes, joined_corners
 from robots.view.motion import BALL, LIGHT_COLOUR, Channel, Motion
 from robots.view.scene import GROUND, HUES, INK, Colour
-from robots.view.uneven import around, node_tints, nodes, triangles
+from robots.view.uneven import node_tints, nodes, relief_around, triangles
 from taichi_sim.base.arrays import Bytes, Floats, Ints
 from taichi_sim.base.files import new_path, write_bytes
 from taichi_sim.base.foreign import needing
@@ -224,7 +224,7 @@ def _add_ground(stream: "rerun.RecordingStream", motion: Motion) -> None:
     """Add the ground: its shape around the motion, or a rectangle of its plane; nothing in a fluid."""
     import rerun
 
-    relief, whole, tints = around(motion), motion.ground.relief, np.ones(3)
+    relief, whole, tints = relief_around(motion), motion.ground.relief, np.ones(3)
     if relief is not None and whole is not None:
         places, faces, tints = nodes(relief, motion.ground.level), triangles(relief), node_tints(relief, whole)
     elif motion.ground.solid:

@@ -38,7 +38,7 @@ def cut(relief: Relief, low: Floats, high: Floats, most: int = MOST_NODES) -> Re
     return replace(relief, heights=relief.heights[table], spacing=spacing, origin=(x, y), friction=friction)
 
 
-def around(motion: Motion) -> Relief | None:
+def relief_around(motion: Motion) -> Relief | None:
     """The ground around a motion, for files; None where it is a plane."""
     if motion.ground.relief is None:
         return None

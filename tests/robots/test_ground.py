@@ -13,7 +13,7 @@ from PIL import Image
 
 from optim.commands.far_ground import note_far_ground
 from optim.problems.inflatable.problem import GaitProblem
-from robots.batches import around
+from robots.batches import batch_key
 from robots.course import Course
 from robots.ground import Ground
 from robots.ground_kinds import COVERS, GROUNDS, HEIGHT, Cover, GroundKind, Number, described, ways
@@ -374,7 +374,9 @@ def test_a_cover_says_what_it_does_to_robots(monkeypatch):
     assert mud.spoken == "smooth random hills of mud (rough:0.01+mud:0.02)" and terrain.is_wet
     assert terrain.resistance == pytest.approx((0.5 * 1800 * 1.2, 0.5 * 1800 * 0.02))
     shore = Terrain.parse("water:0+sand:1")
-    keys = [around(each) for each in (terrain, shore, Terrain.parse("sand:1"), Terrain.parse("rough:0.01"), Terrain())]
+    keys = [
+        batch_key(each) for each in (terrain, shore, Terrain.parse("sand:1"), Terrain.parse("rough:0.01"), Terrain())
+    ]
     assert keys[0] == keys[1] and keys[3] == keys[4] and len({*keys}) == 3
     assert "+mud:DEPTH[,YIELD]" in ways() and "mud:DEPTH[,YIELD] (mud)" in described()
     with pytest.raises(

@@ -64,9 +64,9 @@ def test_a_rhythm_stays_within_what_drives_take_and_repeats():
 
 def test_a_rhythm_keeps_its_command_rate_with_any_time_step():
     cart = ArticulatedRobot(URDF)
-    assert (cart.world.time_step, cart.world.friction, cart.hold, cart.steps) == (0.002, 1.0, 10, 2500)
+    assert (cart.physics.time_step, cart.physics.friction, cart.hold, cart.steps) == (0.002, 1.0, 10, 2500)
     slow = ArticulatedRobot(URDF, time_step=0.02, friction=0.5)
-    assert (slow.world.time_step, slow.world.friction, slow.hold, slow.steps) == (0.02, 0.5, 1, 250)
+    assert (slow.physics.time_step, slow.physics.friction, slow.hold, slow.steps) == (0.02, 0.5, 1, 250)
     assert ArticulatedRobot(URDF, time_step=0.05).hold == 1
     crawling = crawler(controller="network", time_step=0.05)
     assert KINDS["articulated"].from_description(crawling.describe()).steps == 8
@@ -247,7 +247,7 @@ def test_it_stands_on_uneven_ground_and_walks_there():
     robot = crawler(friction=None)
     tree = robot.model.tree
     relief = relief_under(robot, UNEVEN)
-    start = RigidEngine(tree, robot.world, ground=relief).standing()
+    start = RigidEngine(tree, robot.physics, ground=relief).standing()
     centres, radii = tree.balls()
     gap = (centres - radii[:, None] * [0, 0, 1])[:, 2].min()
     raised = start.position - np.array(tree.ordered[0][0].position)

@@ -124,7 +124,7 @@ def test_what_is_felt_is_told_over_time():
     found = robot.readings(points, robot.worlds[0], 1000, Compute(**HERE))
     decisions = -(-robot.steps // robot.hold)
     assert robot.feels and found.shape[0] == 2 and found.shape[2] == decisions
-    angle = 2 * np.pi * points[:, :1] * np.arange(decisions) * robot.hold * robot.world.time_step
+    angle = 2 * np.pi * points[:, :1] * np.arange(decisions) * robot.hold * robot.physics.time_step
     assert found[:, 0] == pytest.approx(np.sin(angle), abs=1e-12) and np.ptp(found[:, 2]) > 0
     alone = robot.readings(points[1:], robot.worlds[0], 1000, Compute(**HERE))
     assert np.array_equal(alone[0], found[1])

@@ -21,7 +21,7 @@ from robots.view.paraview import save_paraview
 from robots.view.player import page
 from robots.view.scene import Camera, shadow
 from robots.view.still import setting, still_picture
-from robots.view.uneven import MOST_NODES, around, cut, hidden, node_tints, nodes, pieces, triangles
+from robots.view.uneven import MOST_NODES, cut, hidden, node_tints, nodes, pieces, relief_around, triangles
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, Material, Relief
 
@@ -100,7 +100,7 @@ def test_a_plane_has_no_mesh(tmp_path):
     save_glb(made(), tmp_path / "a.glb")
     save_paraview(made(), tmp_path / "folder")
     assert "ground" not in [node["name"] for node in read_glb(tmp_path / "a.glb")[0]["nodes"]]
-    assert not (tmp_path / "folder" / "ground.vtp").exists() and around(made()) is None
+    assert not (tmp_path / "folder" / "ground.vtp").exists() and relief_around(made()) is None
 
 
 def test_large_ground_keeps_some_of_its_nodes_and_goes_on_beyond_its_grid():
