@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.ground_kinds import COVERS, GROUNDS, LEVEL, Cover, GroundKind, read_numbers, ways
+from robots.ground_kinds import COVERS, LEVEL, Cover, GroundKind, ground_kind, read_numbers, ways
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
 
@@ -153,9 +153,9 @@ class Ground:
         if found := _OF_FILE.fullmatch(self.solid):
             return None, self._file_numbers(found[1], found[2] or "")
         name, _, numbers = self.solid.partition(":")
-        if name not in GROUNDS:
+        if (kind := ground_kind(name)) is None:
             raise ValueError(f"terrain: {self.text!r} is unknown; give {ways()}")
-        return GROUNDS[name], GROUNDS[name].read(numbers, self.text)
+        return kind, kind.read(numbers, self.text)
 
     def _file_numbers(self, file: str, given: str) -> tuple[float, ...]:
         image = Path(file).suffix.lower() in IMAGES
@@ -222,7 +222,7 @@ class Ground:
 def is_ground(text: str) -> bool:
     """Whether a name begins like that of a kind of ground, or of a file of heights."""
     first, of_file = text.partition(":")[0], _OF_FILE.fullmatch(_parts_of(text)[0])
-    return first in GROUNDS or (first in COVERS and first != text) or of_file is not None
+    return ground_kind(first) is not None or (first in COVERS and first != text) or of_file is not None
 
 
 def _parts_of(text: str) -> list[str]:

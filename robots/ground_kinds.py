@@ -215,7 +215,7 @@ GROUNDS = {
     kind.name: kind
     for kind in (
         GroundKind("rough", "smooth random hills", (HEIGHT, SIZE, SEED), _rough),
-        GroundKind("steps", "square blocks of random heights", (HEIGHT, SIZE, SEED), _blocks),
+        GroundKind("blocks", "square blocks of random heights", (HEIGHT, SIZE, SEED), _blocks),
         GroundKind("stairs", "stairs", (Number("RISE", open=False), Number("RUN"), BEGINS), _stairs),
         GroundKind("ramp", "level, then a slope", (Number("DEGREES", low=-math.inf), BEGINS), _ramp),
         GroundKind(
@@ -244,6 +244,7 @@ GROUNDS = {
         ),
     )
 }
+EARLIER_NAMES = {"steps": "blocks"}  # read wherever a ground is named, and kept as they are written
 COVERS = {
     cover.name: cover
     for cover in (
@@ -257,6 +258,11 @@ COVERS = {
         ),
     )
 }
+
+
+def ground_kind(name: str) -> GroundKind | None:
+    """The kind of ground of a name, or of one that earlier versions wrote; None of others."""
+    return GROUNDS.get(EARLIER_NAMES.get(name, name))
 
 
 def ways() -> str:

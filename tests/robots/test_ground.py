@@ -38,7 +38,7 @@ def test_named_grounds_are_what_they_say():
     assert np.allclose(height("ramp:10,0.2", x, 0.3), np.tan(np.radians(10)) * np.maximum(x - 0.2, 0))
     assert np.allclose(height("gap:0.1,0.01", x, 0.0), [0, -0.01, 0, 0])
     assert np.allclose(height("wave:0.02,0.2", [0.1, 0.2, 0.05], 0.0), [0.02, 0, 0.01])
-    blocks = height("steps:0.01,0.1", [0.025, 0.075, 0.125], 0.05)
+    blocks = height("blocks:0.01,0.1", [0.025, 0.075, 0.125], 0.05)
     assert blocks[0] == blocks[1] != blocks[2] and blocks.min() >= 0 and blocks.max() <= 0.01
 
 
@@ -239,7 +239,7 @@ def test_what_tells_of_a_ground_needs_no_file(tmp_path):
 def test_what_is_too_steep_or_no_table_is_refused(tmp_path):
     """Before any work."""
     with pytest.raises(ValueError, match=r"a slope of 89\.0 degrees is not allowed"):
-        Ground("steps:0.2,0.05").relief(0, EDGE)
+        Ground("blocks:0.2,0.05").relief(0, EDGE)
     for table, found in (
         (np.array([[0.0, np.nan]]), "holds 1 of 2 values that are not finite"),
         (np.zeros((3, 4, 4)), "has shape (3, 4, 4)"),
@@ -397,3 +397,15 @@ def test_every_ground_and_cover_is_in_the_documents(kind):
             assert re.search(rf"(?<![\d.]){number.default:g}(?![\d.]*\d)", row + common) or (
                 re.search(rf"(?<![\d.]){1000 * number.default:g} mm", row)
             )
+
+
+def test_the_earlier_name_of_blocks_is_read():
+    """Commands, and records of earlier versions: these stay as they are, so that runs of them are resumed."""
+    record = {"slope": 5.0, "ground": "steps:0.01,0.1,3+sand:2e5"}
+    old, new = Terrain(**record), Terrain.parse("hill:5+blocks:0.01,0.1,3+sand:2e5")
+    assert old == Terrain.parse("hill:5+steps:0.01,0.1,3+sand:2e5") and old.name == "hill:5+steps:0.01,0.1,3+sand:2e5"
+    assert {name: old.document[name] for name in record} == record
+    assert np.array_equal(old.uneven.relief(30.0, EDGE).heights, new.uneven.relief(30.0, EDGE).heights)
+    assert old.spoken == new.spoken.replace("blocks:", "steps:") and batch_key(old) == batch_key(new)
+    with pytest.raises(ValueError, match=r"^terrain: 'steps' lacks HEIGHT; give blocks:HEIGHT\[,SIZE\]\[,SEED\]$"):
+        Terrain.parse("steps")
