@@ -25,7 +25,9 @@ from robots.outcome import (
     checked_outcome,
 )
 from robots.points import checked_design, checked_points
+from robots.terrain_fields import check_taken
 from robots.trial import HERE, Progress, Trial
+from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
@@ -59,6 +61,7 @@ class Robot(Abilities, ShortText):
     parameters: tuple[Parameter, ...] = ()
     measures: tuple[Measure, ...]
     worlds: tuple[World, ...] = (Place(),)
+    terrain_fields: tuple[str, ...] | None = None  # of a ``Terrain``, that it takes; None refuses others itself
     relaxable = False  # whether :meth:`run` judges what lies between true designs, if a trial's sharpness is finite
     differentiable = False  # whether :meth:`run` gives the gradients that a trial asks for
     exportable = False  # whether :meth:`table` makes a table for hardware
@@ -89,8 +92,14 @@ class Robot(Abilities, ShortText):
 
     def _tried(self, points: Floats, trial: Trial) -> Outcome:
         """Run the robot, and check what comes of it."""
+        self._check_world(trial.world)
         measures = self.measures_in([trial.world])
         return checked_outcome(self.run(points, trial), self, measures, points.shape, trial.gradients)
+
+    def _check_world(self, world: World) -> None:
+        """Refuse a terrain with fields that the robot does not take, where it says which it takes."""
+        if self.terrain_fields is not None:
+            check_taken(terrain_of(world), self.terrain_fields)
 
     @property
     def footprint(self) -> tuple[float, float] | None:
@@ -148,6 +157,7 @@ class Robot(Abilities, ShortText):
         """
         if not self.feels:
             raise ValueError(f"robot: {self.name} feels nothing")
+        self._check_world(world)
         found = self.felt_over_time(self.points(points), world, compute)
         return found[:, :, :: -(-found.shape[2] // whole_number("samples", samples, 1))]
 

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict
@@ -14,8 +14,9 @@ from robots.ground import Ground, is_ground
 from robots.ground import level as level_ground
 from robots.ground_kinds import WATER_DENSITY as WATER_DENSITY
 from robots.ground_kinds import ways
+from robots.outcome import World
 from robots.props import LIGHT, Prop, split_name
-from robots.robot import World
+from robots.terrain_fields import about
 from taichi_sim.base.checks import NotNegative, check_fields, number, shown
 from taichi_sim.base.files import found_beside
 from taichi_sim.base.options import value_of as number_of
@@ -33,6 +34,9 @@ FRICTION_OF_PARTS = ("bladder_friction", "skin_friction", "seam_friction")
 FRICTION_FIELDS = ("high_friction", "low_friction", *FRICTION_OF_PARTS)  # of the inflatable robot
 MATERIAL_FRICTION = ("static_friction", "kinetic_friction")  # of lattice robots
 FLUID_FIELDS = ("fluid_density", "pressure_drag", "friction_drag")
+_OF_INFLATABLE = about("; it is of the inflatable robot", later=True)
+_OF_LATTICE = about("; it is of lattice robots", later=True)
+_OF_PROPS = about(", as only lattice robots meet any; leave it out", later=True, shown=lambda props: str(props[0].name))
 
 Vector = tuple[Any, Any, Any]  # numbers, or traced arrays
 
@@ -72,18 +76,18 @@ class Terrain:
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
     high_friction: NotNegative | None = None
     low_friction: NotNegative | None = None
-    fluid_density: NotNegative | None = None
+    fluid_density: NotNegative | None = field(default=None, metadata=about("; give ground in place of a fluid"))
     pressure_drag: NotNegative | None = None
     friction_drag: NotNegative | None = None
-    bladder_friction: NotNegative | None = None
-    skin_friction: NotNegative | None = None
-    seam_friction: NotNegative | None = None
-    static_friction: NotNegative | None = None
-    kinetic_friction: NotNegative | None = None
-    ground: str | None = None
-    light: tuple[float, float] | None = None
-    props: tuple[Prop, ...] | None = None
-    folder: Path | None = dataclasses.field(default=None, compare=False, repr=False)
+    bladder_friction: NotNegative | None = field(default=None, metadata=_OF_INFLATABLE)
+    skin_friction: NotNegative | None = field(default=None, metadata=_OF_INFLATABLE)
+    seam_friction: NotNegative | None = field(default=None, metadata=_OF_INFLATABLE)
+    static_friction: NotNegative | None = field(default=None, metadata=_OF_LATTICE)
+    kinetic_friction: NotNegative | None = field(default=None, metadata=_OF_LATTICE)
+    ground: str | None = field(default=None, metadata=about("; give a plane", later=True))
+    light: tuple[float, float] | None = field(default=None, metadata=about(later=True))
+    props: tuple[Prop, ...] | None = field(default=None, metadata=_OF_PROPS)
+    folder: Path | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.ground, str | None):  # which may be an array of many lines
@@ -102,12 +106,12 @@ class Terrain:
             raise ValueError(f"low_friction: {low} is not allowed; give at most high_friction, {high}")
         self._check_materials()
         if self.is_fluid:
-            for field in ("slope", "ground", *FRICTION_FIELDS, *MATERIAL_FRICTION):
-                if value := getattr(self, field):
-                    raise ValueError(f"{field}: {value} is not allowed in a fluid, which has no ground; leave it out")
-        for field in FLUID_FIELDS[1:]:
-            if not self.is_wet and (value := getattr(self, field)) is not None:
-                raise ValueError(f"{field}: {value} is not allowed without a fluid; give fluid_density")
+            for name in ("slope", "ground", *FRICTION_FIELDS, *MATERIAL_FRICTION):
+                if value := getattr(self, name):
+                    raise ValueError(f"{name}: {value} is not allowed in a fluid, which has no ground; leave it out")
+        for name in FLUID_FIELDS[1:]:
+            if not self.is_wet and (value := getattr(self, name)) is not None:
+                raise ValueError(f"{name}: {value} is not allowed without a fluid; give fluid_density")
 
     def _check_materials(self) -> None:
         """Refuse friction of materials by halves, the wrong way round, or beside that of the inflatable robot."""
@@ -119,16 +123,15 @@ class Terrain:
             raise ValueError(f"{given}: {getattr(self, given)} is not allowed without {missing}; give both")
         if kinetic > static:
             raise ValueError(f"kinetic_friction: {kinetic} is not allowed; give at most static_friction, {static}")
-        for field in FRICTION_FIELDS:
-            if (value := getattr(self, field)) is not None:
-                raise ValueError(f"{field}: {value} is not allowed beside static_friction; give one of them")
+        for name in FRICTION_FIELDS:
+            if (value := getattr(self, name)) is not None:
+                raise ValueError(f"{name}: {value} is not allowed beside static_friction; give one of them")
 
     @property
     def document(self) -> dict[str, Any]:
         """All fields, but those that came later only where they are given: as earlier versions wrote terrains."""
-        later = (*FRICTION_OF_PARTS, *MATERIAL_FRICTION, "ground", "light", "props")
-        fields = self.fields
-        return {name: fields[name] for name in fields if name not in later or fields[name] is not None}
+        later = {each.name for each in dataclasses.fields(self) if each.metadata.get("later")}
+        return {name: value for name, value in self.fields.items() if name not in later or value is not None}
 
     @property
     def fields(self) -> dict[str, Any]:
@@ -297,18 +300,6 @@ def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, Any]:
     """Friction that a terrain or an actuation gives to bladders, skin and seams, times a factor; nothing of others."""
     given = {name: getattr(described, name) for name in FRICTION_OF_PARTS}
     return {name: factor * value for name, value in given.items() if value is not None}
-
-
-def without_props(terrain: Terrain) -> None:
-    """Refuse a terrain with props, for robots that meet none.
-
-    Raises:
-        ValueError: if it has any.
-    """
-    if terrain.props:
-        raise ValueError(
-            f"props: {terrain.props[0].name} is not allowed, as only lattice robots meet any; leave it out"
-        )
 
 
 def terrain_of(world: World) -> Terrain:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms, Sensed
 from robots.robot import Place, Progress, Trial, World
+from robots.terrain_fields import not_taken
 from robots.world import Terrain, terrain_of
 from taichi_sim import rigid
 from taichi_sim.base.arrays import Floats, Ints
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from taichi_sim.ground import Relief
 
 GROUND = Place("ground")
+TERRAIN_FIELDS = ("slope", "ground")  # which articulated robots take
 FINENESS = 50  # nodes of uneven ground along a robot
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
@@ -147,7 +149,7 @@ def on_ground(world: World) -> World:
     if world in (GROUND, Terrain()):
         return GROUND
     terrain = terrain_of(world)
-    if terrain != Terrain(terrain.slope, ground=terrain.ground):
+    if not_taken(terrain, TERRAIN_FIELDS):
         raise ValueError(
             f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope or uneven ground, "
             "such as hill:5 or rough:0.01, and friction by the robot"

@@ -13,12 +13,12 @@ from robots.batches import batch_key, grouped, in_groups, of_each
 from robots.control.cyclic import SEGMENTS
 from robots.freeform.palette import MIXED
 from robots.freeform.solid import Solid
-from robots.lattice_robot.ground import material_friction
+from robots.lattice_robot.ground import WITHOUT_PROPS, material_friction
 from robots.lattice_robot.rollout import Aim, Channels, Rollout
 from robots.lattice_robot.scenes import Scenes
 from robots.lattice_robot.simulation import LARGEST_BATCH, LatticeRobotResult, assembled, result_of
 from robots.robot import Progress, Trial, World, part_of
-from robots.world import Terrain, terrain_of, without_props
+from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeBody, Quantity
@@ -162,7 +162,6 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
     """What mixtures do: that of each point, shape (N, P), in one of the cases, shape (N,)."""
     robot, trial, grid = cases.first, cases.trial, cases.first.grid
     terrains = [cases.terrains[case] for case in which.tolist()]
-    without_props(terrains[0])  # which mixtures do not meet
 
     def mixture(case: Case, points: Any) -> tuple[Any, ...]:
         return _mixture(*case, points, trial.sharpness)
@@ -213,7 +212,8 @@ def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: f
         swing = swing * np.array(robot.gains)[:, None]
     moved = (swing[..., None, :] * WAVE).sum(axis=3)
     numbers = palette.mixtures(projected(fields.presence, sharpness), weights)
-    numbers |= {name: 0.0 * muscle + friction for name, friction in material_friction(terrain).items()}
+    given = material_friction(terrain, taken=WITHOUT_PROPS)  # as mixtures meet no props
+    numbers |= {name: 0.0 * muscle + friction for name, friction in given.items()}
     return np.tile(moved, (1, 3, 1)), muscle, *(numbers[name] for name in MIXED)
 
 

@@ -9,9 +9,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated, Any
 
-from robots.world import FRICTION_FIELDS, Terrain, without_props
+from robots.terrain_fields import check_taken
+from robots.world import FLUID_FIELDS, FRICTION_FIELDS, Terrain
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, whole_number
 
+TERRAIN_FIELDS = ("slope", *FRICTION_FIELDS, *FLUID_FIELDS, "ground", "light")  # which inflatable robots take
+REFUSED = {"static_friction": ", as it is of lattice robots; give high_friction and low_friction"}
 WEIGHTS = ("published", "physical")
 PUBLISHED_COLUMNS = 16  # of a gait, 8 played twice
 PUBLISHED_STEPS = 186_719  # that they take where bladders always move; what published speeds are counted by
@@ -77,14 +80,9 @@ class InflatableActuation:
         """This actuation with the friction of a terrain; in a fluid, only the fluid resists motion.
 
         Raises:
-            ValueError: for the friction of a lattice robot's materials.
+            ValueError: for props, and the friction of a lattice robot's materials.
         """
-        without_props(terrain)
-        if terrain.static_friction is not None:
-            raise ValueError(
-                f"static_friction: {terrain.static_friction} is not allowed, as it is of lattice robots; give "
-                "high_friction and low_friction"
-            )
+        check_taken(terrain, TERRAIN_FIELDS, REFUSED)
         given: dict[str, Any] = {name: getattr(terrain, name) for name in FRICTION_FIELDS}
         if terrain.is_fluid:
             given |= {"moving_damping": 0.0, "settling_damping": 0.0}

@@ -1,31 +1,34 @@
 """The friction that a terrain gives to the materials of a lattice robot, and its options."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from robots.robot import Option, World
+from robots.terrain_fields import check_taken
 from robots.terrain_kind import TerrainKind
-from robots.world import FRICTION_OF_PARTS, MATERIAL_FRICTION, Terrain, terrain_of
+from robots.world import FLUID_FIELDS, MATERIAL_FRICTION, Terrain, terrain_of
 from taichi_sim.base import checks
 from taichi_sim.base.options import numbers
 
+WITHOUT_PROPS = ("slope", "high_friction", *FLUID_FIELDS, *MATERIAL_FRICTION, "ground", "light")
+TERRAIN_FIELDS = (*WITHOUT_PROPS, "props")  # which lattice robots take
 
-def material_friction(terrain: Terrain, instead: str = "drive the friction of a region") -> dict[str, float]:
+
+def material_friction(
+    terrain: Terrain, instead: str = "drive the friction of a region", taken: Collection[str] = TERRAIN_FIELDS
+) -> dict[str, float]:
     """The friction that replaces that of all materials, by the names of their fields; nothing where theirs stays.
 
     Args:
         terrain: its ``high_friction`` replaces both kinds.
         instead: what to do about feet that slide.
+        taken: fields of the terrain that the robot takes.
 
     Raises:
-        ValueError: if the terrain gives a friction for parts that a lattice robot does not have.
+        ValueError: if the terrain gives others, such as a friction for parts that a lattice robot does not have.
     """
-    if terrain.low_friction is not None:
-        raise ValueError(f"low_friction: {terrain.low_friction} is not allowed; {instead}")
-    for name in FRICTION_OF_PARTS:
-        if (value := getattr(terrain, name)) is not None:
-            raise ValueError(f"{name}: {value} is not allowed; it is of the inflatable robot")
+    check_taken(terrain, taken, {"low_friction": f"; {instead}"})
     both = terrain.high_friction
     given = {name: getattr(terrain, name) if both is None else both for name in MATERIAL_FRICTION}
     return {name: value for name, value in given.items() if value is not None}

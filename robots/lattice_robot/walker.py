@@ -18,12 +18,12 @@ from scipy import ndimage
 from robots.control.cyclic import Cycle
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import WALKER_FORMAT
-from robots.lattice_robot.ground import material_friction
+from robots.lattice_robot.ground import WITHOUT_PROPS, material_friction
 from robots.lattice_robot.measures import measures_of
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult, assembled, try_variants
 from robots.robot import Progress, Trial, World, part_of
-from robots.world import Terrain, terrain_of, without_props
+from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -168,9 +168,8 @@ def walker_robot(
 
 
 def check_terrain(terrain: Terrain) -> None:
-    """Raise a ValueError if a terrain gives a friction for parts of the inflatable robot."""
-    material_friction(terrain, "a walker has no sliding feet")
-    without_props(terrain)
+    """Raise a ValueError if a terrain gives props, or a friction for parts of the inflatable robot."""
+    material_friction(terrain, "a walker has no sliding feet", WITHOUT_PROPS)
 
 
 def simulate(

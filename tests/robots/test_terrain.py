@@ -1,11 +1,16 @@
 import math
 from dataclasses import fields
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robots.robot import KINDS
+from robots.articulated.simulation import on_ground
+from robots.inflatable.actuation import InflatableActuation
+from robots.lattice_robot.ground import WITHOUT_PROPS, material_friction
+from robots.lattice_robot.walker import check_terrain
+from robots.robot import KINDS, Measure, Outcome, Robot
 from robots.world import FLOORS, Terrain
 
 
@@ -75,3 +80,124 @@ def test_robots_of_the_studies_refuse_uneven_ground(name):
     robot = kind.build(None, {})
     with pytest.raises(ValueError, match=r"^(light|environment): 'rough:0\.01' is not allowed"):
         robot.simulate(robot.start, Terrain(ground="rough:0.01"))
+
+
+GIVEN = {
+    "slope": "hill:5",
+    "high_friction": Terrain(high_friction=0.5),
+    "low_friction": Terrain(low_friction=0.1),
+    "fluid_density": "water",
+    "bladder_friction": Terrain(bladder_friction=0.5),
+    "static_friction": Terrain(static_friction=0.5, kinetic_friction=0.4),
+    "ground": "rough:0.01",
+    "light": "flat+light:0.5,0.1",
+    "props": "flat+ball:0.04,0.12,0.0",
+}
+REFUSED = {
+    "slope": "slope: 5.0 is not allowed; leave it out",
+    "high_friction": "high_friction: 0.5 is not allowed; leave it out",
+    "low_friction": "low_friction: 0.1 is not allowed; leave it out",
+    "fluid_density": "fluid_density: 1000.0 is not allowed; give ground in place of a fluid",
+    "bladder_friction": "bladder_friction: 0.5 is not allowed; it is of the inflatable robot",
+    "static_friction": "static_friction: 0.5 is not allowed; it is of lattice robots",
+    "ground": "ground: rough:0.01 is not allowed; give a plane",
+    "light": "light: (0.5, 0.1) is not allowed; leave it out",
+    "props": "props: ball:0.04,0.12,0.0 is not allowed, as only lattice robots meet any; leave it out",
+}
+TAKING = {
+    "inflatable": (
+        InflatableActuation().on,
+        {
+            "static_friction": "static_friction: 0.5 is not allowed, as it is of lattice robots; give "
+            "high_friction and low_friction",
+            "props": REFUSED["props"],
+        },
+    ),
+    "lattice": (
+        material_friction,
+        {
+            "low_friction": "low_friction: 0.1 is not allowed; drive the friction of a region",
+            "bladder_friction": REFUSED["bladder_friction"],
+        },
+    ),
+    "mixture": (
+        lambda terrain: material_friction(terrain, taken=WITHOUT_PROPS),
+        {
+            "low_friction": "low_friction: 0.1 is not allowed; drive the friction of a region",
+            "bladder_friction": REFUSED["bladder_friction"],
+            "props": REFUSED["props"],
+        },
+    ),
+    "walker": (
+        check_terrain,
+        {
+            "low_friction": "low_friction: 0.1 is not allowed; a walker has no sliding feet",
+            "bladder_friction": REFUSED["bladder_friction"],
+            "props": REFUSED["props"],
+        },
+    ),
+    "articulated": (
+        on_ground,
+        {
+            name: "terrain: .* is not allowed for an articulated robot; give a slope or uneven ground, such as "
+            "hill:5 or rough:0.01, and friction by the robot"
+            for name in GIVEN
+            if name not in ("slope", "ground")
+        },
+    ),
+}
+
+
+class Level(Robot):
+    """A robot that says that it takes nothing of a terrain."""
+
+    kind = "lattice"
+    measures = (Measure("speed", "m/s", "how fast it is"),)
+    worlds = (Terrain(),)
+    terrain_fields = ()
+    feels = True
+
+    def run(self, points, trial):
+        return Outcome({"speed": np.zeros(len(points))})
+
+    def felt_over_time(self, points, world, compute):
+        return np.zeros((len(points), 1, 1))
+
+
+def terrain_given(name: str) -> Terrain:
+    """The terrain that gives a field."""
+    return Terrain.parse(given) if isinstance(given := GIVEN[name], str) else given
+
+
+@pytest.mark.parametrize("name", GIVEN)
+@pytest.mark.parametrize("kind", TAKING)
+def test_each_kind_refuses_what_it_does_not_take(kind, name):
+    """In one line each, as it always did; all else it takes."""
+    check, refused = TAKING[kind]
+    if name not in refused:
+        check(terrain_given(name))
+        return
+    with pytest.raises(ValueError, match=f"^{refused[name].replace('(', '.').replace(')', '.')}$"):
+        check(terrain_given(name))
+
+
+@pytest.mark.parametrize("name", GIVEN)
+def test_a_new_kind_only_says_what_it_takes(name):
+    """And trials, also of a fixed design and of what it feels, refuse the rest."""
+    robot, terrain = Level(), terrain_given(name)
+    for tried in (robot.simulate, robot.design(()).simulate, lambda points, world: robot.readings(points, world, 1)):
+        tried(np.zeros((1, 0)), Terrain())
+        with pytest.raises(ValueError) as found:
+            tried(np.zeros((1, 0)), terrain)
+        assert str(found.value) == REFUSED[name]
+    robot.terrain_fields = tuple(each.name for each in fields(Terrain))
+    assert robot.simulate(np.zeros((1, 0)), terrain).measures["speed"][0] == 0
+
+
+def test_every_field_of_a_terrain_survives_its_record():
+    """Those of the first versions always stand in it, later ones where they are given."""
+    for name in GIVEN:
+        document, terrain = terrain_given(name).document, terrain_given(name)
+        assert Terrain(**document) == terrain and name in document
+        later = {"static_friction", "kinetic_friction"} if name == "static_friction" else {name}
+        assert set(document) == {*Terrain().document, *later}
