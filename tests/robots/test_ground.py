@@ -20,6 +20,7 @@ from robots.ground_kinds import COVERS, GROUNDS, HEIGHT, Cover, GroundKind, Numb
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.journeys import Leg, simulate_journey
+from robots.robot import KINDS
 from robots.view.uneven import node_tints
 from robots.world import Terrain, medium_of, one_each, standing
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Water
@@ -386,8 +387,9 @@ def test_a_cover_says_what_it_does_to_robots(monkeypatch):
 
 
 @pytest.mark.parametrize("kind", [*GROUNDS.values(), *COVERS.values()], ids=lambda kind: kind.name)
-def test_every_ground_and_cover_is_in_the_documents(kind):
+def test_every_ground_and_cover_is_in_the_documents_and_in_the_help(kind):
     """A row of the table has it with its numbers, what it is, and what those are that may be left out."""
+    assert f"{kind.way} ({kind.description})" in KINDS["walker"].world_options[0].help
     page = (Path(__file__).resolve().parents[2] / "docs/terrains.md").read_text()
     (row,) = (line for line in page.splitlines() if line.startswith(f"| `{kind.way}`"))
     assert kind.description in row.replace("[", "").replace("](#sand-and-water)", "")
