@@ -2,7 +2,7 @@
 
 Source: Voxelyze (Hiller & Lipson 2014), what its ``loadJSON`` reads and its ``saveJSON`` writes. Its writer leaves out
 the last brace of a file without loads, and its reader takes no notice of gravity, floor and temperature: here both are
-read. Entries that Voxelyze does not know stand under "morpholab", which it ignores.
+read. Entries that Voxelyze does not know stand under "morpholab", which it ignores, in the document or in a material.
 """
 
 import json
@@ -188,7 +188,7 @@ def _check_labels(name: str, labels: Ints) -> None:
 def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tuple[Material, list[int]]:
     """Read a material and its colour."""
     name = str(record.get("name", ""))
-    known = {*_NAMES, *_COLOURS, "name", "externalScaleFactor", "strainData", "stressData"}
+    known = {*_NAMES, *_COLOURS, "name", "externalScaleFactor", "strainData", "stressData", _OWN}
     ignored.extend(str(entry) for entry in record if entry not in known)
     try:
         given = {ours: _number(record, theirs) for theirs, ours in _NAMES.items() if theirs in record}
@@ -196,6 +196,7 @@ def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tup
             given["youngs_modulus"] = _slope(record)
             ignored.append("stressData beyond its first slope")
         given.setdefault("density", 1.0)
+        given |= _own_fields(record.get(_OWN, {}))
         scale = record.get("externalScaleFactor", (1.0, 1.0, 1.0))
         colours = [int(_number(record, c, 255.0)) for c in _COLOURS]
         if not all(0 <= c <= 255 for c in colours):
@@ -203,6 +204,20 @@ def _material(record: Mapping[str, Any], number: int, ignored: list[str]) -> tup
         return Material(**given, scale=tuple(scale), name=name), colours
     except (TypeError, ValueError) as error:
         raise ValueError(f"materials: number {number}: {error}") from None
+
+
+def _own_fields(record: Any) -> dict[str, Any]:
+    """Read the fields of a material for which Voxelyze has no place."""
+    if not isinstance(record, dict):
+        raise ValueError(f"{_OWN}: it is no object")
+    if unknown := sorted(record.keys() - _without_a_place()):
+        raise ValueError(f"{_OWN}: {unknown[0]} is unknown; the file is of a later version")
+    return record
+
+
+def _without_a_place() -> set[str]:
+    """Fields of ``Material`` for which Voxelyze has no place."""
+    return {f.name for f in fields(Material)} - {"name", "scale", *_NAMES.values()}
 
 
 def _slope(record: Mapping[str, Any]) -> float:
@@ -251,4 +266,7 @@ def _material_record(material: Material, colour: list[int]) -> dict[str, Any]:
     for theirs, ours in _NAMES.items():
         if ours != "temperature" or material.temperature != usual["temperature"]:
             record[theirs] = float(getattr(material, ours))
-    return {**record, "externalScaleFactor": list(material.scale), **dict(zip(_COLOURS, colour, strict=True))}
+    own = {ours: getattr(material, ours) for ours in sorted(_without_a_place())}
+    own = {ours: value for ours, value in own.items() if value != usual[ours]}
+    colours = dict(zip(_COLOURS, colour, strict=True))
+    return {**record, "externalScaleFactor": list(material.scale), **colours, **({_OWN: own} if own else {})}

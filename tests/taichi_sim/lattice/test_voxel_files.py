@@ -19,6 +19,7 @@ from taichi_sim.lattice.files import (
     read_vxl_json,
     save_vxa,
     save_vxl_json,
+    vxl_json,
     write_vxl_json,
 )
 from taichi_sim.lattice.files.arrays import array_of_body
@@ -314,6 +315,37 @@ def test_export_then_import_is_the_identity(tmp_path, seed):
     for name in ("colours", "force", "moment", "displacement", "gravity", "floor", "heat"):
         assert np.array_equal(getattr(again, name), getattr(robot, name)), name
     assert write_vxl_json(again) == write_vxl_json(robot)
+
+
+UNUSUAL = {f.name: 0.375 for f in dataclasses.fields(Material)} | {"scale": (0.5, 1.25, 2.0), "name": "foam"}
+
+
+@pytest.mark.parametrize("field", UNUSUAL)
+def test_every_field_of_a_material_is_kept(field):
+    """Robots are described by this file: what it lost, a search that goes on would not have."""
+    unusual = dataclasses.replace(Material(1e5, 1e3), **{field: UNUSUAL[field]})
+    assert unusual != Material(1e5, 1e3)
+    assert first_material(unusual) == unusual
+
+
+def first_material(given):
+    """The material after it was written and read."""
+    body = LatticeBody(np.array([[0, 0, 0]]), (given,), [0], 0.1)
+    return read_vxl_json(write_vxl_json(VoxelFile.of_body(body))).body.materials[0]
+
+
+def test_fields_that_voxelyze_has_no_place_for_are_kept_apart(monkeypatch):
+    """As that of a later version would be; a file of a version that has more is refused, not read without them."""
+    monkeypatch.delitem(vxl_json._NAMES, "CTE")
+    unusual = Material(1e5, 1e3, thermal_expansion=7e-4)
+    assert first_material(unusual) == unusual and first_material(Material(1e5, 1e3)) == Material(1e5, 1e3)
+    body = LatticeBody(np.array([[0, 0, 0]]), (unusual, Material(2e5, 1e3)), [0], 0.1)
+    text = write_vxl_json(VoxelFile.of_body(body))
+    assert [m.get("morpholab") for m in json.loads(text)["materials"]] == [{"thermal_expansion": 7e-4}, None]
+    monkeypatch.undo()
+    message = "^materials: number 0: morpholab: thermal_expansion is unknown; the file is of a later version$"
+    with pytest.raises(ValueError, match=message):
+        read_vxl_json(text)
 
 
 def test_chambers_are_kept_whatever_their_labels():
