@@ -31,8 +31,9 @@ from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number, positive, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
-from taichi_sim.lattice import LatticeBody, Material, Quantity
+from taichi_sim.lattice import LatticeBody, Material
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
+from taichi_sim.lattice.materials import channel_values
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -315,15 +316,7 @@ class LatticeRobot(OutOfTheLab):
 
     def rest(self, region: int, quantity: int) -> float:
         """What a channel holds before anything drives it: what the material of the region's first voxel says."""
-        material = self._material_of[region]
-        if Quantity.SCALE <= quantity < Quantity.SCALE + 3:
-            return material.scale[quantity - Quantity.SCALE]
-        named = {
-            Quantity.TEMPERATURE: material.temperature,
-            Quantity.STATIC_FRICTION: material.static_friction,
-            Quantity.KINETIC_FRICTION: material.kinetic_friction,
-        }
-        return named.get(Quantity(quantity), 0.0)
+        return float(channel_values(self._material_of[region])[quantity])
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from taichi_sim.autodiff.tracing import law, sqrt
+from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,28 @@ class Material:
             raise ValueError(f"temperature: {self.temperature!r} shrinks the material to nothing")
 
 
+# What becomes of each field: the laws of the tables take those of the first two in the order of their arguments, and a
+# channel of the last holds the field until an event sets it (``scale`` has one per axis).
+VOXEL_FIELDS = ("youngs_modulus", "density", "collision_damping", "thermal_expansion", "poissons_ratio")
+BEAM_FIELDS = ("youngs_modulus", "density", "poissons_ratio", "internal_damping")
+CHANNEL_FIELDS = {
+    "scale": Quantity.SCALE,
+    "temperature": Quantity.TEMPERATURE,
+    "static_friction": Quantity.STATIC_FRICTION,
+    "kinetic_friction": Quantity.KINETIC_FRICTION,
+    "global_damping": Quantity.GLOBAL_DAMPING,
+}
+
+
+def channel_values(material: Material) -> np.ndarray:
+    """What each channel of a region of this material holds before any event, shape (25,)."""
+    values = np.zeros(QUANTITY_COUNT)
+    for name, quantity in CHANNEL_FIELDS.items():
+        held = getattr(material, name)
+        values[quantity : quantity + np.size(held)] = held
+    return values
+
+
 # Columns of the table of beam constants, one row per pair of materials.
 AXIAL, TRANSVERSE, STIFF, DAMP_MINUS, DAMP_PLUS, TWIST, TWIST_ROOT, SHARE_MINUS, SHARE_PLUS, BEAM_COLUMNS = range(10)
 
@@ -121,7 +144,7 @@ def beam_row(e1, rho1, nu1, zeta1, e2, rho2, nu2, zeta2, edge, time_step):
 
 def beam_constants(minus: Material, plus: Material, edge: float, time_step: float) -> np.ndarray:
     """:func:`beam_row` of two materials, edge h [m], time step dt [s]."""
-    ends = [v for m in (minus, plus) for v in (m.youngs_modulus, m.density, m.poissons_ratio, m.internal_damping)]
+    ends = [getattr(material, name) for material in (minus, plus) for name in BEAM_FIELDS]
     return np.array(beam_row(*ends, edge, time_step))
 
 
@@ -152,7 +175,4 @@ def voxel_row(e, rho, zeta_c, alpha, nu, edge):
 
 def voxel_constants(material: Material, edge: float) -> np.ndarray:
     """:func:`voxel_row` of a material, edge h [m]."""
-    m = material
-    return np.array(
-        voxel_row(m.youngs_modulus, m.density, m.collision_damping, m.thermal_expansion, m.poissons_ratio, edge)
-    )
+    return np.array(voxel_row(*(getattr(material, name) for name in VOXEL_FIELDS), edge))

@@ -17,9 +17,10 @@ from taichi_sim.lattice.materials import (
     DAMP_PLUS,
     Material,
     beam_constants,
+    channel_values,
     voxel_constants,
 )
-from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram, Quantity
+from taichi_sim.lattice.program import EVENT, QUANTITY_COUNT, LatticeProgram
 from taichi_sim.lattice.stages import columns, memory
 
 
@@ -41,7 +42,7 @@ class Tables:
         group_material: material of each group, shape (G,).
         beam_materials: materials at the "-" and the "+" end of each beam, shape (C, 2).
         constant: voxel constants, shape (B, G, 9).
-        beam: beam constants, shape (B, C, 16).
+        beam: beam constants, shape (B, C, 9).
         channel: channels at the start, shape (B, 25 G, 4).
         gauges: number of voxels whose strain is kept: those with faces under pressure, all with Poisson's effect.
         poisson: whether any robot has a material with Poisson's effect.
@@ -258,14 +259,8 @@ def _bit_matrix(flags: np.ndarray) -> np.ndarray:
 
 def _initial_channels(materials: list[Material]) -> np.ndarray:
     channels = np.zeros((len(materials), QUANTITY_COUNT, memory.CHANNEL_WIDTH))
-    base = channels[:, :, memory.BASE]
-    for row, material in zip(base, materials, strict=True):
-        row[Quantity.SCALE : Quantity.SCALE + 3] = material.scale
-        row[Quantity.TEMPERATURE] = material.temperature
-        row[Quantity.STATIC_FRICTION] = material.static_friction
-        row[Quantity.KINETIC_FRICTION] = material.kinetic_friction
-        row[Quantity.GLOBAL_DAMPING] = material.global_damping
-    channels[:, :, memory.VALUE] = base
+    for place in (memory.BASE, memory.VALUE):
+        channels[:, :, place] = [channel_values(material) for material in materials]
     return channels.reshape(-1, memory.CHANNEL_WIDTH)
 
 
