@@ -209,7 +209,8 @@ class Run(NeverCopied, ABC):
     def finish(self) -> tuple[np.ndarray, np.ndarray, Recordings]:
         """What the run gave: steps done, which diverged, and (poses, strains, rest sizes of groups), robots first."""
         lanes = self.driver.host(self.marks.lanes).reshape(-1, marking.LANE_COLUMNS)[: self.driver.batch]
-        poses, strains, sizes = (self.driver.host(a)[:, : self.program.slots] for a in self.marks[3:6])
+        recorded = self.marks.poses, self.marks.strains, self.marks.sizes
+        poses, strains, sizes = (self.driver.host(array)[:, : self.program.slots] for array in recorded)
         diverged = lanes[:, marking.STATE] == marking.DIVERGED
         return lanes[:, marking.STEP].copy(), diverged, (poses, strains, sizes)
 

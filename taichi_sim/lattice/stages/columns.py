@@ -78,9 +78,6 @@ class Medium(NamedTuple):
         return self.fluid or self.water
 
 
-ON_A_FLOOR = Medium()
-
-
 class Shared(NamedTuple):
     """What kernels hand to stages in one piece; a kernel fills in what its stages read.
 
@@ -121,13 +118,14 @@ class Shared(NamedTuple):
     transverse: Any = None
 
 
-def shared_types(real: Real, medium: Medium = ON_A_FLOOR, reads: Sequence[str] = Shared._fields[:12]) -> Shared:
+def shared_types(real: Real, medium: Medium, reads: Sequence[str]) -> Shared:
     """Types of what a kernel is given of these fields and the plan, which is all that its stages may read."""
-    flat, table, scalar = ints(1), ints(2), real.scalar
-    numbers = (scalar, scalar, scalar, real.scalars(1), scalar)
-    every = Shared(flat, flat, flat, table, flat, flat, flat, table, real.scalars(2), *numbers)
+    types = {name: ints(1) for name in ("plan", "link", "voxel", "square", "corner", "surface")}
+    types |= {name: ints(2) for name in ("rest", "excluded")}
+    types |= {name: real.scalar for name in ("time_step", "edge", "gravity", "radius")}
+    types |= {"start": real.scalars(2), "relief": real.scalars(1)}
     read = [name for name in ("plan", *reads) if medium.relief or name != "relief"]
-    return Shared(**{name: getattr(every, name) for name in read}, medium=medium)
+    return Shared(**{name: types[name] for name in read}, medium=medium)
 
 
 @primitive
