@@ -49,6 +49,7 @@ from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.gauges import share_slots
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import (
+    LINK_WIDTHS,
     axial_slots,
     beam_slot,
     bending_slots,
@@ -59,7 +60,7 @@ from taichi_sim.lattice.stages.link import (
     recorded_strains,
     rest_slot,
 )
-from taichi_sim.lattice.stages.undo import Undo, take_all
+from taichi_sim.lattice.stages.undo import Undo, in_parts, take_all
 from taichi_sim.lattice.stages.voxel_adjoint import strain_cotangents, voxel_adjoint
 from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
 
@@ -173,16 +174,16 @@ def undo_links(b: ti.template(), l):
     lost = plus_all(u.a, memories.a_scalar, force, 6, end_slots(0, axes), gained, l, p)
     poses = own + (x, y, z, qw, qa, qb, qc)
     given = link_cotangents(u, l, poses, where_there(there, gained), where_there(there, lost), there, t)
-    found = where_there(there, given)
-    accumulate_all(u.a, u.k, pose_slots(t.plan[memory.VOXEL] + pack, l, t), found[:7])
+    found = ti.static(in_parts(LINK_WIDTHS, where_there(there, given)))
+    accumulate_all(u.a, u.k, pose_slots(t.plan[memory.VOXEL] + pack, l, t), found.minus)
     left = (i * (t.plan[memory.LINKS] + 1) + l) * BACK_WIDTH
-    store_all(memories.back, left, pose_slots(0, l, t), found[7:14])
-    store_all(u.a, u.k, consecutive(past_slot(l, t), 6), found[14:20])
+    store_all(memories.back, left, pose_slots(0, l, t), found.plus)
+    store_all(u.a, u.k, consecutive(past_slot(l, t), 6), found.past)
     rest, beam = rest_slot(l, t), beam_slot(l, t)
-    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), found[20:29])
+    accumulate_all(u.a, u.k, axial_slots(rest, beam) + bending_slots(beam), found.axial + found.bending)
     if t.plan[memory.POISSON_ON] != 0:
         strains = recorded_strains(u, l, t)
-        shares = ti.static(pull_back(laws.cross_section, strains, (), found[29:]))
+        shares = ti.static(pull_back(laws.cross_section, strains, (), found.section))
         at = t.plan[memory.STRAIN] + pack // memory.VOXEL_WIDTH * memory.STRAIN_WIDTH + 3
         accumulate_all(u.a, u.k, (at + axes[1], at + axes[2]), shares[:2])
         zero = 0.0 * length

@@ -182,15 +182,19 @@ def shared_strain(extension, inverse_rest, share):
 
 
 @law
-def axial_force(tension, stiffness):
-    """Stress times cross-section of a link [N] whose strain is ``tension``."""
-    return stiffness * tension
+def axial_force(tension, axial, transverse, squeeze, area, poisson: ti.template()):
+    """Stress times cross-section of a link [N] whose strain is ``tension``.
 
-
-@law
-def squeezed_force(force, transverse, squeeze, area):
-    """The axial force with what Poisson's effect adds, by transverse stiffness, strains and area."""
-    return (force + transverse * squeeze) * area
+    Args:
+        tension: strain along the link.
+        axial, transverse: stiffnesses, see ``materials``.
+        squeeze, area: of :func:`cross_section`.
+        poisson: whether Poisson's effect adds to the force; else the last three are not read.
+    """
+    force = axial * tension
+    if ti.static(poisson):
+        force = (force + transverse * squeeze) * area
+    return force
 
 
 @law
@@ -245,6 +249,19 @@ def turned_forces(
 def beside_or_turned(is_small, y, z):
     """A deviation across the axis as an offset where angles are small, else as a rotation of the "-" end."""
     return select(is_small, y, 0.0), select(is_small, z, 0.0), select(is_small, 0.0, y), select(is_small, 0.0, z)
+
+
+@law
+def in_world(w, x, y, z, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz, alike):
+    """A link's (F, M, G, N), turned from the frame of the "-" voxel of this orientation; see :func:`end_forces`."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(w, x, y, z)
+    fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
+    mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
+    hx, hy, hz = fx, fy, fz
+    if alike == 0:
+        hx, hy, hz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
+    nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
+    return fx, fy, fz, mx, my, mz, hx, hy, hz, nx, ny, nz
 
 
 @law

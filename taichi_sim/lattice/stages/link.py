@@ -3,7 +3,7 @@
 See ``groups`` for what the arguments hold.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import (
     all_lanes,
@@ -16,12 +16,11 @@ from taichi_sim.autodiff.lanes import (
     store_all,
     variables,
 )
-from taichi_sim.autodiff.rotations import apply, matrix
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
-from taichi_sim.lattice.stages.undo import before, cotangents_of, give, parameters_of, reverse
+from taichi_sim.lattice.stages.undo import before, cotangents_of, give, in_parts, parameters_of, reverse
 from taichi_sim.runtime import emit, ti
 
 BENDING = (materials.STIFF, materials.DAMP_MINUS, materials.DAMP_PLUS, materials.TWIST, materials.TWIST_ROOT)
@@ -111,6 +110,80 @@ def is_straight(before, x, y, z, rest):
     return laws.stays_small(x, y, z, rest) & (before == laws.SMALL)
 
 
+class LinkInputs(NamedTuple):
+    """What a link's forces depend on, all but what is fixed.
+
+    Attributes:
+        minus, plus: poses of its two voxels.
+        past: offset and rotation vector of the last step.
+        axial: rest length, its inverse, axial and transverse stiffness.
+        bending: the other constants of its beam.
+        section: squeeze and area by Poisson's effect.
+    """
+
+    minus: Any
+    plus: Any
+    past: Any
+    axial: Any
+    bending: Any
+    section: Any
+
+
+LINK_WIDTHS = LinkInputs(minus=7, plus=7, past=6, axial=4, bending=len(BENDING), section=2)
+
+
+class Strained(NamedTuple):
+    """How a link is strained: offset and rotation vector (6), half their changes, strain, regime, turn onto its axis.
+
+    The last, (regime, w, y, z), is empty for links that are and were in the regime of small angles.
+    """
+
+    strains: Any
+    changes: Any
+    tension: Any
+    regime: Any
+
+
+@primitive
+def strained(relative: Any, past: Any, rest: Any, inverse: Any, before: Any, turned: bool) -> Strained:
+    """How a link is strained whose "+" voxel is at a pose in the frame of its "-" voxel.
+
+    Args:
+        relative: offset and orientation of the "+" voxel.
+        past: offset and rotation vector of the last step.
+        rest, inverse: rest length and its inverse.
+        before: the last regime.
+        turned: whether the link may be, or have been, in another regime than that of small angles.
+    """
+    half: Any = 0.5
+    regime: Any = ()
+    if turned:
+        found = variables(laws.turned_strains(*relative, rest, before))
+        strains, regime = found[:6], found[6:]
+        half = laws.memory_weight(before, regime[0])
+    else:
+        strains = variables(laws.straight_strains(*relative, rest))
+    changes = variables(laws.half_changes(half, *strains, *past))
+    return Strained(strains, changes, emit(laws.strain(strains[0], inverse)), regime)
+
+
+@primitive
+def answer(found: Strained, bending: Any, pull: Any, edge: Any, alike: Any) -> Any:
+    """A strained link's forces (F, M, G, N) in the frame of its "-" voxel; see ``laws.end_forces`` for ``alike``."""
+    law = laws.turned_forces if found.regime else laws.straight_forces
+    return law(edge, *bending, pull, *found.strains[1:], *found.changes, *found.regime, alike)
+
+
+@primitive
+def on_voxels(ends: Any, minus: Any, plus: Any, alike: Any, floats: bool) -> Any:
+    """A link's forces (F, M, G, N) in the world, from those in the frame of its "-" voxel."""
+    ends = laws.in_world(*minus[3:], *ends, alike)
+    if floats:  # nothing else holds a floating body; on the ground all is as published
+        (x1, y1, z1), (x2, y2, z2) = minus[:3], plus[:3]
+        ends = laws.balanced(x2 - x1, y2 - y1, z2 - z1, *ends)
+    return ends
+
+
 @ti.func
 def link_stage(m: ti.template(), k, l, t: ti.template()):
     """What link l adds to its "-" voxel, force F and moment M, and takes from its "+" voxel, G and N: (F, M, G, N).
@@ -130,67 +203,51 @@ def link_forces(m: ti.template(), k, l, first: ti.template(), second: ti.templat
             there = load(t.lanes.there, l, 0)
             x = select(there > 0.5, x, load(m, k, rest_slot(l, t)))
             y, z, qw = select(there > 0.5, y, 0.0), select(there > 0.5, z, 0.0), select(there > 0.5, qw, 1.0)
-    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = bend(m, k, l, x, y, z, qw, qx, qy, qz, t)
-    xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix(*first[3:])
-    fx, fy, fz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, fx, fy, fz)
-    mx, my, mz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, mx, my, mz)
-    nx, ny, nz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, nx, ny, nz)
-    if t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC] != 0:
-        gx, gy, gz = fx, fy, fz
-    else:
-        gx, gy, gz = apply(xx, xy, xz, yx, yy, yz, zx, zy, zz, gx, gy, gz)
-    if ti.static(t.medium.floats):  # nothing else holds a floating body; on the ground all is as published
-        x, y, z = second[0] - first[0], second[1] - first[1], second[2] - first[2]
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.balanced(
-            x, y, z, fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
-        )
-    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
-
-
-@ti.func
-def bend(m: ti.template(), k, l, x, y, z, qw, qx, qy, qz, t: ti.template()):
-    """The beam to a voxel at (x, y, z) with orientation q, all in the frame of the "-" voxel: (F, M, G, N)."""
-    past, rest, beam = past_slot(l, t), rest_slot(l, t), beam_slot(l, t)
-    length, before = load_all(m, k, (rest, past + memory.REGIME))
     alike = t.link[l * columns.LINK_COLUMNS + columns.LINK_SYMMETRIC]
-    fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = x, x, x, x, x, x, x, x, x, x, x, x
+    ends = bend(m, k, l, x, y, z, qw, qx, qy, qz, alike, t)
+    return on_voxels(ends, first, second, alike, t.medium.floats)
+
+
+@ti.func
+def bend(m: ti.template(), k, l, x, y, z, qw, qx, qy, qz, alike, t: ti.template()):
+    """The beam to a voxel at (x, y, z) with orientation q, all in the frame of the "-" voxel: (F, M, G, N)."""
+    past, rest = past_slot(l, t), rest_slot(l, t)
+    length, before = load_all(m, k, (rest, past + memory.REGIME))
+    relative = ti.static((x, y, z, qw, qx, qy, qz))
+    ends = ti.static(variables([x] * 12))
     if all_lanes(is_straight(before, x, y, z, length)):  # most links of a healthy robot
-        d = laws.straight_strains(x, y, z, qw, qx, qy, qz, length)
-        h = remember(m, k, past, 0.5, d)
-        pull = axial_force(m, k, l, rest, beam, d[0], t)
-        bending = load_all(m, k, bending_slots(beam))
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.straight_forces(t.edge, *bending, pull, *d[1:], *h, alike)
+        found = ti.static(strained_now(m, k, past, relative, length, rest, before, False))
+        store_all(m, k, consecutive(past, 6), found.strains)
+        pull = axial_force(m, k, l, found.tension, t)
+        bending = load_all(m, k, bending_slots(beam_slot(l, t)))
+        assign_all(ends, answer(found, bending, pull, t.edge, alike))
     else:
-        d = laws.turned_strains(x, y, z, qw, qx, qy, qz, length, before)
-        h = remember(m, k, past, laws.memory_weight(before, d[6]), d[:6])
-        store(m, k, past + memory.REGIME, d[6])
-        pull = axial_force(m, k, l, rest, beam, d[0], t)
-        bending = load_all(m, k, bending_slots(beam))
-        fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz = laws.turned_forces(
-            t.edge, *bending, pull, *d[1:6], *h, *d[6:], alike
-        )
-    return fx, fy, fz, mx, my, mz, gx, gy, gz, nx, ny, nz
+        found = ti.static(strained_now(m, k, past, relative, length, rest, before, True))
+        store_all(m, k, consecutive(past, 7), found.strains + found.regime[:1])
+        pull = axial_force(m, k, l, found.tension, t)
+        bending = load_all(m, k, bending_slots(beam_slot(l, t)))
+        assign_all(ends, answer(found, bending, pull, t.edge, alike))
+    return ti.static(tuple(ends))
+
+
+@primitive
+def strained_now(m: Any, k: Any, past: Any, relative: Any, length: Any, rest: Any, before: Any, turned: bool) -> Any:
+    """:func:`strained`, with what the link remembers from its memory."""
+    return strained(relative, load_all(m, k, consecutive(past, 6)), length, load(m, k, rest + 1), before, turned)
 
 
 @ti.func
-def remember(m: ti.template(), k, past, half, d: ti.template()):
-    """Half the change of a link's offset and rotation since the last step; they become its memory."""
-    h = laws.half_changes(half, *d, *load_all(m, k, consecutive(past, 6)))
-    store_all(m, k, consecutive(past, 6), d)
-    return h
-
-
-@ti.func
-def axial_force(m: ti.template(), k, l, rest, beam, extension, t: ti.template()):
+def axial_force(m: ti.template(), k, l, tension, t: ti.template()):
     """Stress times cross-section of a link [N]; an absurd strain marks the robot as diverged."""
-    tension = laws.strain(extension, load(m, k, rest + 1))
     if not all_lanes(tension <= laws.DIVERGED_STRAIN):
         mark = t.plan[memory.MONITOR] + memory.DIVERGED
         store(m, k, mark, select(tension <= laws.DIVERGED_STRAIN, load(m, k, mark), 1.0))
-    force = laws.axial_force(tension, load(m, k, beam + materials.AXIAL))
+    beam = beam_slot(l, t)
+    axial = load(m, k, beam + materials.AXIAL)
+    force = laws.axial_force(tension, axial, 0.0, 0.0, 0.0, False)
     if t.plan[memory.POISSON_ON] != 0:
-        squeeze, area = laws.cross_section(*transverse_strains(m, k, l, t))
-        force = laws.squeezed_force(force, load(m, k, beam + materials.TRANSVERSE), squeeze, area)
+        section = laws.cross_section(*transverse_strains(m, k, l, t))
+        force = laws.axial_force(tension, axial, load(m, k, beam + materials.TRANSVERSE), *section, True)
     return force
 
 
@@ -198,32 +255,18 @@ def axial_force(m: ti.template(), k, l, rest, beam, extension, t: ti.template())
 def whole_link(*given: Any) -> Any:
     """What the stage does, as one function of all that it depends on, to trace it backwards: (F, M, G, N), new memory.
 
-    ``given`` are poses (14), memory (6), rest length, its inverse, axial and transverse stiffness, the five bending
-    constants, squeeze and area by Poisson's effect, edge; then the last regime, whether there is a fluid, and whether
-    the link may be, or have been, in another regime than that of small angles.
+    ``given`` are the numbers of ``LinkInputs``, edge, the last regime, whether robots may float, and whether the link
+    may be, or have been, in another regime than that of small angles.
     """
-    pose, past, (rest, inverse, axial, transverse), bending = given[:14], given[14:20], given[20:24], given[24:29]
-    squeeze, area, edge, before, fluid, turned = given[29:]
-    relative = laws.relative_pose(*pose)
-    half: Any = 0.5
-    regime: tuple[Any, ...] = ()
-    alike = 0  # sums of G's cotangents and F's have the order of links of any kind
-    if turned:
-        *strains, small, w, by, bz = laws.turned_strains(*relative, rest, before)
-        half, regime = laws.memory_weight(before, small), (small, w, by, bz)
-    else:
-        strains = laws.straight_strains(*relative, rest)
-    d0, *others = strains
-    changes = laws.half_changes(half, *strains, *past)
-    pull = laws.squeezed_force(laws.axial_force(laws.strain(d0, inverse), axial), transverse, squeeze, area)
-    law = laws.turned_forces if turned else laws.straight_forces
-    ends = law(edge, *bending, pull, *others, *changes, *regime, alike)
-    turn = matrix(*pose[3:7])
-    ends = [component for i in range(0, 12, 3) for component in apply(*turn, *ends[i : i + 3])]
-    if fluid:
-        x1, y1, z1, x2, y2, z2 = *pose[:3], *pose[7:10]
-        ends = laws.balanced(x2 - x1, y2 - y1, z2 - z1, *ends)
-    return (*ends, *strains)
+    *numbers, edge, before, floats, turned = given
+    link = in_parts(LINK_WIDTHS, numbers)
+    rest, inverse, axial, transverse = link.axial
+    relative = laws.relative_pose(*link.minus, *link.plus)
+    found = strained(relative, link.past, rest, inverse, before, turned)
+    pull = laws.axial_force(found.tension, axial, transverse, *link.section, True)
+    # Not alike: sums of G's cotangents and F's have the order of links of any kind.
+    ends = answer(found, link.bending, pull, edge, 0)
+    return (*on_voxels(ends, link.minus, link.plus, 0, floats), *found.strains)
 
 
 @ti.func
@@ -276,9 +319,10 @@ def recorded_strains(u: Any, l: Any, t: Any) -> Any:
 @ti.func
 def give_link(u: ti.template(), l, t: ti.template(), cotangents: ti.template()):
     """Add the cotangents of a link's inputs to those of state and constants."""
-    give(u, pose_slots(l, t), cotangents[:14])
-    store_all(u.a, u.k, consecutive(past_slot(l, t), 6), cotangents[14:20])  # those of the new memory have been taken
+    found = ti.static(in_parts(LINK_WIDTHS, cotangents))
+    give(u, pose_slots(l, t), found.minus + found.plus)
+    store_all(u.a, u.k, consecutive(past_slot(l, t), 6), found.past)  # those of the new memory have been taken
     rest, beam = rest_slot(l, t), beam_slot(l, t)
-    give(u, axial_slots(rest, beam) + bending_slots(beam), cotangents[20:29])
+    give(u, axial_slots(rest, beam) + bending_slots(beam), found.axial + found.bending)
     if t.plan[memory.POISSON_ON] != 0:
-        reverse(u, laws.cross_section, transverse_slots(l, t), (), (), cotangents[29:])
+        reverse(u, laws.cross_section, transverse_slots(l, t), (), (), found.section)

@@ -1,11 +1,23 @@
 """What the reverses of all stages have in common."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from itertools import accumulate
+from typing import Any, NamedTuple, TypeVar
 
 from taichi_sim.autodiff.lanes import accumulate_all, load_all, store
 from taichi_sim.autodiff.tracing import primitive, pull_back
 from taichi_sim.runtime import emit
+
+Parts = TypeVar("Parts", bound=tuple[Any, ...])
+
+
+@primitive
+def in_parts(widths: Parts, flat: Sequence[Any]) -> Parts:
+    """A sequence cut into parts by name: a named tuple like the one that says how wide each part is."""
+    ends = list(accumulate(widths))
+    if ends[-1] != len(flat):
+        raise ValueError(f"{type(widths).__name__}: {len(flat)} numbers do not fit parts of {ends[-1]}")
+    return type(widths)(*(tuple(flat[end - width : end]) for width, end in zip(widths, ends, strict=True)))
 
 
 class Undo(NamedTuple):
