@@ -11,7 +11,6 @@ import numpy as np
 from robots.gym.batch import SEEDS, Batch, Observation
 from robots.gym.environment import RobotEnvironment, RobotVector, compute_of
 from robots.lattice_robot.episodes import Episodes
-from robots.lattice_robot.reflexes import SENSES
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
@@ -24,7 +23,9 @@ if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
-USUAL_SENSES = tuple(name for name in SENSES if name != "light")
+# What is felt by default is fixed: a policy that was learned expects these numbers in this order.
+USUAL_SENSES = ("strain", "touch", "tilt", "slip", "velocity", "clock")
+LIT_SENSES = ("strain", "touch", "tilt", "slip", "velocity", "light", "clock")  # where there is a light
 GAINS = ("progress", "light", "prop", "turn", "rise")
 
 Worlds = Terrain | str | Sequence[Terrain | str]
@@ -89,7 +90,7 @@ class Rewarded(Batch):
         """Take what a ``LatticeRobotEnvironment`` takes."""
         worlds, found = _worlds(world), _lattice_robot(robot, cycles)
         lit = all(found.light_in(terrain) for terrain in worlds)
-        feels = senses or (tuple(SENSES) if lit else USUAL_SENSES)
+        feels = senses or (LIT_SENSES if lit else USUAL_SENSES)
         count = whole_number("num_envs", batch, 1)
         self.episodes = Episodes(found, worlds, count, feels, compute)
         self.gain = choice("gain", gain, GAINS)
@@ -208,7 +209,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
     Action, shape (R,): for each driven region from -1 to 1, times ``strength``: the difference of its scale from the
     wave a sixteenth of a cycle later, to which it goes in a straight line. All zero play the waves, to the bit.
 
-    Observation: what ``senses`` feel, see ``robots.lattice_robot.reflexes``. Reward: what is gained, see ``Rewarded``.
+    Observation: what ``senses`` feel, see ``robots.lattice_robot.senses``. Reward: what is gained, see ``Rewarded``.
     An episode ends with the robot's cycles.
 
     Reset: with several worlds the seed draws one, or the option ``world`` says its number, which ``info`` tells; and it
@@ -234,7 +235,8 @@ class LatticeRobotEnvironment(RobotEnvironment):
         Args:
             robot: with its waves; what is free of it is as it starts. Or its name, or file.
             world: a terrain, or its name; or several, of which each episode is in one.
-            senses: names; all by default, light where there is one.
+            senses: names; by default strain, touch, tilt, slip, velocity and clock, and light before clock where there
+                is one.
             gain: what rewards count: ``"progress"``, ``"light"``, ``"prop"``, ``"turn"`` or ``"rise"``.
             strength: largest difference of a scale.
             cycles: that count, after a first one, and with it the length of an episode; the robot's own by default.
