@@ -10,8 +10,8 @@ from taichi_sim.base.options import checked, flag, number, numbers
 
 SUFFIXES = (".xml", ".mjcf", ".urdf")
 REFLEXES = (
-    "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, then how it answers, "
-    "such as tilt,clock+hidden:8+gain:0.3 or touch+oscillators (default: nothing)"
+    "what it feels and changes its rhythm by: touch, angles, tilt, velocity, light, clock, acceleration, "
+    "then how it answers, such as tilt,clock+hidden:8+gain:0.3 or touch+oscillators (default: nothing)"
 )
 
 

@@ -11,21 +11,15 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 
+from robots.articulated.senses import SENSES, DriveReader, Sensed
 from robots.control.networks import LayeredNetwork
 from robots.control.reflexes import Answering, senses_among
+from robots.control.senses import width_of
 from taichi_sim.autodiff.arrays import trace, value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.options import value_of as number_in
 from taichi_sim.rigid.feedback import Felt
 
-SENSES = {
-    "touch": "whether each body with a touch sensor is on the ground, 1 or 0",
-    "angles": "of all hinges [rad]",
-    "tilt": "how far the base leans along x and along y",
-    "velocity": "of the base along x and along y, in lengths of the robot a second",
-    "light": "1/d^2 of the light's distance [1/m^2]",
-    "clock": "sine and cosine of the time in the rhythm's cycle",
-}
 PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 
 
@@ -34,7 +28,7 @@ class DriveReflexes(Answering):
     """What an articulated robot feels, and what answers in its drives; its weights are free.
 
     Attributes are those of ``Answering``, and:
-        senses: names in ``SENSES``.
+        senses: names in ``SENSES`` of ``robots.articulated.senses``.
         gain: of a network, most by which an answer changes a command; commands stay from -1 to 1.
         delay: in commands.
         noise: is the same for all robots of a batch.
@@ -69,47 +63,6 @@ class DriveReflexes(Answering):
         return cls(tuple(senses.split(",")), **given)
 
 
-@dataclass(frozen=True)
-class Sensed:
-    """What the senses of a robot may read: its touch sensors, hinges, light sensor and drives.
-
-    Attributes:
-        touch: bodies with touch sensors.
-        hinges: number of hinges.
-        light: whether it has a light sensor, whose reading follows those of touch.
-        drives: number of drives, which answers are for.
-        length: in which speeds are told [m].
-    """
-
-    touch: int
-    hinges: int
-    light: bool
-    drives: int
-    length: float
-
-    def network(self, reflexes: DriveReflexes) -> LayeredNetwork:
-        """The network that answers for some reflexes.
-
-        Raises:
-            ValueError: for senses without sensors, and weights that are not as many.
-        """
-        sizes = {
-            "touch": self.touch,
-            "angles": self.hinges,
-            "tilt": 2,
-            "velocity": 2,
-            "light": int(self.light),
-            "clock": 2,
-        }
-        for name in reflexes.senses:
-            if not sizes[name]:
-                where = {"light": "a light"}.get(name, "some in the model")
-                raise ValueError(f"senses: {name} is not allowed without sensors of it; give {where}")
-        network = reflexes.network_of(sum(sizes[name] for name in reflexes.senses), self.drives)
-        reflexes.check_weights(network.weight_count)
-        return network
-
-
 @dataclass(frozen=True, eq=False)
 class Rhythms:
     """What B robots do without reflexes.
@@ -123,6 +76,21 @@ class Rhythms:
     points: Floats
     commands: Floats
     span: float
+
+
+def network_of(reflexes: DriveReflexes, sensed: Sensed) -> LayeredNetwork:
+    """The network of some reflexes that answers for a robot's drives.
+
+    Raises:
+        ValueError: for senses without sensors, and weights that are not as many.
+    """
+    for name in reflexes.senses:
+        if not SENSES[name].width(sensed):
+            where = {"light": "a light"}.get(name, "some in the model")
+            raise ValueError(f"senses: {name} is not allowed without sensors of it; give {where}")
+    network = reflexes.network_of(width_of(SENSES, reflexes.senses, sensed), sensed.drives)
+    reflexes.check_weights(network.weight_count)
+    return network
 
 
 class ReflexLoop:
@@ -140,16 +108,17 @@ class ReflexLoop:
     ) -> None:
         """Set up; ``start`` is the place of the bases at the start, (B, 3) or (1, 3) [m]."""
         self.reflexes, self.sensed, self.weights, self.rhythms = reflexes, sensed, weights, rhythms
-        self.first = np.broadcast_to(start, (len(weights), 3))
-        self.network = sensed.network(reflexes)
+        first = np.broadcast_to(start, (len(weights), 3))
+        self.reader = DriveReader(reflexes.senses, sensed, rhythms.span, rhythms.points, first)
+        self.network = network_of(reflexes, sensed)
         self.oscillators = reflexes.oscillators_of(self.network)
         self.begin()
 
     def begin(self) -> None:
         """Forget what was felt and decided."""
-        self._before, self._state = self.first, self._still()
+        self._state = self._still()
         self.felt = list[Floats]()
-        self._given = list[tuple[tuple[Floats, ...], tuple[Floats, ...]]]()  # to feel, and to answer
+        self._given = list[tuple[Floats, ...]]()  # to answer
 
     def _still(self) -> list[Floats]:
         return list(self.oscillators.start(len(self.weights))) if self.oscillators else []
@@ -158,31 +127,14 @@ class ReflexLoop:
         """Begin to take derivatives back."""
         self.by_weights, self.by_points = np.zeros(self.weights.shape), np.zeros(self.rhythms.points.shape)
         self.by_commands, self._by_state = np.zeros(self.rhythms.commands.shape), self._still()
-        self._by_before, self._by_felt = np.zeros(self.first.shape), dict[int, Floats]()
+        self._by_felt = dict[int, Floats]()
 
-    def _feel(self, number: int, points: Any, before: Any, *now: Any) -> Any:
-        """What is felt at a reading, (B, width); arrays may be traced."""
-        position, orientation, angles, readings = now
-        found, touch = list[Any](), self.sensed.touch
-        for name in self.reflexes.senses:
-            if name == "touch":
-                found.append(readings[:, :touch])
-            elif name == "angles":
-                found.append(angles)
-            elif name == "tilt":
-                w, x, y, z = (orientation[:, part] for part in range(4))
-                found.append(np.stack([2 * (x * z + w * y), 2 * (y * z - w * x)], axis=1))
-            elif name == "velocity":
-                found.append((position - before)[:, :2] / (self.sensed.length * self.rhythms.span))
-            elif name == "light":
-                found.append(readings[:, touch : touch + 1])
-            else:
-                angle = 2 * np.pi * points[:, 0] * (number * self.rhythms.span)
-                found.append(np.stack([np.sin(angle), np.cos(angle)], axis=1))
-        felt = np.concatenate(found, axis=1)
+    def _feel(self, number: int, felt: Felt) -> Floats:
+        """What is felt at a reading, with noise, (B, width)."""
+        found = self.reader.read(number, felt)
         if not self.reflexes.noise:
-            return felt
-        return felt + np.random.default_rng(number).normal(0.0, self.reflexes.noise, felt.shape[1])
+            return found
+        return found + np.random.default_rng(number).normal(0.0, self.reflexes.noise, found.shape[1])
 
     def _answer(self, number: int, weights: Any, points: Any, wave: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
         """Command number so and so, and the oscillators' state after it; ``wave`` is the rhythm's command."""
@@ -202,34 +154,24 @@ class ReflexLoop:
         """The command of all drives, (B, M)."""
         if number == 0:
             self.begin()
-        now = [np.nan_to_num(each) for each in (felt.position, felt.orientation, felt.angles, felt.readings)]
-        points = self.rhythms.points
-        sensed = points, self._before, *now
-        self.felt.append(self._feel(number, *sensed))
+        self.felt.append(self._feel(number, felt))
         late = number - self.reflexes.delay
         heard = self.felt[late] if late >= 0 else np.zeros(self.felt[0].shape)
-        asked = self.weights, points, self.rhythms.commands[:, number], heard, *self._state
-        self._given.append((sensed, asked))
+        asked = self.weights, self.rhythms.points, self.rhythms.commands[:, number], heard, *self._state
+        self._given.append(asked)
         commands, *self._state = self._answer(number, *asked)
-        self._before = now[0]
         return np.asarray(commands)
 
     def pull_back(self, number: int, commands: Floats) -> Felt:
         """Derivatives by what was felt, from those by the command."""
         if number == len(self._given) - 1:
             self._forget()
-        sensed, asked = self._given[number]
-        _, way = trace(partial(self._answer, number), *asked)
+        _, way = trace(partial(self._answer, number), *self._given[number])
         by_weights, by_points, by_wave, by_heard, *self._by_state = way(commands, *self._by_state)
         self._by_felt[number - self.reflexes.delay] = by_heard  # nobody hears of readings below 0
         self.by_weights += by_weights
         self.by_points += by_points
         self.by_commands[:, number] += by_wave
-        by_before, felt = self._by_before, [np.zeros(each.shape) for each in sensed[2:]]
-        self._by_before = np.zeros(self.first.shape)
-        if number in self._by_felt:
-            _, way = trace(partial(self._feel, number), *sensed)
-            by_points, self._by_before, *felt = way(self._by_felt.pop(number))
-            self.by_points += by_points
-        felt[0] = felt[0] + by_before
-        return Felt(*felt)
+        felt, by_points = self.reader.pull_back(number, self._by_felt.pop(number, None))
+        self.by_points += by_points
+        return felt

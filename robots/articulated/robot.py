@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from robots.articulated.reflexes import PARTS, DriveReflexes
+from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
@@ -137,7 +137,7 @@ class ArticulatedRobot(Robot):
         """Refuse reflexes without a rhythm, and what they cannot feel or keep up with."""
         if self.controller != "rhythm":
             raise ValueError("reflexes: not allowed beside a network; give them with a rhythm")
-        sensed_of(self).network(reflexes)
+        network_of(reflexes, sensed_of(self))
         slowest, rate = STEADY * self.quickest, 1 / (self.hold * self.physics.time_step)
         if reflexes.kind == "oscillators" and slowest > rate * (1 + 1e-9):
             raise ValueError(f"command_rate: {rate:g} Hz is not allowed; give {slowest:g} or more")
@@ -206,7 +206,7 @@ class ArticulatedRobot(Robot):
                 kind: Literal["angle", "continuous"] = "angle" if part == "phase" else "continuous"
                 found.append(Parameter(f"{drive}_{part}", low, high, kind, 0.1 * (high - low)))
         if self.reflexes is not None and not self.weights_fixed:
-            most, count = self.reflexes.limit, sensed_of(self).network(self.reflexes).weight_count
+            most, count = self.reflexes.limit, network_of(self.reflexes, sensed_of(self)).weight_count
             found += [Parameter(f"reflex_{n + 1}", -most, most, step=0.1 * most, start=0.0) for n in range(count)]
         return tuple(found)
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms, Sensed
+from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
+from robots.articulated.senses import Sensed
 from robots.robot import Place, Progress, Trial, World
 from robots.terrain_fields import not_taken
 from robots.world import Terrain, terrain_of

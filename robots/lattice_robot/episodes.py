@@ -7,18 +7,20 @@ from typing import Any
 import numpy as np
 
 from robots.control.cyclic import SEGMENTS
+from robots.control.reflexes import senses_among
+from robots.control.senses import width_of
 from robots.frames import Frames, last_whole
 from robots.lattice_robot.measures import Record
-from robots.lattice_robot.reflexes import Anatomy, Reflexes, felt_by
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Rollout, frames_from
 from robots.lattice_robot.scenes import Scenes, sharing
+from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, check_driven
 from robots.lattice_robot.simulation import answers_in, channels_of, rollout_of, shares_in, swing_of
 from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.compute import Compute
-from taichi_sim.lattice import LatticeProgram, LatticeResult
+from taichi_sim.lattice import Felt, LatticeProgram, LatticeResult
 from taichi_sim.lattice.program import EVENT
 
 
@@ -29,7 +31,7 @@ class Episodes:
         robot: in the first world, with nothing free.
         worlds: W terrains, one of which each robot is in.
         which: the number of the world that each robot is in, shape (B,).
-        senses: what is felt, see ``robots.lattice_robot.reflexes``.
+        senses: names of what is felt, see ``robots.lattice_robot.senses``.
         regions: how many muscles an action has a number for, R.
         width: how many numbers are felt.
         steps: actions of an episode.
@@ -70,7 +72,7 @@ class Episodes:
         plain = robot.fixed
         self.worlds = _in_one_batch(plain, [worlds] if isinstance(worlds, Terrain) else worlds)
         lights = [plain.light_in(world) for world in self.worlds]
-        self.senses = Reflexes(tuple(senses), light=lights[0] if "light" in senses else None)
+        self.senses = senses_among(SENSES)("senses", tuple(senses))
         self._lights = None if lights[0] is None else np.array(lights, float)
         self._aimed, plain = plain.target is None, replace(plain, reflexes=None)
         pairs = zip(self.worlds, lights, strict=True)
@@ -78,14 +80,15 @@ class Episodes:
             replace(plain, target=light if self._aimed else plain.target).on(world) for world, light in pairs
         ]
         self.robot = robot = self._robots[0]
-        self.senses.check(len(robot.felt_regions))
-        if "light" in senses and self.senses.light is None:
+        check_driven(len(robot.felt_regions))
+        if "light" in self.senses and self._lights is None:
             name = self.worlds[0].name
             raise ValueError(f"light: {name} has none to feel; give one, as {name}+light:0.5,0.1")
         channels = channels_of(robot)
         self._swing = np.repeat(swing_of(robot, np.zeros((1, 0))), batch, axis=0)
         self._compute, self._is_ready = compute, False
-        self.regions, self.width = len(robot.felt_regions), self.senses.width(len(robot.felt_regions))
+        self.regions = len(robot.felt_regions)
+        self.width = width_of(SENSES, self.senses, self.regions)
         self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
         self.seconds = robot.cycle.segment * robot.cycle.time_step
         answers = answers_in(robot, channels)
@@ -127,7 +130,7 @@ class Episodes:
         self._rollout.engine.restore(self._fresh)
         self.positions, self.measures = self._rollout.start, {}
         self._noted = dict[int, tuple[Floats, Floats, Floats]]()
-        self._before, self._found = self.start, None
+        self._found = None
         self._at = self._swing[:, :, 1]
         length = cycle.begin + cycle.segment
         events = self._rollout.program.events
@@ -144,7 +147,10 @@ class Episodes:
         points, trial = np.zeros((len(which), 0)), Trial(terrains[0], self._compute)
         self._rollout = rollout_of(scenes, points, self._swing, trial)
         length, reliefs = self.robot.length, self._rollout.reliefs
-        self._anatomy = Anatomy.of(self._body, self.robot.felt_regions, length, reliefs, self.lights)
+        anatomy = Anatomy.of(
+            self._body, self.robot.felt_regions, length, reliefs, self.lights, placed=self.robot.placed
+        )
+        self._reader = LatticeReader(self.senses, anatomy, self.start, keeps=False)
         self._rest = np.broadcast_to(np.asarray(self._rollout.channels.rest, float), self._swing.shape[:2])
         self._fresh, self._is_ready = self._rollout.engine.save(), True
 
@@ -197,13 +203,9 @@ class Episodes:
         found = self._rollout.engine.run(LatticeProgram(np.full(batch, length), events, shots))
         failed = found.status != "ok"
         self._found = found if self._found is None else last_whole(self._found, found)
-        now = [np.nan_to_num(each[:, 0].astype(float)) for each in (found.positions, found.orientations, found.strains)]
-        if self.robot.placed is not None:
-            now = list(self.robot.placed.own_part(*now))
-        phase = ((self._piece + 1) % SEGMENTS) / SEGMENTS
-        felt = felt_by(self.senses, self._anatomy, phase, 1 / SEGMENTS, self._before, now)
-        gone = (now[0] - self._before).mean(axis=1) @ self.robot.direction / self.robot.length
-        self._before = now[0]
+        now = {name: getattr(found, name)[:, 0].astype(float) for name in ("positions", "orientations", "strains")}
+        felt = self._reader.read(self._piece, Felt(**now))
+        gone = self._reader.moved.mean(axis=1) @ self.robot.direction / self.robot.length
         place = found.positions[:, 1].copy()
         place[failed] = self.positions[failed]
         self.positions = place

@@ -12,7 +12,7 @@ import numpy as np
 
 from robots.props import Prop
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.lattice import LatticeBody, Material, Quantity, Relief, time_steps
+from taichi_sim.lattice import Felt, LatticeBody, Material, Quantity, Relief, time_steps
 from taichi_sim.lattice.laws.contact import SPHERE_RADIUS
 from taichi_sim.lattice.program import EVENT
 
@@ -59,16 +59,21 @@ class Placed:
         found: Bools = self.groups == group
         return found
 
-    def own_part(self, positions: Any, orientations: Any, strains: Any) -> tuple[Any, Any, Any]:
-        """The robot's part of positions and orientations (B, V, ...) and strains (B, L)."""
-        own = np.ascontiguousarray(strains[:, self.own_links])  # summed as in a batch of one
-        return positions[:, : self.own], orientations[:, : self.own], own
+    def own_part(self, felt: Felt) -> Felt:
+        """The robot's part of what was felt of all bodies."""
+        own = np.ascontiguousarray(felt.strains[:, self.own_links])  # summed as in a batch of one
+        return Felt(positions=felt.positions[:, : self.own], orientations=felt.orientations[:, : self.own], strains=own)
 
-    def widened(self, positions: Floats, orientations: Floats, strains: Floats) -> tuple[Floats, Floats, Floats]:
+    def widened(self, felt: Felt) -> Felt:
         """Derivatives by all bodies' voxels and links from those by the robot's: zero for props."""
-        batch, count, links = len(positions), self.body.voxel_count, len(self.body.topology.links)
-        every = np.zeros((batch, count, 3)), np.zeros((batch, count, 4)), np.zeros((batch, links))
-        every[0][:, : self.own], every[1][:, : self.own], every[2][:, self.own_links] = positions, orientations, strains
+        batch, count, links = len(felt.positions), self.body.voxel_count, len(self.body.topology.links)
+        every = Felt(
+            positions=np.zeros((batch, count, 3)),
+            orientations=np.zeros((batch, count, 4)),
+            strains=np.zeros((batch, links)),
+        )
+        every.positions[:, : self.own], every.orientations[:, : self.own] = felt.positions, felt.orientations
+        every.strains[:, self.own_links] = felt.strains
         return every
 
     def holding(self, centres: Floats) -> Any:

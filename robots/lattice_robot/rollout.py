@@ -11,7 +11,8 @@ from robots.control.cyclic import FRAMES_FROM, SEGMENTS, Cycle, build_cyclic_pro
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.props import Placed
-from robots.lattice_robot.reflexes import Anatomy, Feeling, ReflexLoop
+from robots.lattice_robot.reflexes import Feeling, ReflexLoop
+from robots.lattice_robot.senses import Anatomy
 from robots.robot import Progress
 from robots.world import Medium, Terrain, medium_of, one_each, standing
 from taichi_sim.autodiff.arrays import trace
@@ -208,8 +209,7 @@ class Rollout:
         """The loop that reads the senses and changes the cycle by what the reflexes answer."""
         aim, swing = self._aim, self._swing
         robot = self.bodies[0] if aim.placed is None else aim.placed.robot
-        anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.reliefs, feeling.lights)
-        anatomy = replace(anatomy, placed=aim.placed)
+        anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.reliefs, feeling.lights, aim.placed)
         rest = np.broadcast_to(np.asarray(self.channels.rest, float), swing.shape[:2])
         return ReflexLoop(feeling, anatomy, self.cycle, rest, swing, self.start[:, : robot.voxel_count])
 

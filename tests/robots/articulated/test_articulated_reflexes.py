@@ -8,8 +8,10 @@ import pytest
 from articulated_files import CART, CRAWLER
 
 from robots.articulated import ArticulatedRobot, DriveReflexes, differentiate, simulate
-from robots.articulated.reflexes import SENSES, ReflexLoop, Rhythms, Sensed
+from robots.articulated.kind import REFLEXES
+from robots.articulated.reflexes import ReflexLoop, Rhythms, network_of
 from robots.articulated.robot import robot_of_record
+from robots.articulated.senses import SENSES, DriveReader, Sensed
 from robots.robot import find_robot, load_design, make_robot
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -98,7 +100,7 @@ def felt(name: str, number: int = 0, **given) -> np.ndarray:
     }
     rhythms = Rhythms(np.array([[2.0, 0, 0, 0]]), np.zeros((1, 3, 1)), 0.02)
     reflexes = DriveReflexes((name,))
-    width = sensed.network(reflexes).weight_count
+    width = network_of(reflexes, sensed).weight_count
     loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)))
     for each in range(number + 1):
         loop.decide(each, Felt(**{**now, **given}) if each == number else Felt(**now))
@@ -114,6 +116,24 @@ def test_senses_feel_what_they_say():
     assert felt("velocity", 1, position=np.array([[0.01, 0.02, 0.3]])) == pytest.approx([1.0, 2.0])
     assert felt("clock", 2) == pytest.approx([np.sin(0.16 * np.pi), np.cos(0.16 * np.pi)])
     assert np.isfinite(felt("tilt", orientation=np.full((1, 4), np.nan))).all()
+
+
+def test_acceleration_is_that_of_a_fall():
+    """The second difference of the place in lengths a second^2; 0 at first, and at a constant speed."""
+    sensed, span = Sensed(touch=0, hinges=0, light=False, drives=1, length=0.5), 0.02
+    falls = 0.3 + np.array([0.2, -0.1, 5.0]), np.array([0.7, 0.4, 1.0]), np.array([0.0, 0.0, -9.81])
+    for gravity in (falls[2], np.zeros(3)):
+        reader = DriveReader(("acceleration",), sensed, span, np.zeros((1, 4)), np.array([[9.0, 9.0, 9.0]]))
+        for number in range(5):
+            time = number * span
+            place = falls[0] + falls[1] * time + gravity * time * time / 2
+            found = reader.read(number, Felt(place[None], np.zeros((1, 4)), np.zeros((1, 0)), np.zeros((1, 0))))
+            assert found[0] == pytest.approx(gravity / 0.5 if number > 1 else [0, 0, 0], abs=1e-9)
+
+
+def test_help_lists_every_sense():
+    """As the table has them."""
+    assert f": {', '.join(SENSES)}, then" in REFLEXES
 
 
 @pytest.mark.kernels

@@ -33,6 +33,20 @@ def test_every_task_is_registered():
 
 
 @pytest.mark.kernels
+def test_a_new_sense_does_not_change_what_is_felt_by_default():
+    """Policies that were learned go on working; who asks for it feels it."""
+    usual = ("strain", "touch", "tilt", "slip", "velocity", "clock")
+    default = LatticeRobotEnvironment(**QUICK)
+    assert default._batch.episodes.senses == usual
+    lit = LatticeRobotEnvironment(world="flat+light:0.1,0.05", **QUICK)
+    assert lit._batch.episodes.senses == (*usual[:-1], "light", "clock")
+    asked = LatticeRobotEnvironment(senses=("acceleration",), **QUICK)
+    actions, felt = np.zeros(asked.action_space.shape), [asked.reset()[0]]
+    felt += [asked.step(actions)[0] for _ in range(2)]
+    assert not np.any(felt[:2]) and felt[2].shape == (3,) and felt[2].all()
+
+
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", CHECKED)
 def test_the_checker_of_gymnasium_passes(name):
     with warnings.catch_warnings():

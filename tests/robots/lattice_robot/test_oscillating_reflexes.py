@@ -8,7 +8,7 @@ import pytest
 
 from robots.lattice_robot import Drive, Free, LatticeRobot, Reflexes, differentiate, load_robot, simulate
 from robots.lattice_robot.record import robot_of_record
-from robots.lattice_robot.reflexes import SENSES
+from robots.lattice_robot.senses import SENSES
 from robots.world import Terrain
 from taichi_sim.lattice import Material, body_from_array
 

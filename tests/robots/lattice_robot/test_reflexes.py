@@ -6,12 +6,14 @@ import json
 import numpy as np
 import pytest
 
+from robots.control.senses import Sense
 from robots.lattice_robot import Drive, Free, LatticeRobot, differentiate, load_robot, save_robot, simulate
 from robots.lattice_robot.record import robot_of_record
-from robots.lattice_robot.reflexes import SENSES, Anatomy, Reflexes, felt_by
+from robots.lattice_robot.reflexes import Reflexes
+from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader
 from robots.robot import Compute, Trial
 from robots.world import Terrain
-from taichi_sim.lattice import Material, Relief, body_from_array
+from taichi_sim.lattice import Felt, Material, Relief, body_from_array
 
 SOFT = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, collision_damping=0.5)
 EVERY = tuple(SENSES)
@@ -101,10 +103,10 @@ def felt(name: str, positions=None, turned=None, strains=None, ground=None, befo
     at = robot.body.start_positions[None] if positions is None else positions
     quaternions = np.tile([1.0, 0, 0, 0], (1, at.shape[1], 1)) if turned is None else turned
     links = len(robot.body.topology.links)
-    now = at, quaternions, np.zeros((1, links)) if strains is None else strains
-    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, None if ground is None else [ground])
-    before = at if before is None else before
-    return felt_by(Reflexes((name,), light=light), anatomy, 0.25, 0.5, before, now)[0]
+    now = Felt(at, quaternions, np.zeros((1, links)) if strains is None else strains)
+    lights = None if light is None else np.array([light])
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, None if ground is None else [ground], lights)
+    return LatticeReader((name,), anatomy, at if before is None else before).read(3, now)[0]
 
 
 def test_senses_feel_what_they_say():
@@ -118,8 +120,8 @@ def test_senses_feel_what_they_say():
     lean = np.tile([np.cos(0.1), 0, np.sin(0.1), 0], (1, start.shape[1], 1))  # 0.2 rad about y
     assert felt("tilt", turned=lean) == pytest.approx([np.sin(0.2), 0])
     moved = start - np.array([0.03, 0, 0])
-    assert felt("velocity", before=moved) == pytest.approx([0.03 / robot.length / 0.5, 0])
-    assert felt("slip", before=moved) == pytest.approx([0.03 / robot.length / 0.5] * 3, rel=1e-4)
+    assert felt("velocity", before=moved) == pytest.approx([0.03 / robot.length * 16, 0])
+    assert felt("slip", before=moved) == pytest.approx([0.03 / robot.length * 16] * 3, rel=1e-4)
     assert felt("slip") == pytest.approx([0, 0, 0], abs=1e-12)
     above = np.array([0, 0, 0.001])
     assert felt("slip", start + above, before=moved) == pytest.approx(np.exp(-1) * felt("slip", before=moved), rel=1e-3)
@@ -127,6 +129,71 @@ def test_senses_feel_what_they_say():
     assert bright == pytest.approx([1 / 101] * 3, rel=0.2) and np.ptp(bright) > 0
     assert felt("clock") == pytest.approx([1, 0], abs=1e-12)
     assert felt("strain") == pytest.approx([0, 0, 0])
+
+
+def reader_of(*names: str, robots: int = 1, **given) -> LatticeReader:
+    """Reads senses of legs that were put elsewhere."""
+    robot = legs()
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, None, np.array([[0.1, 0.03]]))
+    first = np.tile(robot.body.start_positions + 0.02, (robots, 1, 1))
+    return LatticeReader(names, anatomy, first, **given)
+
+
+def test_acceleration_is_that_of_a_fall():
+    """In lengths a cycle^2: -g along z before a body touches, 0 at a constant speed and at the first two readings."""
+    robot, span = legs(), 1 / (16 * 4.0)  # s between readings
+    still, speed = robot.body.start_positions, np.array([0.3, -0.2, 0.5])
+    rest = np.zeros((1, len(still), 4)), np.zeros((1, len(robot.body.topology.links)))
+    for gravity in (np.array([0, 0, -9.81]), np.zeros(3)):
+        reader = reader_of("acceleration")
+        for number in range(5):
+            time = number * span
+            felt = reader.read(number, Felt((still + speed * time + gravity * time * time / 2)[None], *rest))
+            expected = gravity / 4.0**2 / robot.length if number > 1 else np.zeros(3)
+            assert felt[0] == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_readings_remember_has_derivatives():
+    """Through both readings before, of each sense alone, also where nothing depends on a reading."""
+    rng, robot = np.random.default_rng(0), legs()
+    count, links = robot.body.voxel_count, len(robot.body.topology.links)
+    shapes, heard = ((2, count, 3), (2, count, 4), (2, links)), (0, 2, 3, 5)
+    given = [[rng.normal(size=shape) for shape in shapes] for _ in range(6)]
+    along = [[rng.normal(size=shape) for shape in shapes] for _ in range(6)]
+    for name in SENSES:
+        reader = reader_of(name, robots=2)
+        seeds = rng.normal(size=(6, *reader.read(0, Felt(*given[0])).shape))
+
+        def cost(step, reader=reader, seeds=seeds):
+            felt = [
+                reader.read(number, Felt(*(x + step * d for x, d in zip(now, ways, strict=True))))
+                for number, (now, ways) in enumerate(zip(given, along, strict=True))
+            ]
+            return sum((seeds[number] * felt[number]).sum() for number in heard)
+
+        expected = (cost(1e-6) - cost(-1e-6)) / 2e-6
+        cost(0.0)
+        found = 0.0
+        for number in reversed(range(6)):
+            back = reader.pull_back(number, seeds[number] if number in heard else None)
+            found += sum((got * way).sum() for got, way in zip(vars(back).values(), along[number], strict=True))
+        assert found == pytest.approx(expected, rel=1e-6, abs=1e-6), name
+
+
+def test_a_sense_is_one_entry_of_the_table(monkeypatch):
+    """Its width, its reading and its name follow; without a reading there is none."""
+    sense = Sense("height of the middle [m]", lambda regions: 1, lambda moment: moment.positions.mean(axis=1)[:, 2:])
+    monkeypatch.setitem(SENSES, "height", sense)
+    assert Reflexes(("clock", "height")).width(3) == 3
+    assert felt("height", legs().body.start_positions[None] + [0, 0, 0.5]) == pytest.approx([0.5])
+    with pytest.raises(TypeError, match="read"):
+        Sense("nothing", lambda regions: 1)
+
+
+@pytest.mark.parametrize("name", SENSES)
+def test_a_sense_is_as_wide_as_it_says(name):
+    """In the table and at a reading."""
+    assert len(felt(name, light=(0.1, 0.0))) == Reflexes((name,)).width(3)
 
 
 @pytest.mark.kernels

@@ -1,0 +1,149 @@
+"""What articulated robots can feel, whenever a command is due."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robots.control.senses import Sense, SenseReader, way_gained
+from taichi_sim.base.arrays import Floats
+from taichi_sim.rigid.feedback import Felt
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What the senses of a robot may read: its touch sensors, hinges, light sensor and drives.
+
+    Attributes:
+        touch: bodies with touch sensors.
+        hinges: number of hinges.
+        light: whether it has a light sensor, whose reading follows those of touch.
+        drives: number of drives, which answers are for.
+        length: in which speeds are told [m].
+    """
+
+    touch: int
+    hinges: int
+    light: bool
+    drives: int
+    length: float
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What senses of B robots read; its arrays may be traced.
+
+    Attributes:
+        sensed: of the robot.
+        span: time between readings [s].
+        number: of the reading, from 0.
+        points: of rhythms, whose first number is the frequency [Hz], (B, 1 + 3 M).
+        position: of the base's centre, (B, 3) [m].
+        orientation: of the base, (B, 4).
+        angles: of the hinges, (B, H) [rad].
+        readings: of the sensors, (B, S).
+        before: position at the reading before; at the first one at the start.
+        earlier: position at the reading before that.
+    """
+
+    sensed: Sensed
+    span: float
+    number: int
+    points: Any
+    position: Any
+    orientation: Any
+    angles: Any
+    readings: Any
+    before: Any
+    earlier: Any
+
+
+def _touch(moment: Moment) -> Any:
+    return moment.readings[:, : moment.sensed.touch]
+
+
+def _angles(moment: Moment) -> Any:
+    return moment.angles
+
+
+def _tilt(moment: Moment) -> Any:
+    w, x, y, z = (moment.orientation[:, part] for part in range(4))
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x)], axis=1)
+
+
+def _velocity(moment: Moment) -> Any:
+    return (moment.position - moment.before)[:, :2] / (moment.sensed.length * moment.span)
+
+
+def _acceleration(moment: Moment) -> Any:
+    gained = way_gained(moment.number, moment.position, moment.before, moment.earlier)
+    return gained / (moment.sensed.length * moment.span * moment.span)
+
+
+def _light(moment: Moment) -> Any:
+    touch = moment.sensed.touch
+    return moment.readings[:, touch : touch + 1]
+
+
+def _clock(moment: Moment) -> Any:
+    angle = 2 * np.pi * moment.points[:, 0] * (moment.number * moment.span)
+    return np.stack([np.sin(angle), np.cos(angle)], axis=1)
+
+
+def _two(sensed: Sensed) -> int:
+    return 2
+
+
+SENSES = {
+    "touch": Sense(
+        "whether each body with a touch sensor is on the ground, 1 or 0", lambda sensed: sensed.touch, _touch
+    ),
+    "angles": Sense("of all hinges [rad]", lambda sensed: sensed.hinges, _angles),
+    "tilt": Sense("how far the base leans along x and along y", _two, _tilt),
+    "velocity": Sense("of the base along x and y, since the last reading [lengths a second]", _two, _velocity),
+    "light": Sense(
+        "1 / d^2 of the distance to the light [1/m^2]; not the law of lattice robots",
+        lambda sensed: int(sensed.light),
+        _light,
+    ),
+    "clock": Sense("sine and cosine of the time in the rhythm's cycle", _two, _clock),
+    "acceleration": Sense(
+        "of the base along x, y and z, over the last two readings, 0 at the first two [lengths a second^2]",
+        lambda sensed: 3,
+        _acceleration,
+    ),
+}
+
+
+class DriveReader(SenseReader):
+    """Reads what articulated robots feel; see ``SenseReader``."""
+
+    table, place = SENSES, "position"
+
+    def __init__(self, names: Sequence[str], sensed: Sensed, span: float, points: Floats, first: Floats) -> None:
+        """Set up.
+
+        Args:
+            names: of senses.
+            sensed: of the robot.
+            span: time between readings [s].
+            points: of the rhythms, (B, 1 + 3 M).
+            first: where the bases' centres are at the start, (B, 3) [m].
+        """
+        self.sensed, self.span, self.points = sensed, span, points
+        super().__init__(names, first)
+
+    def moment(self, number: int, arrays: dict[str, Any]) -> Moment:
+        """What senses read at a reading."""
+        return Moment(self.sensed, self.span, number, **arrays)
+
+    def read(self, number: int, felt: Felt) -> Floats:
+        """What is felt at reading 0, 1, ..., (B, width)."""
+        return self.read_arrays(number, {"points": self.points, **vars(felt)})
+
+    def pull_back(self, number: int, by_felt: Floats | None) -> tuple[Felt, Floats]:
+        """Derivatives by what was read, and by the points of rhythms; see ``SenseReader.pull_back_arrays``."""
+        found = self.pull_back_arrays(number, by_felt)
+        by_points = found.pop("points")
+        return Felt(**found), by_points

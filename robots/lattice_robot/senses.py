@@ -1,0 +1,219 @@
+"""What lattice robots can feel, sixteen times in every cycle."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robots.control.cyclic import SEGMENTS
+from robots.control.senses import Sense, SenseReader, way_gained
+from robots.lattice_robot.props import Placed
+from taichi_sim.autodiff.arrays import value_of
+from taichi_sim.base.arrays import Floats
+from taichi_sim.ground.relief import planes_below
+from taichi_sim.lattice import Felt, LatticeBody, Relief
+
+STILL = 1e-6  # m: a slip far below this has no direction
+STRAIN, TOUCH, SPEED = 0.05, 0.1, 1.0  # for a feeling of 1: strain; edges above the ground, for 1/e; lengths per cycle
+PER_READING = 1 / SEGMENTS  # cycles
+
+
+def check_driven(regions: int) -> None:
+    """Refuse a body without driven regions, in which nothing can answer.
+
+    Raises:
+        ValueError: that says what to give.
+    """
+    if not regions:
+        raise ValueError("reflexes: no drive changes a scale; give a Drive of a region's scale")
+
+
+@dataclass(frozen=True, eq=False)
+class Anatomy:
+    """What senses know of the body.
+
+    Attributes:
+        members: which voxels are in each driven region, as shares that add up to 1, shape (R, V).
+        links: which links are within each, likewise, shape (R, L).
+        edge: of a voxel [m].
+        length: in which speeds are told [m].
+        reliefs: uneven ground below each of B robots, or None.
+        origin: mean of the voxel centres before noise, shape (3,).
+        lights: where each robot's light is, from where its centre starts [m], shape (B, 2), or (1, 2) for all; None
+            without.
+        placed: the robot among props, which it does not feel but by touching them; None without.
+    """
+
+    members: Floats
+    links: Floats
+    edge: float
+    length: float
+    reliefs: Sequence[Relief] | None
+    origin: Floats
+    lights: Floats | None = None
+    placed: Placed | None = None
+
+    @classmethod
+    def of(
+        cls,
+        body: LatticeBody,
+        regions: Sequence[int],
+        length: float,
+        reliefs: Sequence[Relief] | None,
+        lights: Floats | None = None,
+        placed: Placed | None = None,
+    ) -> "Anatomy":
+        """The anatomy of a body that is driven in some regions."""
+        every, ends = np.asarray(body.regions), body.topology.links
+        members = np.array([every == region for region in regions], float)
+        within = np.array([(every[ends] == region).all(axis=1) for region in regions], float).reshape(-1, len(ends))
+        return cls(
+            members / members.sum(axis=1, keepdims=True),
+            within / np.maximum(within.sum(axis=1, keepdims=True), 1.0),
+            body.voxel_size,
+            length,
+            reliefs,
+            body.start_positions.mean(axis=0),
+            lights,
+            placed,
+        )
+
+    def clearance(self, positions: Any) -> Any:
+        """Height of voxel centres above where they would touch the ground [edges], shape (B, V)."""
+        x, y, z = positions[:, :, 0], positions[:, :, 1], positions[:, :, 2]
+        if self.reliefs is None:
+            return z / self.edge
+        height, nz = planes_below(self.reliefs, x, y)
+        return (z - height) * nz / self.edge - 0.5 * (1.0 - nz)
+
+    def nearness(self, positions: Any) -> Any:
+        """1 where a voxel is on the ground, 1/e at ``TOUCH`` edges above it, shape (B, V)."""
+        above = self.clearance(positions)
+        return np.exp(-np.where(value_of(above) > 0, above, 0.0 * above) / TOUCH)
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What senses of B robots read; its arrays may be traced.
+
+    Attributes:
+        anatomy: of the body.
+        number: of the reading, from 0.
+        positions: voxel centres [m], shape (B, V, 3).
+        orientations: quaternions, shape (B, V, 4).
+        strains: of every link, shape (B, L).
+        before: voxel centres at the reading before; at the first one where robots were put.
+        earlier: voxel centres at the reading before that.
+    """
+
+    anatomy: Anatomy
+    number: int
+    positions: Any
+    orientations: Any
+    strains: Any
+    before: Any
+    earlier: Any
+
+    @property
+    def touching(self) -> Any:
+        """How near the ground each voxel is, times its share in every driven region, shape (B, R, V)."""
+        return self.anatomy.nearness(self.positions)[:, None, :] * self.anatomy.members
+
+
+def _strain(moment: Moment) -> Any:
+    return (moment.strains[:, None, :] * moment.anatomy.links).sum(axis=2) / STRAIN
+
+
+def _touch(moment: Moment) -> Any:
+    return moment.touching.sum(axis=2)
+
+
+def _tilt(moment: Moment) -> Any:
+    w, x, y, z = (moment.orientations[:, :, part].mean(axis=1) for part in range(4))
+    return np.concatenate([(2 * (x * z + w * y))[:, None], (2 * (y * z - w * x))[:, None]], axis=1)
+
+
+def _slip(moment: Moment) -> Any:
+    touching, moved = moment.touching, moment.positions - moment.before
+    gone = [(moved[:, None, :, axis] * touching).sum(axis=2) for axis in (0, 1)]
+    away = np.sqrt(gone[0] * gone[0] + gone[1] * gone[1] + STILL * STILL) - STILL
+    return away / (moment.anatomy.length * PER_READING * SPEED)
+
+
+def _velocity(moment: Moment) -> Any:
+    moved = (moment.positions - moment.before).mean(axis=1)[:, :2]
+    return moved / (moment.anatomy.length * PER_READING * SPEED)
+
+
+def _acceleration(moment: Moment) -> Any:
+    gained = way_gained(moment.number, moment.positions, moment.before, moment.earlier).mean(axis=1)
+    return gained / (moment.anatomy.length * PER_READING * PER_READING)
+
+
+def _light(moment: Moment) -> Any:
+    """Brightness at the middle of every driven region: 1 at the light, 1/2 a length away from it."""
+    anatomy, total = moment.anatomy, 0.0
+    assert anatomy.lights is not None
+    for axis in (0, 1):
+        middle = (moment.positions[:, None, :, axis] * anatomy.members).sum(axis=2)
+        total = total + ((middle - (anatomy.origin[axis] + anatomy.lights[:, axis, None])) / anatomy.length) ** 2
+    return 1.0 / (1.0 + total)
+
+
+def _clock(moment: Moment) -> Any:
+    angle = 2 * np.pi * (((moment.number + 1) % SEGMENTS) / SEGMENTS)
+    return np.broadcast_to([np.sin(angle), np.cos(angle)], (len(moment.positions), 2))
+
+
+def _one_each(regions: int) -> int:
+    return regions
+
+
+def _two(regions: int) -> int:
+    return 2
+
+
+SENSES = {
+    "strain": Sense("mean strain of the links within every driven region, over 0.05", _one_each, _strain),
+    "touch": Sense("how much of every driven region is on the ground, 0 to 1", _one_each, _touch),
+    "tilt": Sense("how far the body leans along x and along y", _two, _tilt),
+    "slip": Sense("how fast every driven region slides on the ground it touches [lengths a cycle]", _one_each, _slip),
+    "velocity": Sense("of the body's middle along x and y, since the last reading [lengths a cycle]", _two, _velocity),
+    "light": Sense(
+        "1 / (1 + d^2) at every driven region, d the distance to a light in body lengths; not the law of rigid robots",
+        _one_each,
+        _light,
+    ),
+    "clock": Sense("sine and cosine of the time in the cycle", _two, _clock),
+    "acceleration": Sense(
+        "of the body's middle along x, y and z, over the last two readings, 0 at the first two [lengths a cycle^2]",
+        lambda regions: 3,
+        _acceleration,
+    ),
+}
+
+
+class LatticeReader(SenseReader):
+    """Reads what lattice robots feel, of the robots alone where they are among props; see ``SenseReader``."""
+
+    table, place = SENSES, "positions"
+
+    def __init__(self, names: Sequence[str], anatomy: Anatomy, first: Floats, keeps: bool = True) -> None:
+        """Set up; ``first`` is where the robots' voxel centres were put, shape (B, V, 3) [m]."""
+        self.anatomy = anatomy
+        super().__init__(names, first, keeps)
+
+    def moment(self, number: int, arrays: dict[str, Any]) -> Moment:
+        """What senses read at a reading."""
+        return Moment(self.anatomy, number, **arrays)
+
+    def read(self, number: int, felt: Felt) -> Floats:
+        """What is felt at reading 0, 1, ..., shape (B, width)."""
+        placed = self.anatomy.placed
+        return self.read_arrays(number, vars(felt if placed is None else placed.own_part(felt)))
+
+    def pull_back(self, number: int, by_felt: Floats | None) -> Felt:
+        """Derivatives by the voxels and links of all bodies, see ``SenseReader.pull_back_arrays``."""
+        found, placed = Felt(**self.pull_back_arrays(number, by_felt)), self.anatomy.placed
+        return found if placed is None else placed.widened(found)
