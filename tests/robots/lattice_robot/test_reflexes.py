@@ -76,6 +76,18 @@ def test_the_gradient_is_that_of_central_differences(ground, hidden, late):
 
 
 @pytest.mark.kernels
+def test_the_gradient_through_acceleration_is_that_of_central_differences():
+    """In water, which has no jumps; on the ground much weight on it magnifies them."""
+    robot, water = legs(Reflexes(("acceleration", "strain"), (4,), gain=0.05)), Terrain.parse("water")
+    point = weighted(robot)
+    found = differentiate(robot, point[None], water, threads=1)
+    directions = np.random.default_rng(0).normal(size=(3, len(point)))
+    run = simulate(robot, point + 1e-6 * np.concatenate([directions, -directions]), water, threads=2)
+    expected = (run.distance[:3] - run.distance[3:]) / 2e-6
+    np.testing.assert_allclose(directions @ found.gradient[0], expected, rtol=1e-4)
+
+
+@pytest.mark.kernels
 def test_reflexes_matter_and_robots_of_a_batch_have_their_own():
     """Each does what it does alone."""
     robot = legs(Reflexes(("strain", "tilt"), gain=0.2))
