@@ -64,16 +64,16 @@ from taichi_sim.lattice.drivers.packed_lanes import (
     spread,
     with_lanes,
 )
+from taichi_sim.lattice.drivers.packed_rests import derive_rests, inverse_rest
 from taichi_sim.lattice.laws import enclosure
 from taichi_sim.lattice.laws import link as laws
-from taichi_sim.lattice.laws.group import rest_length as rest_law
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.gauges import keep_strains, share_slots
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot
 from taichi_sim.lattice.stages.voxel import voxel_stage
-from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
+from taichi_sim.runtime import GRAIN, emit, kernel_of, ti
 
 
 class Memories(NamedTuple):
@@ -225,37 +225,6 @@ def record_snapshot(r: ti.template(), e, robot, marks: ti.template()):
         extension = ms[(k + t.plan[memory.LINK]) * w + t.lanes.link[l]]
         slot, lane = inverse_rest(l, tg)
         marks.strains[robot, snapshot, l] = extension * g2[h + slot, lane]
-
-
-@ti.func
-def inverse_rest(l, tg: ti.template()):
-    """Slot and lane, in the memory of groups, of the inverse of the rest length of link l."""
-    rest = tg.link[l * columns.LINK_COLUMNS + columns.LINK_REST] // memory.REST_WIDTH
-    w = ti.static(tg.lanes.width)
-    return tg.plan[memory.REST] + rest // w * memory.REST_WIDTH + 1, rest % w
-
-
-@primitive
-def rest_ends(gs: Any, h: Any, n: Any, tg: Any, p: Lanes) -> tuple[Any, Any]:
-    """Sizes of the groups at both ends of a pack of rest lengths."""
-    first = emit((h + element(tg.plan, memory.CURRENT)) * p.width)
-    return tuple(gather_all(gs, rest_places(n, end, p), (0,), 1, first)[0] for end in range(2))
-
-
-@primitive
-def rest_places(n: Any, end: int, p: Lanes) -> list[Any]:
-    """Places in CURRENT of the sizes at one end of a pack of rest lengths."""
-    row = emit((2 * n + end) * p.width)
-    return [emit(load(p.rests, row, j)) for j in range(p.width)]
-
-
-@ti.func
-def derive_rests(g: ti.template(), gs: ti.template(), h, tg: ti.template(), p: ti.template()):
-    """Rest lengths, from the sizes of groups."""
-    for n in range(p.rests.shape[0] // (2 * p.width)):
-        minus, plus = ti.static(rest_ends(gs, h, n, tg, p))
-        length = rest_law(minus, plus)
-        store_all(g, h, consecutive(tg.plan[memory.REST] + n * memory.REST_WIDTH, memory.REST_WIDTH), length)
 
 
 @ti.func

@@ -22,7 +22,6 @@ from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.drivers.packed_contact import Record
-from taichi_sim.lattice.drivers.packed_kernel import derive_rests, inverse_rest, rest_ends, rest_places
 from taichi_sim.lattice.drivers.packed_lanes import (
     BY_LANE,
     GAUGED,
@@ -41,6 +40,7 @@ from taichi_sim.lattice.drivers.packed_lanes import (
     spread,
     with_lanes,
 )
+from taichi_sim.lattice.drivers.packed_rests import derive_rests, inverse_rest, rest_ends, rest_places
 from taichi_sim.lattice.drivers.packed_reverse_surface import scatter_all, shifted, undo_contacts, undo_squares
 from taichi_sim.lattice.laws import group as group_laws
 from taichi_sim.lattice.laws import link as laws
