@@ -1,6 +1,7 @@
 """Freeform robots: grids of cells, each of which may be there or not, of any tissue, with a muscle of its own."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,6 +28,7 @@ from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.lattice.time_steps import afloat
 
 LARGEST_AMPLITUDE = 0.5
 DETAILS = {"filtered": "radius", "blobs": "balls", "network": "hidden", "pattern": "hidden"}
@@ -175,16 +177,24 @@ class FreeformRobot(Robot):
         """When what happens; the time step is one for all designs."""
         return self._cycle(self._stable_step)
 
+    @property
+    def largest_size(self) -> float:
+        """Largest rest size that a cell of a design can reach [edges]."""
+        materials = self.palette.materials
+        heated = max(1 + m.thermal_expansion * m.temperature for m in materials)
+        driven = 1 + self.actuation.amplitude * math.hypot(1.0, RESOLUTION)
+        return max(driven, *(max(m.scale) for m in materials)) * max(heated, 1.0)
+
     def cycle_on(self, terrain: Terrain) -> Cycle:
-        """The :attr:`cycle` on a terrain, whose props may take shorter time steps.
+        """The :attr:`cycle` on a terrain, whose water and props may take shorter time steps.
 
         Raises:
             ValueError: for props too light or too heavy for their contact with the tissues.
         """
-        if not terrain.props:
-            return self.cycle
-        among = time_step_among(self.palette.materials, terrain.props, self.grid.voxel_size)
-        return self._cycle(min(self._stable_step, among))
+        stable, share = self._stable_step, afloat(self.largest_size) if terrain.is_wet else 1.0
+        if terrain.props:
+            stable = min(stable, time_step_among(self.palette.materials, terrain.props, self.grid.voxel_size))
+        return self._cycle(stable / share)
 
     def _cycle(self, stable: float) -> Cycle:
         drive = self.actuation
@@ -255,6 +265,7 @@ class FreeformRobot(Robot):
             reference_length=self.length,
             perturbation=self.perturbation,
             seed=self.seed,
+            highest_size=self.largest_size,
         )
 
     def design(self, point: ArrayLike) -> LatticeRobot:

@@ -176,7 +176,7 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
         bodies,
         _sizes(each),
         swung,
-        robot.cycle,
+        robot.cycle_on(terrains[0]),
         terrains,
         _aim(robot, terrains),
         trial.compute,

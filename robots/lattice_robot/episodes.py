@@ -74,7 +74,9 @@ class Episodes:
         lights = [plain.light_in(world) for world in self.worlds]
         self.senses = senses_among(SENSES)("senses", tuple(senses))
         self._lights = None if lights[0] is None else np.array(lights, float)
-        self._aimed, plain = plain.target is None, replace(plain, reflexes=None)
+        self._aimed = plain.target is None
+        if plain.reflexes is not None:  # without them it keeps its time steps
+            plain = replace(plain, reflexes=None, highest_size=plain.largest_size)
         pairs = zip(self.worlds, lights, strict=True)
         self._robots = [
             replace(plain, target=light if self._aimed else plain.target).on(world) for world, light in pairs

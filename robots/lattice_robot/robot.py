@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
+from robots.lattice_robot import reach
 from robots.lattice_robot.design_space import DesignSpace
 from robots.lattice_robot.drive import Drive, Free, check_drives
 from robots.lattice_robot.faults import caution_of, fault_of, settles_at_rest
@@ -46,6 +47,7 @@ LATER = (
     "perturbation",
     "seed",
     "highest_moduli",
+    "highest_size",
 )  # settings that files have where they are not as usual
 
 
@@ -72,6 +74,9 @@ class LatticeRobot(OutOfTheLab):
         placed: the robot among the props of a terrain, see :meth:`on`; ``body`` is then that of all.
         highest_moduli: Young's moduli [Pa] of its first materials with which time steps are stable; by default its own.
             Designs of a search have the highest of the search, whose time steps they keep so.
+        highest_size: largest rest size of voxels [edges] for which time steps in water are stable; by default what its
+            own drives reach. Designs of a search have that of the search.
+        is_afloat: whether it is in water, whose time steps are shorter, see :meth:`on`.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -93,6 +98,8 @@ class LatticeRobot(OutOfTheLab):
     reflexes: Reflexes | None = None
     placed: Placed | None = None
     highest_moduli: tuple[float, ...] = ()
+    highest_size: float | None = None
+    is_afloat: bool = False
 
     kind = "lattice"
     worlds = (Terrain(),)
@@ -109,6 +116,8 @@ class LatticeRobot(OutOfTheLab):
         whole_number("seed", self.seed, 0)
         if self.reference_length is not None:
             positive("reference_length", self.reference_length, 1e6)
+        if self.highest_size is not None:
+            positive("highest_size", self.highest_size, 1e3)
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
         object.__setattr__(self, "drives", tuple(self.drives))
@@ -169,16 +178,25 @@ class LatticeRobot(OutOfTheLab):
         if self.reflexes is not None:
             weights = tuple(self.weights_of(points)[0].tolist())
             own["reflexes"] = dataclasses.replace(self.reflexes, weights=weights)
-        return dataclasses.replace(self, **own)
+        found = dataclasses.replace(self, **own)
+        if found.largest_size == self.largest_size:
+            return found
+        return dataclasses.replace(found, highest_size=self.largest_size)
 
     def design(self, point: ArrayLike) -> "LatticeRobot":
         """The robot of a point, without anything free."""
         return self.filled(point)
 
     @cached_property
+    def largest_size(self) -> float:
+        """Largest rest size of a voxel for which its time steps in water are stable [edges]."""
+        return reach.largest_size(self) if self.highest_size is None else self.highest_size
+
+    @cached_property
     def cycle(self) -> Cycle:
-        """When what happens; the time step is one for all points."""
-        largest = self._space.stiffest.recommended_time_step / self.time_step_safety
+        """When what happens, where it is; the time step is one for all points."""
+        stable = self._space.stiffest.stable_time_step(self.is_afloat, self.largest_size)
+        largest = stable / self.time_step_safety
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
 
     @property
@@ -259,7 +277,7 @@ class LatticeRobot(OutOfTheLab):
         return perturbed_robot(self, drawn)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
-        """This robot with a terrain's friction, light and props, where it has any; a light is the target by default.
+        """This robot with a terrain's friction, light, water and props, where it has any; a light is the usual target.
 
         Raises:
             ValueError: if the terrain gives a friction for parts of the inflatable robot, or has no light to feel.
@@ -269,6 +287,8 @@ class LatticeRobot(OutOfTheLab):
             given: Any = friction
             materials = (dataclasses.replace(material, **given) for material in self.body.materials)
             changed["body"] = self.body.with_materials(materials)
+        if terrain.is_wet != self.is_afloat:
+            changed["is_afloat"] = terrain.is_wet
         light = self.light_in(terrain)
         if self.reflexes is not None and self.feels_light:
             if light is None:

@@ -166,6 +166,23 @@ class LatticeBody(ShortText):
             steps = [float(1 / (2 * np.pi * np.sqrt(stiffest)))]
         return min(*steps, self._contact_step)
 
+    def stable_time_step(self, is_afloat: bool, size: float | None = None) -> float:
+        """Largest stable step [s]: :attr:`recommended_time_step`, and in water less, see ``time_steps.afloat``.
+
+        Args:
+            is_afloat: whether it is in water, or in any fluid.
+            size: largest rest size that its voxels may reach [edges]; None is that of their materials.
+        """
+        if not is_afloat:
+            return self.recommended_time_step
+        return self.recommended_time_step / time_steps.afloat(self.largest_size if size is None else size)
+
+    @property
+    def largest_size(self) -> float:
+        """Largest rest size of a voxel before anything is driven [edges], by scale and temperature of the materials."""
+        used = (self.materials[number] for number in np.unique(self.material_index))
+        return max(max(m.scale) * (1 + m.thermal_expansion * m.temperature) for m in used)
+
     @property
     def _contact_step(self) -> float:
         """Largest step for contact of parts that no links join, and of single voxels with the floor [s]."""

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from taichi_sim.lattice.gradient import Tape
 
 DRIVERS = ("auto", "packed", "stepped")
-FLOATING = 1.2  # largest stable time step over that where links are balanced, as bodies may float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,7 +110,8 @@ class LatticeEngine:
         Args:
             body: one body for all robots, or one per robot; they may differ in the values of their materials only.
             batch: number of robots B.
-            time_step: dt [s]; by default the least ``recommended_time_step`` of the bodies.
+            time_step: dt [s]; by default the least ``stable_time_step`` of the bodies, in water for the sizes that
+                their materials have: give a shorter one to programs that let voxels swell there.
             floor: whether there is a floor at z = -h/2; or what rises over it, for all robots or one each.
             self_contact: whether voxels of a robot collide with each other; ``"published"``: as in the simulator of
                 the dissertation, which misses some collisions of voxels of more than 1.2 edges.
@@ -137,9 +137,8 @@ class LatticeEngine:
         self.body, self.batch, self.bodies = bodies[0], int(batch), tuple(bodies)
         ground = self._ground(floor, bool(fluid))
         if time_step is None:
-            time_step = min(b.recommended_time_step for b in {id(b): b for b in bodies}.values())
-            if fluid or (ground is not None and ground.water):
-                time_step /= FLOATING
+            is_afloat = bool(fluid) or (ground is not None and ground.water)
+            time_step = min(b.stable_time_step(is_afloat) for b in {id(b): b for b in bodies}.values())
         if compute is not None and options:
             raise ValueError(f"compute: give it or {', '.join(options)}, not both")
         self.compute = compute or Compute.given(options)

@@ -103,3 +103,28 @@ def test_a_light_voxel_in_a_pit_gains_nothing(density):
         heights.append(engine.state().positions[0, 4, 2])
     assert max(heights) < 0.013
     assert heights[-1] == pytest.approx(EDGE * np.sqrt(1.25**2 - 0.5), abs=2e-5)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("size", [1.0, 1.2, 1.5])
+def test_swollen_blocks_afloat_come_to_rest_and_not_with_longer_steps(size):
+    """Balanced links turn voxels the more, the longer they are: 1.2 of the step on the ground would do for none."""
+    body = block(Material(1e5, 600.0, scale=(size,) * 3), 6, 6, 6)
+    assert body.largest_size == size
+    turning = []
+    for share in (1.0, 1.15):
+        step = share * body.stable_time_step(is_afloat=True)
+        engine = LatticeEngine(body, fluid=True, self_contact=False, time_step=step, threads=1)
+        engine.set_positions(size * body.scattered(1e-5, 1, [0]))
+        engine.run(ProgramBuilder(1).build(3000))
+        turning.append(np.abs(engine.state().angular_velocities).max())
+    assert turning[0] < 1e-5 and turning[1] > 1.0
+
+
+@pytest.mark.kernels
+def test_engines_take_shorter_steps_by_themselves_where_bodies_float():
+    small, large = (block(Material(1e5, 600.0, scale=(size,) * 3), 2, 1, 1) for size in (1.0, 1.5))
+    for body, share in ((small, 1.2), (large, 2.45)):
+        step = body.recommended_time_step
+        assert LatticeEngine(body, floor=True).time_step == step == body.stable_time_step(is_afloat=False)
+        assert LatticeEngine(body, fluid=True).time_step == step / share == body.stable_time_step(is_afloat=True)
