@@ -142,7 +142,7 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
 
     swung, pull_back = trace(swing, points) if trial.gradients else (swing(points), None)
     every_body, cycle = [robot.body for robot in scenes.robots], cases.first.cycle_on(where[0])
-    aim, every = replace(_aim(cases.first, where), placed=scenes.first.placed), trial.record_every
+    aim, every = replace(_aim(cases.first, where, True), placed=scenes.first.placed), trial.record_every
     rollout = Rollout(every_body, _sizes(regions), swung, cycle, where, aim, trial.compute, every, scenes.starts)
     if pull_back is None:
         return result_of(rollout, rollout.run(trial.progress), {})
@@ -178,7 +178,7 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
         swung,
         robot.cycle_on(terrains[0]),
         terrains,
-        _aim(robot, terrains),
+        _aim(robot, terrains, False),
         trial.compute,
         trial.record_every,
         None,
@@ -193,13 +193,16 @@ def _mixed(cases: Cases, points: Floats, which: Ints) -> LatticeRobotResult:
     return result_of(rollout, moved, gradients)
 
 
-def _aim(robot: "FreeformRobot", terrains: Sequence[Terrain]) -> Aim:
+def _aim(robot: "FreeformRobot", terrains: Sequence[Terrain], is_solid: bool) -> Aim:
     """What motions on terrains are measured by: each light is what should be come near, where the robot has no target.
 
-    It travels along x, so that ahead and to the left are x and y.
+    It travels along x, so that ahead and to the left are x and y. A light lies from the middle of the voxels of a robot
+    that can be built; of a mixture, whose cells count as much as they are there, from its centre of mass.
     """
     lights = [terrain.light for terrain in terrains]
-    return robot.aim if robot.target is not None or None in lights else replace(robot.aim, target=np.array(lights))
+    if robot.target is not None or None in lights:
+        return robot.aim
+    return replace(robot.aim, target=np.array(lights), is_light=is_solid)
 
 
 def _mixture(robot: "FreeformRobot", terrain: Terrain, points: Any, sharpness: float) -> tuple[Any, ...]:

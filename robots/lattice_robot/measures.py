@@ -101,6 +101,7 @@ class Constants:
         target: point (x, y) that the centre of mass should come near, from where it starts [m], or that of each robot,
             shape (B, 2); None for none.
         placed: the robot among props; None without.
+        is_light: whether the target is a light, which lies from where the middle of the voxels starts.
         raised: by how much the ground raises each voxel where it starts [m], shape (B, V); 0 on level ground.
     """
 
@@ -115,6 +116,7 @@ class Constants:
     target: tuple[float, float] | Floats | None
     placed: Placed | None = None
     raised: Any = 0.0
+    is_light: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -228,11 +230,17 @@ def _payload(record: Record, constants: Constants) -> Any:
 
 def _remaining(record: Record, constants: Constants) -> Any:
     goals, away = np.broadcast_to(np.asarray(constants.target, float), (len(constants.density), 2)), []
+    origin = replace(constants, density=_evenly(value_of(constants.density))) if constants.is_light else constants
     for axis, goal in enumerate(goals.T):
         end = constants.centres(record.positions[:, 1, :, axis])
         start = np.broadcast_to(constants.body.start_positions[:, axis], constants.density.shape)
-        away.append(end - constants.centres(start) - goal)
+        away.append(end - origin.centres(start) - goal)
     return np.sqrt(away[0] * away[0] + away[1] * away[1])
+
+
+def _evenly(density: Floats) -> Floats:
+    """Densities whose centre of mass is the middle of the voxels; those given where they are even, for their bits."""
+    return np.where(density.min(axis=1, keepdims=True) == density.max(axis=1, keepdims=True), density, 1.0)
 
 
 def _prop_middles(record: Record, constants: Constants, along: Floats) -> Any:

@@ -56,12 +56,14 @@ class Aim:
         target: point (x, y) [m] that it should come near, from where its centre of mass starts, or that of each robot
             of a batch, shape (B, 2); None for none.
         placed: the robot among props, of which its motion is measured; None without.
+        is_light: whether the target is a light, which lies from where the middle of the voxels starts.
     """
 
     heading: float
     length: float
     target: tuple[float, float] | Floats | None = None
     placed: Placed | None = None
+    is_light: bool = False
 
     @property
     def direction(self) -> Floats:
@@ -223,7 +225,7 @@ class Rollout:
         if driven is None:
             driven = self.channels.driven(np.asarray(first.regions), expansions)
         about = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
-        return Constants(densities, moduli, driven, first, *about, raised)
+        return Constants(densities, moduli, driven, first, *about, raised, aim.is_light)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""

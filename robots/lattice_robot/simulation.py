@@ -229,7 +229,7 @@ def rollout_of(scenes: Scenes, points: Floats, swung: Floats, trial: Trial) -> R
     robot, channels = scenes.first, channels_of(scenes.first)
     rest = of_each(scenes.robots, lambda own, points: np.tile(channels_of(own).rest, (len(points), 1)), points)
     channels = replace(channels, rest=rest, feeling=_feeling(robot, points, channels, scenes.lights))
-    aim = replace(robot.aim, target=scenes.lights) if scenes.aimed else robot.aim
+    aim = replace(robot.aim, target=scenes.lights, is_light=True) if scenes.aimed else robot.aim
     bodies = [body for own, rows in runs_of(scenes.robots) for body in own.bodies(points[rows])]
     every, where, starts = trial.record_every, scenes.terrains, scenes.starts
     return Rollout(bodies, channels, swung, robot.cycle, where, aim, trial.compute, every, starts)

@@ -10,6 +10,7 @@ from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.robustness import STARTS, Trust, trust_in
+from robots.lattice_robot.simulation import simulate
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, Material, body_from_array
@@ -32,6 +33,7 @@ def made(body=BAR, density=None, driven=None, **changes):
         0.5,
         4.0,
         changes.pop("target", None),
+        is_light=changes.pop("is_light", False),
     )
     positions = np.tile(body.start_positions, (1, FRAMES_FROM, 1, 1))
     strains = np.zeros((1, FRAMES_FROM, len(body.topology.links)))
@@ -101,6 +103,33 @@ def test_remaining_is_the_way_to_the_target():
     assert "remaining" in constants.names
     record.positions[0, 1] += [0.01, 0.05, 0.0]
     assert measure("remaining", record, constants)[0] == pytest.approx(np.hypot(0.04, 0.03))
+
+
+def test_remaining_to_a_light_counts_from_the_middle_of_the_voxels():
+    """A light lies from there, so an uneven robot whose centre of mass is on it has nothing left."""
+    constants, record = made(density=[1e3, 2e3, 3e3], target=(0.02, 0.0), is_light=True)
+    centre = (np.array([1.0, 2.0, 3.0]) / 6) @ BAR.start_positions[:, 0]
+    record.positions[0, 1, :, 0] += BAR.start_positions[:, 0].mean() + 0.02 - centre
+    assert measure("remaining", record, constants)[0] == pytest.approx(0.0, abs=1e-15)
+    counted_from_mass = dataclasses.replace(constants, is_light=False)
+    assert measure("remaining", record, counted_from_mass)[0] == pytest.approx(centre - 0.01)
+    even, record = made(density=[600.1] * 3, target=(0.0217, 0.01), is_light=True)
+    same = dataclasses.replace(even, is_light=False)
+    assert measure("remaining", record, even)[0] == measure("remaining", record, same)[0]
+
+
+@pytest.mark.kernels
+def test_an_uneven_robot_is_as_far_from_a_light_as_the_light_is_shown():
+    """It lies still: the light is placed from the middle of its voxels, what remains is from its centre of mass."""
+    heavy = dataclasses.replace(RUBBER, density=8e3, name="heavy")
+    body = LatticeBody(np.argwhere(np.ones((8, 2, 1))), (RUBBER, heavy), [0] * 12 + [1] * 4, EDGE)
+    robot = LatticeRobot(body, (Drive("still", (1,)),), settling=0.05, cycles=1)
+    found = simulate(robot, terrain=Terrain.parse("flat+light:0.1,0"))
+    densities, x = np.array([1e3] * 12 + [8e3] * 4), body.start_positions[:, 0]
+    centre = densities @ x / densities.sum()
+    assert found.measures["remaining"][0] == pytest.approx(x.mean() + 0.1 - centre, abs=1e-4)
+    aimed = simulate(dataclasses.replace(robot, target=(0.1, 0.0)))
+    assert aimed.measures["remaining"][0] == pytest.approx(0.1, abs=1e-4)
 
 
 def robot(**settings):
