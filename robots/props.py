@@ -25,7 +25,8 @@ class Prop:
 
     Attributes:
         kind: ``"box"``, ``"ball"`` or ``"wall"``, which stays where it is.
-        size: edges of a box or wall along x, y and z, or the diameter of a ball [m]; rounded to whole voxels.
+        size: edges of a box or wall along the robot's heading, to its left and up, or the diameter of a ball [m];
+            rounded to whole voxels, whose axes are those of the world: edges go the way that is nearest.
         x: of its middle, ahead of where the robot's middle starts [m].
         y: of its middle, to the left of that [m].
         z: of its lower side above the ground on which the robot stands [m]; None stands on the ground below it.

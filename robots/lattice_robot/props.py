@@ -20,6 +20,7 @@ MODULUS = 1e5  # Pa
 FRICTION = 1.0, 0.8  # static and kinetic, where the terrain says nothing
 APART = 3  # voxels between bodies on the lattice, so that nothing links them
 TOUCH = 2 * SPHERE_RADIUS  # edges between centres of voxels that touch
+DIAGONAL = 1e-9  # difference of sine and cosine below which a heading is diagonal
 SLOWEST = 50.0  # by how much contact with props may shorten the time steps of a robot, at most
 
 
@@ -117,7 +118,7 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
     regions, fixed = [np.asarray(robot.regions)], [np.asarray(robot.fixed)]
     starts, groups = [robot.start_positions], [np.zeros(robot.voxel_count, int)]
     for number, prop in enumerate(props, start=1):
-        cells = prop.cells(edge)
+        cells = _turned(prop.cells(edge), heading)
         centred = (cells - (cells.max(axis=0) / 2) * [1, 1, 0]) * edge
         place = middle * [1, 1, 0] + prop.x * heading + prop.y * left + [0.0, 0.0, prop.z or 0.0]
         beyond = max(int(each[:, 0].max()) for each in voxels) + APART - int(cells[:, 0].min())
@@ -139,6 +140,14 @@ def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction:
     shift = np.concatenate(starts) - body.start_positions
     lifted, held = (prop.z is not None for prop in props), (prop.held for prop in props)
     return Placed(robot, body, shift, np.concatenate(groups), (False, *lifted), (False, *held))
+
+
+def _turned(cells: Ints, heading: Floats) -> Ints:
+    """Cells of a prop with its edges along the heading and to the left of it, to the nearest quarter turn.
+
+    A prop looks the same from behind, so half a turn changes nothing, and diagonal headings keep x and y.
+    """
+    return cells[:, [1, 0, 2]] if abs(heading[1]) > abs(heading[0]) + DIAGONAL else cells
 
 
 def _material(density: float, friction: tuple[float, float] = FRICTION) -> Material:

@@ -261,3 +261,16 @@ def test_designs_of_free_moduli_keep_the_time_steps_of_their_search_among_props(
     saved = load_robot(tmp_path / "saved.json")
     assert saved.on(world).cycle == searched and saved.cycle == robot.cycle
     assert saved.body.materials[0].youngs_modulus == modulus and not saved.parameters
+
+
+@pytest.mark.parametrize("heading", [0.0, 30.0, 45.0, 50.0, 90.0, 135.0, 180.0, 200.0, -90.0, 270.0])
+def test_walls_turn_with_the_heading_by_quarter_turns(heading):
+    """Their edges are along the heading, across it and up, as near as the axes of the voxels allow."""
+    robot = crawler(heading=heading).on(on("wall:0.02,0.06,0.04,0.15,0.02"))
+    starts = (robot.body.start_positions + robot.placed.shift)[robot.placed.of(1)]
+    along_y = abs(np.sin(np.deg2rad(heading))) > abs(np.cos(np.deg2rad(heading))) + 1e-6
+    edges = [0.06, 0.02, 0.04] if along_y else [0.02, 0.06, 0.04]
+    assert np.ptp(starts, axis=0) + 0.01 == pytest.approx(edges)
+    left = np.array([-robot.direction[1], robot.direction[0], 0.0])
+    middle = starts.mean(axis=0) - robot.placed.robot.start_positions.mean(axis=0)
+    assert (middle @ robot.direction, middle @ left) == pytest.approx((0.15, 0.02))
