@@ -13,6 +13,7 @@ import numpy as np
 
 from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
 from robots.lattice_robot.props import Placed
+from robots.lattice_robot.squeeze import squeezed_forces
 from robots.robot import Measure
 from robots.world import Terrain
 from taichi_sim.autodiff.arrays import revalued, value_of
@@ -102,6 +103,8 @@ class Constants:
             shape (B, 2); None for none.
         placed: the robot among props; None without.
         is_light: whether the target is a light, which lies from where the middle of the voxels starts.
+        poissons_ratio: of each voxel, shape (B, V); 0 for none.
+        pulled: along which axes of the world weight pulls all voxels, shape (B, 3).
         raised: by how much the ground raises each voxel where it starts [m], shape (B, V); 0 on level ground.
     """
 
@@ -117,6 +120,8 @@ class Constants:
     placed: Placed | None = None
     raised: Any = 0.0
     is_light: bool = False
+    poissons_ratio: Any = 0.0
+    pulled: Any = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -129,14 +134,15 @@ class Constants:
         """The constants of the robot without props."""
         assert self.placed is not None
         own = self.placed.own
-        parts = {"density": self.density, "modulus": self.modulus, "driven": self.driven, "raised": self.raised}
+        named = "density", "modulus", "driven", "raised", "poissons_ratio"
+        parts = {name: getattr(self, name) for name in named}
         cut = {name: each[:, :own] for name, each in parts.items() if np.ndim(each)}
         return replace(self, **cut, body=self.placed.robot, placed=None)
 
     @property
-    def materials(self) -> tuple[Any, Any, Any]:
-        """Density, modulus, and how much is driven."""
-        return self.density, self.modulus, self.driven
+    def materials(self) -> tuple[Any, Any, Any, Any]:
+        """Density, modulus, Poisson's ratio, and how much is driven."""
+        return self.density, self.modulus, self.poissons_ratio, self.driven
 
     def shares(self) -> list[Any]:
         """Each voxel's part of the mass, shape (V,), robot by robot."""
@@ -206,14 +212,18 @@ def _about(coordinates: Any, constants: Constants) -> Any:
 def _energy(record: Record, constants: Constants) -> Any:
     """Positive work that changes of rest lengths do against the elastic forces of the links.
 
-    A link of rest length l pulls with E_l h^2 times its strain; between two nodes of the cycle the work is that of the
-    mean of both forces. Nothing that a muscle gets back counts.
+    A link of rest length l pulls with E_l h^2 times its strain, and with what Poisson's effect adds to that; between
+    two nodes of the cycle the work is that of the mean of both forces. Nothing that a muscle gets back counts.
     """
     body = constants.body
     links, axes = body.topology.links, body.topology.link_axes
-    minus, plus = (constants.modulus[:, end] for end in links.T)
-    stiffness = 2 * minus * plus / (minus + plus) * body.voxel_size**2
-    forces = record.strains[:, LAST_CYCLE] * stiffness[:, None]
+    strains = record.strains[:, LAST_CYCLE]
+    if np.any(value_of(constants.poissons_ratio)):
+        forces = squeezed_forces(body, strains, constants.modulus, constants.poissons_ratio, constants.pulled)
+    else:
+        minus, plus = (constants.modulus[:, end] for end in links.T)
+        stiffness = 2 * minus * plus / (minus + plus) * body.voxel_size**2
+        forces = strains * stiffness[:, None]
     sizes = record.sizes[:, LAST_CYCLE]
     lengths = 0.5 * (sizes[:, :, links[:, 0], axes] + sizes[:, :, links[:, 1], axes])
     work = -0.5 * (forces[:, 1:] + forces[:, :-1]) * (lengths[:, 1:] - lengths[:, :-1])

@@ -166,6 +166,8 @@ class Rollout:
         first = self.bodies[0]
         terrains = one_each(terrain, len(self.bodies))
         around = surroundings(terrains, aim.heading)
+        pulls = [np.broadcast_to(around[Quantity.ACCELERATION + axis], len(self.bodies)) for axis in range(3)]
+        self._pulled = np.stack(pulls, axis=1) != 0
         self.program = build_cyclic_program(
             channels.regions,
             channels.quantities,
@@ -218,14 +220,14 @@ class Rollout:
     def _constants_of(self, driven: Floats | None, raised: Floats | float) -> Constants:
         """What measures know of the robots, of which the ground raises voxels where they start [m], shape (B, V)."""
         first, aim, cycle = self.bodies[0], self._aim, self.cycle
-        moduli, densities, expansions = (
+        moduli, densities, expansions, ratios = (
             np.array([[getattr(m, field) for m in body.materials] for body in self.bodies])[:, first.material_index]
-            for field in ("youngs_modulus", "density", "thermal_expansion")
+            for field in ("youngs_modulus", "density", "thermal_expansion", "poissons_ratio")
         )
         if driven is None:
             driven = self.channels.driven(np.asarray(first.regions), expansions)
         about = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
-        return Constants(densities, moduli, driven, first, *about, raised, aim.is_light)
+        return Constants(densities, moduli, driven, first, *about, raised, aim.is_light, ratios, self._pulled)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""
@@ -271,7 +273,7 @@ class Rollout:
         ok = tape.result.status == "ok"
         fields = [np.where(np.isfinite(each), each, 0.0) for each in Record.of(tape.result).arrays]
         _, pull = trace(self._measured(name), *fields, *self._constants.materials)
-        *seeds, density, modulus, driven = pull(ok.astype(float))
+        *seeds, density, modulus, ratio, driven = pull(ok.astype(float))
         zeros = [np.zeros(each.shape) for each in (tape.result.positions, tape.result.strains, tape.result.sizes)]
         for cotangents, seed in zip(zeros, seeds, strict=True):
             cotangents[:, : seed.shape[1]] = seed
@@ -288,7 +290,7 @@ class Rollout:
         if self._loop:
             swing = swing + self._loop.by_swing
         materials = {field: np.array(found) for field, found in back.materials.items()}
-        for field, direct in (("density", density), ("youngs_modulus", modulus)):
+        for field, direct in (("density", density), ("youngs_modulus", modulus), ("poissons_ratio", ratio)):
             add_to_columns(materials[field], self.bodies[0].material_index, direct)
         for found in (swing, driven, weights, *materials.values()):
             found[~ok] = np.nan
@@ -298,8 +300,8 @@ class Rollout:
         """The measure as a function of arrays, which may be traced."""
 
         def found(*arrays: Any) -> Any:
-            density, modulus, driven = arrays[3:]
-            known = replace(self._constants, density=density, modulus=modulus, driven=driven)
+            names = "density", "modulus", "poissons_ratio", "driven"
+            known = replace(self._constants, **dict(zip(names, arrays[3:], strict=True)))
             return measure(name, Record(*arrays[:3]), known)
 
         return found

@@ -11,9 +11,11 @@ from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.robustness import STARTS, Trust, trust_in
 from robots.lattice_robot.simulation import simulate
+from robots.lattice_robot.squeeze import squeezed_forces
+from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
-from taichi_sim.lattice import LatticeBody, Material, body_from_array
+from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity, body_from_array
 
 EDGE, MODULUS = 0.01, 1e5
 RUBBER = Material(MODULUS, 1e3, static_friction=1.0, kinetic_friction=0.8, name="rubber")
@@ -209,3 +211,57 @@ def test_a_robot_that_goes_backwards_is_trusted_as_its_mirror_image_is():
     assert backwards.judgement.failed is forwards.judgement.failed
     steady = Trust(np.array([-0.0841]), {"0.5 of the friction": -0.0879, "half the time step": -0.0850})
     assert steady.kept > 1 and not steady.broken_by and not steady.judgement.failed
+
+
+def squeezing(ratio, fixed=None, cycles=1, **fields):
+    """A block of 5 x 5 x 5 voxels of a Poisson's ratio that swells and shrinks by 5 %."""
+    rubber = dataclasses.replace(RUBBER, poissons_ratio=ratio)
+    voxels = np.argwhere(np.ones((5, 5, 5)))
+    body = LatticeBody(voxels, (rubber,), [0] * len(voxels), EDGE, fixed=fixed)
+    return LatticeRobot(body, (Drive("all", (0,), amplitude=0.05, phase=0.1, **fields),), settling=0.1, cycles=cycles)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 0.45])
+def test_energy_of_a_held_cube_is_that_of_hooke(ratio):
+    """All strains are those of the muscles, so stress is E / (1 - 2 nu) of them along each axis."""
+    robot = squeezing(ratio, fixed=np.ones((125, 6), bool))
+    work = MODULUS / (1 - 2 * ratio) * 0.05**2 * len(robot.body.topology.links) * EDGE**3
+    assert simulate(robot).measures["energy"][0] == pytest.approx(work, rel=0.08)
+
+
+@pytest.mark.kernels
+def test_energy_with_a_poissons_ratio_has_the_engines_forces_and_gradients():
+    """Of a free body, whose links along an axis may be one: differences of an amplitude, and of a modulus."""
+    rubber = dataclasses.replace(RUBBER, poissons_ratio=0.3)
+    soft = dataclasses.replace(rubber, youngs_modulus=4e4, poissons_ratio=0.1, name="soft")
+    voxels = np.argwhere(np.ones((4, 2, 1)))
+    body = LatticeBody(voxels, (rubber, soft), [0] * 4 + [1] * 4, EDGE)
+    drives = (Drive("a", (0,), amplitude=Free(0.0, 0.2, 0.1), phase=0.1),)
+    robot = LatticeRobot(body, drives, {"soft": Free(2e4, 8e4, 4e4)}, settling=0.05, cycles=1, frequency=20.0)
+    trial = Trial(Terrain.water(), Compute(), gradients=("energy",))
+    start = np.array(robot.start)
+    slope = robot.run(start[None], trial).gradients["energy"][0]
+    for place, step in ((0, 1e-6), (1, 1.0)):
+        moved = np.array([start + step * np.eye(2)[place], start - step * np.eye(2)[place]])
+        above, below = robot.run(moved, dataclasses.replace(trial, gradients=())).measures["energy"]
+        assert slope[place] == pytest.approx((above - below) / (2 * step), rel=1e-4)
+
+
+@pytest.mark.kernels
+def test_forces_with_a_poissons_ratio_are_alike_along_a_held_bar():
+    """Of two unlike materials, one of which swells: at rest each of its links carries the same."""
+    rubber = dataclasses.replace(RUBBER, poissons_ratio=0.3)
+    soft = dataclasses.replace(rubber, youngs_modulus=4e4, poissons_ratio=0.1, name="soft")
+    fixed = np.zeros((8, 6), bool)
+    fixed[[0, 7]] = True
+    body = LatticeBody([(x, 0, 0) for x in range(8)], (rubber, soft), [0] * 4 + [1] * 4, EDGE, fixed=fixed)
+    engine = LatticeEngine(body, self_contact=False, threads=1)
+    swollen = ProgramBuilder(1)
+    swollen.set(Quantity.SCALE, 1.05, regions=[0])
+    strains = engine.run(swollen.build(5000, [[5000]])).strains
+    index = body.material_index[None]
+    modulus, ratio = np.array([1e5, 4e4])[index], np.array([0.3, 0.1])[index]
+    forces = squeezed_forces(body, strains, modulus, ratio, False)[0, 0]
+    assert forces == pytest.approx(forces.mean(), rel=1e-6) and forces.mean() < -0.1
+    assert np.ptp(strains) > 0.01
