@@ -30,7 +30,7 @@ def squeezed_forces(body: LatticeBody, strains: Any, modulus: Any, ratio: Any, p
     every = np.stack(_poisson_strains(own, tense, ratio[:, None]), axis=-1)
     sides = [every[:, :, end, axis] for end in links.T for axis in ((axes + 1) % 3, (axes + 2) % 3)]
     squeeze, area = beams.cross_section(*sides)
-    return beams.squeezed_force(beams.axial_force(strains, axial[:, None]), transverse[:, None], squeeze, area)
+    return beams.axial_force(strains, axial[:, None], transverse[:, None], squeeze, area, True)
 
 
 def _poisson_strains(strains: list[Any], tense: list[Floats], ratio: Any) -> list[Any]:
