@@ -81,7 +81,7 @@ def arm_and_ball() -> Arrays:
     found = {}
     for name, tree in (("arm", arm), ("ball", ball)):
         for integration in ("momentum", "velocity"):
-            world = places.World(0.01, integration=integration)
+            world = places.World(0.01, slip=0.01, integration=integration)
             done = places.RigidEngine(tree, world, precision="f64", threads=1).run(200)
             found |= arrays_of(done, *ROLLOUTS, prefix=f"{name}.{integration}.")
     return found

@@ -45,6 +45,13 @@ class ArticulatedKind(RobotKind):
             checked(_friction),
             "N",
         ),
+        Option(
+            "slip",
+            "speed of a point that holds for each newton of friction, m/(N s) (default: so little that robots of any "
+            "weight hold)",
+            number(1e-12),
+            "N",
+        ),
         Option("speed", "of position drives without any of their own, 1/s (default: 10)", number(1e-6), "N"),
         Option("reflexes", REFLEXES, checked(_reflexes), "SENSES"),
         flag("fixed", "fix the base of a URDF robot to the world, as a root link named world does"),

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
 USUAL_RATE = 50.0  # of commands [Hz]
+FORMER_SLIP = 0.01  # m/(N s), of earlier versions, whose records do not tell it
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
@@ -56,8 +57,9 @@ class ArticulatedRobot(Robot):
         quickest: highest frequency of a rhythm [Hz].
         command_rate: how often commands of a rhythm change [Hz], at most once a time step; None: 50 Hz, or that.
         light: place of a light [m], which a network sees from the base's centre; None for no light.
-        friction: coefficient of friction; infinite: viscous slip alone, which has gradients; None: that of the file,
-            or 1.
+        friction: coefficient of friction; infinite: without a cone, which has gradients; None: that of the file, or 1.
+        slip: speed of a point on the ground for each newton of friction [m/(N s)]; None: so little that robots of any
+            weight hold, see ``taichi_sim.rigid.World``.
         angles: of hinges at the start, by their joints' names [rad]; else as in the file.
         fixed: whether a URDF robot's base is fixed to the world whatever its file says; MJCF says so itself.
         speed: of position drives whose own does not follow from the file [1/s], see ``parse_model``.
@@ -86,6 +88,7 @@ class ArticulatedRobot(Robot):
     fastest: float = 10.0
     reflexes: DriveReflexes | None = None
     time_step: float | None = None
+    slip: float | None = None
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -110,6 +113,8 @@ class ArticulatedRobot(Robot):
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
         if self.friction is not None and self.friction != math.inf:
             checks.number("friction", self.friction, 0.0)
+        if self.slip is not None:
+            checks.positive("slip", self.slip)
         if self.light is not None:
             object.__setattr__(self, "light", _place("light", self.light))
         settings = ("angles", "fixed", "speed", "fastest", "time_step")
@@ -165,10 +170,10 @@ class ArticulatedRobot(Robot):
 
     @property
     def physics(self) -> rigid.World:
-        """Time step and gravity of the model; friction as asked for."""
+        """Time step and gravity of the model; friction and slip as asked for."""
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
-        return rigid.World(own.time_step, own.gravity, own.slip, friction, own.error_reduction, own.integration)
+        return rigid.World(own.time_step, own.gravity, self.slip, friction, own.error_reduction, own.integration)
 
     @property
     def network(self) -> Network:
@@ -219,6 +224,8 @@ class ArticulatedRobot(Robot):
         found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
         if self.reflexes is None:  # a record is as before there were any
             del found["reflexes"]
+        if self.slip == FORMER_SLIP:  # as a record of those versions is
+            del found["slip"]
         return found
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
@@ -284,11 +291,12 @@ def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
         TypeError: for a damaged record.
     """
     friction = math.inf if record.get("friction") == "inf" else record.get("friction")
-    given = record.get("reflexes")
-    reflexes = None if given is None else DriveReflexes(**given)
+    felt = record.get("reflexes")
+    reflexes = None if felt is None else DriveReflexes(**felt)
     with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
         warnings.simplefilter("ignore")
-        return ArticulatedRobot(**{**_updated(record), "friction": friction, "reflexes": reflexes})
+        given = {"slip": FORMER_SLIP, **_updated(record), "friction": friction, "reflexes": reflexes}
+        return ArticulatedRobot(**given)
 
 
 def _updated(record: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -177,7 +177,7 @@ class RigidEngine:
             ValueError: for what is not allowed, and Coulomb friction, whose cone has no derivative here.
         """
         if np.isfinite(self.world.friction):
-            raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity, viscous slip alone")
+            raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity")
         run = self._start(steps, weights, commands, hold, lights, start)
         return RigidTape(run, _decided(feedback, commands))
 
@@ -258,7 +258,7 @@ class RigidEngine:
         """Numbers that all robots of a run share, in the order of their places in ``slots``."""
         world, network, scalar = self.world, self.network, real.numpy
         push_out = scalar(world.error_reduction) / scalar(world.time_step)
-        ground = push_out, world.time_step / world.slip, min(world.friction, ENDLESS), COMPLIANCE[real.precision]
+        ground = push_out, min(world.friction, ENDLESS), COMPLIANCE[real.precision]
         neurons = network.memory, network.gain, *network.touch_values
         rest = 0 if self.tree.fixed else 1, TOLERANCE[real.precision]
         return np.array([world.time_step, *ground, *neurons, *rest, *world.gravity_across, world.gravity], scalar)

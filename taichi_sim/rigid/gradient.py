@@ -132,6 +132,9 @@ class RigidTape:
             return found[first : first + int(np.prod(shape))].T.reshape(found.shape[1], *shape)
 
         parameters = section(plan[slots.PARAMETER], plan[slots.BODIES], slots.PARAMETER_WIDTH)
+        if self._run.world.slip is None:  # the strength of friction grows with each kilogram
+            of_mass = found[slots.SLIP_STRENGTH] * self._run.world.slip_strength(1.0)
+            parameters[:, self._run.moving, slots.MASS] += of_mass[:, None]
         bodies = np.moveaxis(bodies_of(found, plan), -1, 0)
         return RigidGradient(
             weights=section(plan[slots.WEIGHT], 0 if commands else sensors, motors),

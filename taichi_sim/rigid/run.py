@@ -1,5 +1,6 @@
 """A run of a batch: its inputs, the robots' memory part by part, and the results that are read off it."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 
@@ -72,6 +73,7 @@ class Run:
             slots.POSITION: given["position"],
             slots.ORIENTATION: given["orientation"],
             slots.LIGHT: given["lights"],
+            slots.SLIP_STRENGTH: _rows(self._slip_strengths(), robots),
             **{self.plan[section]: _rows(values, robots) for section, values in self.numbers.items()},
             self.plan[slots.WEIGHT]: given["weights"],
             self.plan[slots.COMMAND]: given["commands"],
@@ -85,6 +87,16 @@ class Run:
             bodies[:, slot : slot + values.shape[-1]] = values.transpose(1, 2, 0)
         bodies[self.trees[0].hinged, slots.ANGLE] = given["angles"].T
         return found
+
+    @property
+    def moving(self) -> slice:
+        """Bodies that may move: all but a base that is fixed to the world."""
+        return slice(1 if self.trees[0].fixed else 0, None)
+
+    def _slip_strengths(self) -> Floats:
+        """Strength of the friction of points that hold, by trees."""
+        masses = self.numbers[slots.PARAMETER][:, self.moving, slots.MASS]
+        return np.array([self.world.slip_strength(math.fsum(each)) for each in masses])
 
     def _carried(self, robots: Ints, given: Given) -> tuple[Floats, Floats, Floats]:
         """Arrays (B, bodies, ...): what bodies carry (momenta or velocities), their places and their velocities."""

@@ -16,16 +16,15 @@ BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGH
 POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(29, 35)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
-# reduction in a second, SLIP_STRENGTH the time step over the slip, FLOATING 0 where the base is fixed to the world;
-# GRAVITY is the first of three.
-TIME_STEP, PUSH_OUT, SLIP_STRENGTH, FRICTION, COMPLIANCE = range(5)
-MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE, GRAVITY = range(5, 12)
+# reduction in a second, FLOATING 0 where the base is fixed to the world; GRAVITY is the first of three.
+TIME_STEP, PUSH_OUT, FRICTION, COMPLIANCE, MEMORY, GAIN, APART, TOUCHING, FLOATING, TOLERANCE, GRAVITY = range(11)
 
 # The head of the memory: base position and orientation, the light, its smallest horizontal distance squared so far,
-# steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity.
+# steps before divergence (negative: none), the worst unsolved residual; then factor, right-hand side and velocity; the
+# strength of the friction of points that hold, see ``World.slip_strength``.
 POSITION, ORIENTATION, LIGHT, POSE_WIDTH = 0, 3, 7, 7
 CLOSEST, DIVERGED, RESIDUAL = 10, 11, 12
-ROOT, ROOT_RIGHT, HEAD = 13, 34, 40
+ROOT, ROOT_RIGHT, SLIP_STRENGTH, HEAD = 13, 34, 40, 41
 
 # Of a body. State: what it carries from step to step (angular, then linear), its own position, its hinge.
 CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10

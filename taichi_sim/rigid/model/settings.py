@@ -7,6 +7,9 @@ from typing import Annotated, Literal
 
 from taichi_sim.base.checks import Finite, Positive, check_fields, number, numbers
 
+CREEP = 1e-4  # m/s, of a robot that a force of its weight on earth drags along
+EARTH = 9.81  # m/s^2
+
 
 def _friction(field: str, value: float) -> float:
     try:
@@ -30,8 +33,9 @@ class World:
     Attributes:
         time_step: [s].
         gravity: along z [m/s^2].
-        slip: speed of a point on the ground for each newton of friction [m/(N s)].
-        friction: coefficient of friction; if infinite, viscous slip alone acts.
+        slip: speed of a point on the ground for each newton of friction [m/(N s)]; None: so little that a force of the
+            robot's weight on earth makes a point creep 0.1 mm/s, whatever the robot weighs.
+        friction: coefficient of friction; if infinite, no cone limits it, and it has gradients.
         error_reduction: part of a penetration that a step undoes (ODE's ERP).
         integration: ``"momentum"`` carries momenta from step to step and conserves them in free flight;
             ``"velocity"`` carries each body's velocity, adds the gyroscopic moment at the start of the step and lets
@@ -41,7 +45,7 @@ class World:
 
     time_step: Positive = 0.05
     gravity: Finite = -9.81
-    slip: Positive = 0.01
+    slip: Positive | None = None
     friction: Annotated[float, _friction] = math.inf
     error_reduction: Annotated[float, partial(number, low=0.0, high=1.0)] = 0.2
     integration: Literal["momentum", "velocity"] = "momentum"
@@ -49,6 +53,10 @@ class World:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def slip_strength(self, mass: float) -> float:
+        """Impulse of friction for each speed of a point that slips, under a robot of some mass [N s / (m/s)]."""
+        return self.time_step * mass * EARTH / CREEP if self.slip is None else self.time_step / self.slip
 
 
 @dataclass(frozen=True)

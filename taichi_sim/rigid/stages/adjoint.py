@@ -175,16 +175,17 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
         i, b, point = listed_point(robots, n)
         body = body_at(robots, b)
         pieces = ti.static(contact_slots(robots, b, i))
-        inputs = ti.static(gather(robots, pieces) + row(motion, body + slots.VELOCITY, 6))
         multiplier = 0.0 - read(motion, point + slots.IMPULSES + rows)
         strength = one * 0.0
         if rows > 0:
             strength = read(robots, point + slots.RUBS)
         impulse = read(robots, point + slots.IMPULSES + rows)
-        constants = ti.static((impulse, multiplier, strength, push_out, robots.drifting))
+        inputs = ti.static(gather(robots, pieces) + row(motion, body + slots.VELOCITY, 6) + (strength,))
+        constants = ti.static((impulse, multiplier, push_out, robots.drifting))
         to = ti.static(contact_slopes(robots, point, inputs, constants, one))
-        scatter(cotangents, pieces, to[:-6])
-        add(cotangents, body + slots.MOMENTUM, to[-6:])
+        scatter(cotangents, pieces, to[:-7])
+        add(cotangents, body + slots.MOMENTUM, to[-7:-1])
+        add_one(cotangents, slots.SLIP_STRENGTH, select(strength > 0.0, to[-1], 0.0 * one))
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body, parent = body_at(robots, b), parent_at(robots, b)

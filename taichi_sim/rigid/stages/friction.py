@@ -49,7 +49,7 @@ def largest_impulse(robots: Block, point: Any, phase: Any) -> Any:
 @ti.func
 def allowed_share(robots: ti.template(), count, phase):
     """What the cones allow points that slide, all together, over the impulses that they had in the last phase."""
-    strength, push_out = setting(robots, slots.SLIP_STRENGTH), setting(robots, slots.PUSH_OUT)
+    strength, push_out = read(robots, slots.SLIP_STRENGTH), setting(robots, slots.PUSH_OUT)
     allowed = 0.0 * read(robots, slots.RESIDUAL)
     had = allowed + _LEAST
     for n in range(count):
@@ -65,7 +65,7 @@ def allowed_share(robots: ti.template(), count, phase):
 @ti.func
 def rub(robots: ti.template(), count, phase):
     """The strength of each point's friction in the next phase: those rub that push."""
-    strength, friction = setting(robots, slots.SLIP_STRENGTH), setting(robots, slots.FRICTION)
+    strength, friction = read(robots, slots.SLIP_STRENGTH), setting(robots, slots.FRICTION)
     push_out = setting(robots, slots.PUSH_OUT)
     together = 0.0 * read(robots, slots.RESIDUAL)
     if friction < ENDLESS and phase > 0:

@@ -67,11 +67,11 @@ def work(*values: Any) -> Any:
 def contact_work(*values: Any) -> Any:
     """Work of a point's normal impulse and friction in the motion z, plus its target times its multiplier.
 
-    Values: rotation (9), place (3), drift (3), offset (3), radius, height of the base, y (6), z (6); then normal
-    impulse, multiplier, strength of friction, push-out rate, drifting.
+    Values: rotation (9), place (3), drift (3), offset (3), radius, height of the base, y (6), z (6), strength of
+    friction; then normal impulse, multiplier, push-out rate, drifting.
     """
     rotation, place, drift, offset, (radius, base), y, z = _cut(values, 9, 3, 3, 3, 2, 6, 6)
-    impulse, multiplier, strength, push_out, drifting = values[32:]
+    strength, impulse, multiplier, push_out, drifting = values[32:]
     at = spatial.plus(place, spatial.turned(rotation, offset))
     depth = radius - base - at[2]  # what drift takes off it, the correction of the drift asks for again
     lowest = [at[0], at[1], at[2] - radius]
@@ -87,11 +87,11 @@ def contact_work(*values: Any) -> Any:
 def uneven_contact_work(*values: Any) -> Any:
     """:func:`contact_work` of a point on uneven ground: where it is, that is a plane of the normal n.
 
-    Values: rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6); then normal
-    impulse, multiplier, strength of friction, push-out rate, drifting, n (3).
+    Values: rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6), strength
+    of friction; then normal impulse, multiplier, push-out rate, drifting, n (3).
     """
     rotation, place, drift, offset, (radius,), base, y, z = _cut(values, 9, 3, 3, 3, 1, 3, 6, 6)
-    impulse, multiplier, strength, push_out, drifting, *normal = values[34:]
+    strength, impulse, multiplier, push_out, drifting, *normal = values[34:]
     axes = spatial.tangents(normal)
     at = spatial.plus(place, spatial.turned(rotation, offset))
     depth = radius - spatial.dot(spatial.plus(base, at), normal)  # but for the height of the plane, a constant

@@ -88,6 +88,35 @@ def test_records_of_earlier_versions_mean_what_they_meant_or_are_refused():
         KINDS["articulated"].from_description(cart)
 
 
+def test_records_of_earlier_versions_keep_their_slip():
+    """It was 0.01 m/(N s) in all of them, and they did not tell it."""
+    now = crawler().describe()
+    assert now["slip"] is None and crawler().world.slip is None
+    before = {name: value for name, value in now.items() if name != "slip"}
+    former = KINDS["articulated"].from_description(before)
+    assert former.world.slip == 0.01 and former.describe() == before == crawler(slip=0.01).describe()
+    for slip in (None, 1e-3):
+        assert KINDS["articulated"].from_description(crawler(slip=slip).describe()).world.slip == slip
+
+
+HEAVY = """
+<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
+<body name="b" pos="0 0 .1"><freejoint/><geom type="box" size=".3 .2 .1" mass="MASS"/>
+<body pos="0 0 .15"><joint name="j" type="hinge" axis="0 1 0" range="-10 10"/><geom type="sphere" size=".03" mass=".1"/>
+</body></body></worldbody>
+<actuator><position joint="j" kp="10" ctrlrange="-0.1 0.1" forcerange="-1 1"/></actuator></mujoco>
+"""
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("mass", ["1", "50", "1000"])
+def test_a_robot_of_any_mass_stands_on_a_hill(mass):
+    """Friction is 1, so it holds on 10 degrees."""
+    robot = ArticulatedRobot(HEAVY.replace("MASS", mass), duration=1.0)
+    still = simulate(robot, [[0.5, 0.0, 0.0, 0.0]], terrain=Terrain(10.0), **HERE)
+    assert abs(still.distance[0]) < 1e-4
+
+
 @pytest.mark.kernels
 @pytest.mark.parametrize("controller", ["rhythm", "network"])
 def test_it_does_what_the_engine_does(controller):
@@ -218,6 +247,7 @@ def test_it_offers_what_every_robot_offers(tmp_path):
             "command_rate: 50 Hz is not allowed with time steps of 0.05 s; give at most 20 Hz, or a shorter time_step",
         ),
         (lambda: crawler(friction=-1), "friction: -1 is not allowed"),
+        (lambda: crawler(slip=0), "slip: 0 is not allowed; give a positive finite number"),
         (lambda: crawler(light=(1, 2)), "light: (1, 2) is not allowed; give a place x, y, z [m]"),
         (lambda: crawler(angles={"knee": 1.0}), "angles: there is no hinge 'knee'"),
         (lambda: ArticulatedRobot(CRAWLER.split("<actuator>")[0] + "</mujoco>"), "model: no hinge of it has a drive"),

@@ -62,7 +62,7 @@ def test_derivatives_are_central_differences(given, terrain):
     """By weights and rhythm at once, through every sense but touch, with contact."""
     robot = crawler(every(**given), heading=20.0, duration=0.3)
     world = {} if terrain is None else {"terrain": Terrain.parse(terrain)}
-    points, shift = some_points(robot, 2, seed=3), 1e-6
+    points, shift = some_points(robot, 2, seed=3), 1e-5
     found = differentiate(robot, points, **world, **HERE)
     assert np.array_equal(found.distance, simulate(robot, points, **world, **HERE).distance)
     rhythm = robot.rhythm_size

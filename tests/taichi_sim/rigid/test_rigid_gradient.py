@@ -16,6 +16,7 @@ from robots.quadruped import (
     engine,
     simulate,
 )
+from taichi_sim.ground import Relief
 from taichi_sim.rigid import Body, Capsule, Hinge, Motor, Network, RigidEngine, Sphere, Tree, World
 
 pytestmark = pytest.mark.kernels
@@ -131,6 +132,30 @@ def test_derivatives_of_a_body_without_hinges_and_of_a_fixed_one(tree, value, na
     found = tape.pull_back(**{name: aim}).by_design(tree, value)
     expected = (cost(value + 1e-6) - cost(value - 1e-6)) / 2e-6
     assert abs(expected) > 0.01 and abs(found[0] / expected - 1) < 1e-7
+
+
+@pytest.mark.parametrize("ground", [None, Relief(np.zeros((2, 2)), 1.0, (-0.5, -0.5))])
+@pytest.mark.parametrize("fixed", [False, True])
+def test_derivatives_by_a_mass_know_that_slip_falls_with_it(monkeypatch, fixed, ground):
+    """With a creep that is large enough to matter; a base that is fixed does not count."""
+    monkeypatch.setattr("taichi_sim.rigid.model.settings.CREEP", 1.0)
+
+    def tree(mass: float) -> Tree:
+        base, arm = (Body(name, (0, 0, 0.1), 1.0, [Sphere(0.1001)]) for name in ("base", "arm"))
+        foot = Body("foot", (0.2, 0, 0.1), mass, [Sphere(0.1001)])
+        turning = Hinge("base", "arm", (0, 0, 0.1), (0, 0, 1), Motor.velocity(5.0, 1.0))
+        return Tree([base, arm, foot], [turning, Hinge("arm", "foot", (0.05, 0, 0.3), (0, 1, 0))], fixed=fixed)
+
+    def robots(mass: float) -> RigidEngine:
+        return RigidEngine(tree(mass), World(0.01), ground=ground, precision="f64", threads=1)
+
+    def cost(mass: float) -> float:
+        return robots(mass).run(30, commands=np.ones((1, 1, 1))).angles[0, 0]
+
+    tape = robots(0.7).record(30, commands=np.ones((1, 1, 1)))
+    found = tape.pull_back(angles=np.array([[1.0, 0.0]])).by_design(tree, 0.7)
+    expected = (cost(0.7 + 1e-6) - cost(0.7 - 1e-6)) / 2e-6
+    assert abs(expected) > 1e-3 and abs(found[0] / expected - 1) < 1e-6
 
 
 def test_neighbours_and_lanes_change_no_bit_of_a_gradient():

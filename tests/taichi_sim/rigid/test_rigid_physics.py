@@ -280,6 +280,44 @@ def test_a_block_slides_where_the_ground_is_steeper_than_its_friction(integratio
     assert moved == pytest.approx(expected, rel=0.02, abs=1e-3)
 
 
+def tilted(time_step, degrees, friction, **settings):
+    """A world whose ground falls along x."""
+    down, along = GRAVITY * np.cos(np.radians(degrees)), GRAVITY * np.sin(np.radians(degrees))
+    return World(time_step, -down, friction=friction, gravity_across=(along, 0.0), **settings)
+
+
+@BOTH
+@pytest.mark.parametrize("friction", [0.5, np.inf])
+def test_friction_holds_boxes_of_any_mass_on_a_slope(integration, friction):
+    """Each point creeps at slip times its quarter of the force along the slope, less than 5 micrometres a second."""
+    boxes = [Tree([Body("box", (0, 0, 0.1), mass, [Box((0.2, 0.2, 0.2))])]) for mass in (0.01, 1.0, 100.0, 1000.0)]
+    found = simulate(boxes, tilted(0.005, 10.0, friction, integration=integration), 400)
+    assert np.abs(found.position[:, :2]).max() < 1e-5 and not found.residual.any()
+    assert np.ptp(found.position[:, 0]) < 1e-7 < found.position[:, 0].min()  # they creep alike, if a little
+
+
+@BOTH
+@pytest.mark.parametrize("mass", [1.0, 100.0])
+def test_a_ball_of_any_mass_rolls_down_a_slope(integration, mass):
+    """A homogeneous ball that does not slip is accelerated by 5/7 of the gravity along the slope."""
+    ball = Tree([Body("ball", (0, 0, 0.1), mass, [Sphere(0.1)])])
+    found = simulate(ball, tilted(0.002, 10.0, 0.8, integration=integration), 500)
+    assert found.position[0, 0] == pytest.approx(5 / 14 * GRAVITY * np.sin(np.radians(10.0)), rel=3e-3)
+
+
+def test_slip_is_that_of_the_mass_that_moves():
+    """A given slip counts whatever the mass; a heavy base that is fixed to the world does not count."""
+    assert World(0.01, slip=0.02).slip_strength(1.0) == World(0.01, slip=0.02).slip_strength(9.0) == 0.01 / 0.02
+    assert World(0.01).slip_strength(3.0) == pytest.approx(0.01 * 3.0 * 9.81 / 1e-4)
+
+    def arm(mass):
+        stand, pad = Body("stand", (0, 0, 1), mass, [], np.eye(3)), Body("pad", (0.5, 0, 0.1), 1.0, [Sphere(0.1)])
+        return Tree([stand, pad], [Hinge("stand", "pad", (0, 0, 0.5), (0, 0, 1), Motor.velocity(2.0, 9.0))], fixed=True)
+
+    light, heavy = (simulate(arm(m), World(0.01), 50, commands=np.ones((1, 1, 1))) for m in (1.0, 1e6))
+    assert light.angles[0, 0] > 1e-6 and np.array_equal(light.angles, heavy.angles)
+
+
 # resting, stops, motors, welds
 
 

