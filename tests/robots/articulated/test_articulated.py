@@ -91,12 +91,12 @@ def test_records_of_earlier_versions_mean_what_they_meant_or_are_refused():
 def test_records_of_earlier_versions_keep_their_slip():
     """It was 0.01 m/(N s) in all of them, and they did not tell it."""
     now = crawler().describe()
-    assert now["slip"] is None and crawler().world.slip is None
+    assert now["slip"] is None and crawler().physics.slip is None
     before = {name: value for name, value in now.items() if name != "slip"}
     former = KINDS["articulated"].from_description(before)
-    assert former.world.slip == 0.01 and former.describe() == before == crawler(slip=0.01).describe()
+    assert former.physics.slip == 0.01 and former.describe() == before == crawler(slip=0.01).describe()
     for slip in (None, 1e-3):
-        assert KINDS["articulated"].from_description(crawler(slip=slip).describe()).world.slip == slip
+        assert KINDS["articulated"].from_description(crawler(slip=slip).describe()).physics.slip == slip
 
 
 HEAVY = """
