@@ -1,10 +1,13 @@
 """Files that the lab reads back, damaged field by field: one line that names the file and the field, and no memory."""
 
+import hashlib
 import io
 import json
+import shutil
 import tracemalloc
 import zipfile
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -18,7 +21,7 @@ from optim.search import build_method
 from optim.space import Space, Variable
 from robots.calibration import load_calibration
 from taichi_sim.base import files
-from taichi_sim.base.results_folder import ResultsFolder, read_settings
+from taichi_sim.base.results_folder import ResultsFolder, load_parts, read_settings
 
 CONFIG = """format = 1
 generations = 2
@@ -249,6 +252,52 @@ def test_arrays_of_parts(tmp_path, arrays, message):
     with pytest.warns(UserWarning, match=message):
         assert list(folder.load("part", speeds="f1")) == []
     assert len(list(folder.load("part"))) == 1
+
+
+def test_parts_of_other_settings_are_as_good_as_missing(tmp_path):
+    """Parts that were copied from another folder; those of earlier versions tell no settings, and are taken."""
+    folders = {name: ResultsFolder(tmp_path / name, "study", {"x": x}) for name, x in (("a", 1), ("b", 2), ("c", 1))}
+    folders["a"].add("part", b"", speeds=np.ones(2))
+    (part,) = (tmp_path / "a").glob("part-*.npz")
+    for name in "bc":
+        shutil.copy(part, tmp_path / name)
+    for name in "ac":
+        (found,) = folders[name].load("part", speeds="f1")
+        assert found.keys() == {"speeds"} and np.array_equal(found["speeds"], np.ones(2))
+    for load in (folders["b"].load, partial(load_parts, tmp_path / "b")):
+        with pytest.warns(UserWarning, match=r"b/part-.*good as missing \(it is a part of a study of other settings\)"):
+            assert list(load("part")) == []
+    np.savez_compressed(tmp_path / "b" / part.name, speeds=np.ones(2))
+    assert len(list(folders["b"].load("part", speeds="f1"))) == 1
+    digest = header_of((32,), "|u1") + hashlib.sha256((tmp_path / "a/study.json").read_bytes()).digest()
+    (tmp_path / "b" / part.name).write_bytes(zipped(**{"settings/../a/study_npy": digest}))
+    with pytest.warns(UserWarning, match="of other settings"):
+        assert list(folders["b"].load("part")) == []
+
+
+def test_what_refuses_a_part_makes_it_a_damaged_one(tmp_path):
+    folder = ResultsFolder(tmp_path / "a", "study", {})
+    folder.add("part", b"", speeds=np.ones(2))
+
+    def check(arrays):
+        raise ValueError(f"speeds: {len(arrays['speeds'])} are not allowed")
+
+    with pytest.warns(UserWarning, match=r"good as missing \(speeds: 2 are not allowed\)"):
+        assert list(folder.load("part", check, speeds="f1")) == []
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_work_whose_folder_was_moved_adds_nothing_to_another(tmp_path, replaced):
+    folder = ResultsFolder(tmp_path / "a", "study", {"x": 1})
+    folder.add("part", b"1", speeds=np.ones(2))
+    (tmp_path / "a").rename(tmp_path / "moved")
+    if replaced:
+        ResultsFolder(tmp_path / "a", "study", {"x": 2})
+    with pytest.raises(
+        RuntimeError, match=r"a: the folder was moved or replaced, or its study\.json changed, in use; "
+    ):
+        folder.add("part", b"2", speeds=np.ones(2))
+    assert list(tmp_path.glob("a/*.npz")) == [] and len(list(tmp_path.glob("moved/*.npz"))) == 1
 
 
 @pytest.mark.parametrize(

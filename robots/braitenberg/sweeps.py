@@ -13,7 +13,7 @@ import numpy as np
 
 from robots.braitenberg.body import VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, check_bodies, contralateral, weight_grid
-from taichi_sim.base.arrays import Bytes
+from taichi_sim.base.arrays import Arrays, Bytes
 from taichi_sim.base.checks import choice, whole_number
 from taichi_sim.base.compute import PRECISIONS
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
@@ -92,7 +92,7 @@ def sweep(
     settings = Sweep(weights, r, dt, steps, precision)
     orbits = _orbits(bodies)
     folder = None if out is None else ResultsFolder(Path(out), KIND, asdict(settings))
-    known = _load(folder) if folder else {}
+    known = _load(folder, settings) if folder else {}
     missing = [body for body in orbits if body not in known]
     grid = weight_grid(settings.weights)
     controllers = contralateral(np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(1, -1, 2))
@@ -122,7 +122,7 @@ def read_sweep(folder: Path | str) -> tuple[Sweep, list[VehicleBody]]:
         ValueError: if the folder holds no sweep.
     """
     settings = read_sweep_settings(Path(folder))
-    known = _load(ResultsFolder(Path(folder), KIND, asdict(settings)))
+    known = _load(ResultsFolder(Path(folder), KIND, asdict(settings)), settings)
     images = {image for body in known for image in _images(body)}
     return settings, sorted(images, key=lambda body: body.sensors)
 
@@ -163,9 +163,15 @@ def _orbits(bodies: Sequence[VehicleBody]) -> dict[VehicleBody, list[tuple[int, 
     return found
 
 
-def _load(folder: ResultsFolder) -> dict[VehicleBody, Overlap]:
+def _load(folder: ResultsFolder, settings: Sweep) -> dict[VehicleBody, Overlap]:
+    grid = settings.weights, settings.weights
+
+    def check(arrays: Arrays) -> None:
+        if (found := arrays["overlaps"].shape[1:]) != grid:
+            raise ValueError(f"overlaps: a grid of {found[0]} x {found[1]} weights is not allowed; give {grid[0]} each")
+
     known: dict[VehicleBody, Overlap] = {}
-    for arrays in folder.load(OVERLAPS, sites="f3", overlaps="u3"):
+    for arrays in folder.load(OVERLAPS, check, sites="f3", overlaps="u3"):
         known |= {VehicleBody(s): o for s, o in zip(arrays["sites"], arrays["overlaps"], strict=True)}
     return known
 

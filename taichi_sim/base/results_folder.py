@@ -28,6 +28,7 @@ from taichi_sim.base.files import (
 )
 
 BEST_DESIGN = "best.json"  # of a search, in its folder
+_SETTINGS = "settings/"  # of a part: an array of this name and the kind of work has the digest of the settings
 
 Made = TypeVar("Made")
 
@@ -52,6 +53,7 @@ class ResultsFolder:
         """
         self.path = path
         text, file = json.dumps({"format": _form(kind), **settings}, indent=2) + "\n", path / f"{kind}.json"
+        self._kind, self._digest = kind, _digest(text)
         if file.exists():
             if (before := read_text(file)) != text:
                 article = "" if kind.endswith("s") else "an " if kind[0] in "aeiou" else "a "
@@ -67,27 +69,44 @@ class ResultsFolder:
         write_text(file, text)
 
     def add(self, name: str, of: bytes, **arrays: NDArray[Any]) -> None:
-        """Write a file of arrays, whose name is ``name`` and a digest of ``of``."""
-        content = io.BytesIO()
-        np.savez_compressed(content, allow_pickle=False, **arrays)
+        """Write a file of arrays, whose name is ``name`` and a digest of ``of``; it tells of which settings it is.
+
+        Raises:
+            ValueError: if the path cannot be written.
+            RuntimeError: if the disk is full or broken, or the folder no longer has these settings.
+        """
+        if _digest_in(self.path, self._kind) != self._digest:
+            raise RuntimeError(
+                f"{self.path}: the folder was moved or replaced, or its {self._kind}.json changed, in use; the parts "
+                "that are done are kept where it is now"
+            )
+        content, digest = io.BytesIO(), np.frombuffer(self._digest, np.uint8)
+        np.savez_compressed(content, allow_pickle=False, **arrays, **{f"{_SETTINGS}{self._kind}": digest})
         write_bytes(self.path / f"{name}-{hashlib.sha256(of).hexdigest()[:16]}.npz", content.getvalue())
 
-    def load(self, name: str, **kinds: str) -> Iterator[Arrays]:
+    def load(self, name: str, check: Callable[[Arrays], object] | None = None, /, **kinds: str) -> Iterator[Arrays]:
         """Load the arrays of every file of that name; see :func:`load_parts`."""
-        return load_parts(self.path, name, **kinds)
+        return load_parts(self.path, name, check, **kinds)
 
 
-def load_parts(folder: Path, name: str, **kinds: str) -> Iterator[Arrays]:
+def load_parts(
+    folder: Path, name: str, check: Callable[[Arrays], object] | None = None, /, **kinds: str
+) -> Iterator[Arrays]:
     """Load the arrays of every file of that name in a folder of results; damaged files are skipped with a warning.
+
+    So are files of work with other settings, which may have been copied there. Those that earlier versions wrote do
+    not tell, and are taken.
 
     Args:
         folder: which is only read.
         name: of the part.
+        check: refuses the arrays of a damaged file by a ValueError.
         kinds: kind of type and number of axes of each array that a file must have, such as ``solved="b2"``.
     """
     for path in sorted(folder.glob(f"{name}-*.npz")):
         try:
             found = arrays_of(content_of(path))  # archives have checksums of their own
+            _take_settings(folder, found)
             for each, kind in kinds.items():
                 if each not in found:
                     raise ValueError(f"{each} is missing")
@@ -96,11 +115,37 @@ def load_parts(folder: Path, name: str, **kinds: str) -> Iterator[Arrays]:
                     raise ValueError(f"{each}: {told} is not allowed; give type and axes {kind}")
             if len({len(found[each]) for each in kinds}) > 1:
                 raise ValueError(f"{', '.join(kinds)}: have different lengths")
+            if check:
+                check(found)
         except UNREADABLE as error:
             reason = why_unread(error)
             warnings.warn(f"{path}: is damaged, and as good as missing ({reason})", stacklevel=2)
         else:
             yield found
+
+
+def _take_settings(folder: Path, found: Arrays) -> None:
+    """Take the digest of its settings, if it has one, out of a part; refuse that of other settings than the folder's.
+
+    Raises:
+        ValueError: if the part is of work with other settings.
+    """
+    for each in [each for each in found if each.startswith(_SETTINGS)]:
+        kind, digest = each.removeprefix(_SETTINGS), found.pop(each)
+        if "/" in kind or digest.tobytes() != _digest_in(folder, kind):
+            raise ValueError(f"it is a part of a {kind} of other settings")
+
+
+def _digest_in(folder: Path, kind: str) -> bytes | None:
+    """Digest of the settings in a folder; None if it has none that can be read."""
+    try:
+        return _digest(read_text(folder / f"{kind}.json"))
+    except ValueError:
+        return None
+
+
+def _digest(settings: str) -> bytes:
+    return hashlib.sha256(settings.encode()).digest()
 
 
 def read_settings(path: Path, kind: str) -> dict[str, Any]:

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,8 @@ from robots.braitenberg import (
     sweep,
     weight_grid,
 )
+from robots.braitenberg.sweeps import Sweep, read_sweep
+from taichi_sim.base.results_folder import ResultsFolder
 
 ROOT = Path(__file__).parents[3]
 REFERENCE = np.load(Path(__file__).parents[2] / "data/vehicle_sweep.npz")
@@ -185,6 +188,26 @@ def test_a_sweep_goes_on_where_it_was(tmp_path, monkeypatch):
     (tmp_path / "b/thesis.txt").touch()
     with pytest.raises(ValueError, match="b holds something else; name a new folder"):
         sweep(designs, **BRIEF, out=tmp_path / "b")
+
+
+def test_parts_of_another_sweep_are_as_good_as_missing(tmp_path):
+    """Those of other settings, and those of another grid that an earlier version wrote, which tell no settings."""
+
+    def add(folder, settings, size):
+        kept = ResultsFolder(tmp_path / folder, "sweep", asdict(settings))
+        overlaps = np.zeros((1, size, size), np.uint8)
+        kept.add("overlaps", folder.encode(), sites=np.array([BASELINE.sensors]), overlaps=overlaps)
+        (part,) = (tmp_path / folder).glob("*.npz")
+        return part
+
+    other, fine = add("other", Sweep(9, steps=200), 9), add("fine", Sweep(**BRIEF), 9)
+    assert len(read_sweep(tmp_path / "fine")[1]) > 0
+    larger = tmp_path / "larger.npz"
+    np.savez(larger, sites=np.array([BASELINE.sensors]), overlaps=np.zeros((1, 11, 11), np.uint8))
+    for part, why in ((other, "it is a part of a sweep of other settings"), (larger, "overlaps: a grid of 11 x 11")):
+        fine.write_bytes(part.read_bytes())
+        with pytest.warns(UserWarning, match=rf"fine/overlaps-.*npz: is damaged, and as good as missing \({why}"):
+            assert read_sweep(tmp_path / "fine")[1] == []
 
 
 @pytest.mark.kernels
