@@ -115,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 0; 2 for bad input; 1 for work that failed; 70 for what nobody foresaw; 129 when the terminal was
         closed; 130 when interrupted; 143 when asked to end; 141 when nobody reads the output any more.
     """
-    _open_streams()
+    closed = _open_streams()
     try:
         os.getcwd()
     except OSError:
@@ -126,6 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise SystemExit(_print("", None, int(stop.code or 0))) from None
     except OSError as error:
         return _unprinted("", error)
+    if args.json and "stdout" in closed:  # before work of hours whose document nobody would get
+        return _fail(
+            args.command, "failed: standard output is closed, which --json needs; open it, or leave out --json", FAILED
+        )
     stdout = _stdout_to_stderr() if args.json else contextlib.nullcontext()
     try:
         with _ended_by_signals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
@@ -192,8 +196,9 @@ def _reason(error: Exception) -> str:
     return lines[0][:LONGEST_SUMMARY]
 
 
-def _open_streams() -> None:
-    """Let a stream that was closed before the start take everything and keep nothing."""
+def _open_streams() -> list[str]:
+    """Let each stream that was closed before the start take everything and keep nothing; return their names."""
+    closed = []
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             descriptor = os.open(os.devnull, os.O_WRONLY)
@@ -201,6 +206,8 @@ def _open_streams() -> None:
                 os.dup2(descriptor, number)
                 os.close(descriptor)
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
+            closed.append(name)
+    return closed
 
 
 @contextlib.contextmanager

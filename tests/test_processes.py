@@ -99,9 +99,18 @@ def test_output_that_nobody_takes_is_no_traceback(tmp_path):
         assert process.returncode == 1
         assert process.stderr.endswith("failed: standard output cannot be written (No space left on device)\n")
         assert process.stderr.count("\n") == 1
-    shell = 'exec "$0" -m optim export rolling --dry-run --json >&- 2>&-'
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    assert subprocess.run(["sh", "-c", shell, sys.executable], env=environment, check=False).returncode == 0
+    for json_or_not, streams, code, told in (
+        ("", ">&- 2>&-", 0, ""),
+        ("--json", ">&- 2>&-", 1, ""),
+        ("--json", ">&-", 1, "morpholab export: failed: standard output is closed, which --json needs; "),
+    ):
+        shell = f'exec "$0" -m optim export rolling --dry-run {json_or_not} {streams}'
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        process = subprocess.run(
+            ["sh", "-c", shell, sys.executable], env=environment, check=False, capture_output=True, text=True
+        )
+        assert process.returncode == code and process.stderr.startswith(told), streams
+        assert process.stderr.count("\n") == (1 if told else 0)
 
 
 def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp_path):
