@@ -225,13 +225,13 @@ def _of_task(report: Report, given: str | None, problem: "Problem", last: "Gener
 
 def _interrupted(planned: Plan, folder: Path, code: int) -> Report:
     """The report of an interrupted search: its last complete generation, which may not have been shown."""
-    from optim.runs.history import read_history
+    from optim.runs.history import read_progress
 
-    kept = read_history(folder).generations
-    document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(kept[-1]) if kept else {})}
-    if not kept:
+    last = read_progress(folder).last
+    document = {"folder": str(folder), "interrupted": True, **(dataclasses.asdict(last) if last else {})}
+    if last is None:
         return Report(document, f"interrupted before the first generation was complete; {folder}: --resume", code)
-    text = f"interrupted: {_text(kept[-1], planned)}\n{folder} keeps every complete generation, go on with --resume"
+    text = f"interrupted: {_text(last, planned)}\n{folder} keeps every complete generation, go on with --resume"
     return Report(document, text, code)
 
 

@@ -20,7 +20,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.history import runs_below
     from optim.runs.run_status import read_status
 
-    documents = [read_status(path)[0] for path in runs_below(args.runs)]
+    documents = [read_status(path) for path in runs_below(args.runs)]
     damaged = any(document["state"] == "damaged" for document in documents)
     return Report(documents, "\n".join(map(_text, documents)), FAILED if damaged else 0)
 

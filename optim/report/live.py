@@ -20,7 +20,7 @@ from optim.problems import kept_point
 from optim.report.front import places
 from optim.report.one_run import OneRun
 from optim.runs.history import History, read_history, read_result, runs_below
-from optim.runs.run_status import read_status
+from optim.runs.run_status import read_status_and_history
 from robots.view.player import MOST_MOTIONS
 from robots.view.player import page as player_page
 from taichi_sim.base.options import whole
@@ -62,7 +62,7 @@ class LiveRuns:
         Raises:
             ValueError: if there is no run.
         """
-        found = [read_status(folder) for folder in runs_below(self._paths)]
+        found = [read_status_and_history(folder) for folder in runs_below(self._paths)]
         return [document if run is None else {**document, "curve": _curve(run)} for document, run in found]
 
     def kept(self, folder: str) -> dict[str, Any]:

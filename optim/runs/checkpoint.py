@@ -4,12 +4,13 @@ A checkpoint fits its folder if it was made with the same settings and the log b
 run continues from the newest undamaged checkpoint that fits.
 """
 
+import hashlib
+import itertools
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,16 +46,19 @@ class Record:
 
 
 def save(folder: Path, state: Mapping[str, NDArray[Any]], record: Record) -> None:
-    """Write a checkpoint, and keep the one before as ``checkpoint.previous.npz``."""
+    """Write a checkpoint, and keep the one before as ``checkpoint.previous.npz``; at no moment is there none."""
     own = {_RECORD: np.frombuffer(json.dumps(asdict(record)).encode(), np.uint8)}
     with files.replacing(folder / CHECKPOINT) as aside:
         aside.write_bytes(files.pack({**state, **own}))
         if (folder / CHECKPOINT).exists():
-            os.replace(folder / CHECKPOINT, folder / PREVIOUS)
+            files.keep_as(folder / CHECKPOINT, folder / PREVIOUS)
 
 
 def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | None:
     """Read the newest checkpoint that fits.
+
+    The log is read after each checkpoint: it only grows, so a run that goes on meanwhile has the lines that the
+    checkpoint knew.
 
     Returns:
         State, record, and why newer checkpoints do not fit, by file name; None if there has not been a checkpoint.
@@ -62,7 +66,6 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
     Raises:
         ValueError: if there are checkpoints, or lines of the log, but no checkpoint fits.
     """
-    lines = files.complete_lines(folder / LOG)
     reasons: dict[str, str] = {}
     for name in (CHECKPOINT, PREVIOUS):
         try:
@@ -75,13 +78,14 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
         except (KeyError, RecursionError):
             reasons[name] = f"not a checkpoint of a run; {_RECORD} is missing or no record"
         else:
-            if (reason := _misfit(record, lines, settings)) is None:
+            if (reason := _misfit(record, folder / LOG, settings)) is None:
                 return state, record, reasons
             reasons[name] = reason
     if set(reasons.values()) == {"missing"}:
-        if len(lines) <= 1:  # a kill may have come between the first line and the first checkpoint
+        lines = summed(folder / LOG).lines
+        if lines <= 1:  # a kill may have come between the first line and the first checkpoint
             return None
-        raise ValueError(f"{folder}: {LOG} has {len(lines)} lines, but no checkpoint is left; cannot resume")
+        raise ValueError(f"{folder}: {LOG} has {lines} lines, but no checkpoint is left; cannot resume")
     found = " and ".join(f"{name} ({reason})" for name, reason in reasons.items())
     raise ValueError(f"{folder}: {found} are unusable; cannot resume")
 
@@ -100,12 +104,30 @@ def restore(folder: Path, method: Method, state: State, name: str = CHECKPOINT) 
         raise ValueError(f"{folder}: {name}: {error}") from None
 
 
-def _misfit(record: Record, lines: list[bytes], settings: str) -> str | None:
+class Summed(NamedTuple):
+    """What the lines of a log come to: their checksum, which may be continued, their number, and the last one."""
+
+    hasher: "hashlib._Hash"
+    lines: int
+    last: bytes
+
+
+def summed(path: Path, count: int | None = None) -> Summed:
+    """Sum up the complete lines of a log, or its first ``count``, one in memory at a time."""
+    hasher, lines, last = hashlib.sha256(), 0, b""
+    for line in itertools.islice(files.lines_of(path), count):
+        hasher.update(line)
+        lines, last = lines + 1, line
+    return Summed(hasher, lines, last)
+
+
+def _misfit(record: Record, log: Path, settings: str) -> str | None:
     """Reason why a checkpoint does not fit, or None if it fits."""
     if record.settings != settings:
         return "made with other settings"
-    if len(lines) < record.lines:
-        return f"{LOG} has {len(lines)} lines of {record.lines}"
-    if files.sha256(b"".join(lines[: record.lines])) != record.log:
+    found = summed(log, record.lines)
+    if found.lines < record.lines:
+        return f"{LOG} has {found.lines} lines of {record.lines}"
+    if found.hasher.hexdigest() != record.log:
         return f"{LOG} is not as it was written"
     return None

@@ -84,19 +84,19 @@ class RunFolder:
             self._note(f"note: {self.path}: {CHECKPOINT} is unusable ({others[CHECKPOINT]}), taking the one before")
             # Else the next checkpoint would push out the only one that is whole.
             (self.path / PREVIOUS).replace(self.path / CHECKPOINT)
-        self._cut(record.lines)
+        last = self._cut(record.lines)
         self._check_timing(record)
         self._check_environment(record)
-        return state, files.complete_lines(self.path / LOG)[-1].decode()
+        return state, last.decode()
 
-    def _cut(self, lines: int) -> None:
-        """Cut the logs back to the lines that the checkpoint covers."""
+    def _cut(self, lines: int) -> bytes:
+        """Cut the logs back to the lines that the checkpoint covers; return the last line of the log."""
         self.lines = lines
-        files.keep_lines(self.path / LOG, lines)
-        files.keep_lines(self.path / TIMING, lines)
-        self._log, self._timing = (
-            hashlib.sha256(b"".join(files.complete_lines(self.path / name))) for name in (LOG, TIMING)
-        )
+        for name in (LOG, TIMING):
+            files.keep_lines(self.path / name, lines)
+        timing, log = (checkpoint.summed(self.path / name) for name in (TIMING, LOG))
+        self._timing, self._log = timing.hasher, log.hasher
+        return log.last
 
     def _check_timing(self, record: Record) -> None:
         """Begin the file of times anew if it is damaged: results do not depend on it."""

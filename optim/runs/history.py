@@ -1,7 +1,10 @@
 """Read runs without changing them, while they go on and after."""
 
 import datetime
+import hashlib
+import itertools
 import json
+import re
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -22,6 +25,9 @@ from taichi_sim.base.checks import shown
 from taichi_sim.base.records import Count, Duration, checked
 
 Found = TypeVar("Found")
+READ_ATTEMPTS = 3  # at a run that goes on meanwhile, so that its files may be of different moments
+# How a line of the log begins; what follows is long: a number for each variable, climber and detail.
+_HEAD = re.compile(rb'\{"generation": (\d+), "evaluations": \d+, "failed": (\d+), ')
 
 
 @dataclass(frozen=True)
@@ -31,6 +37,50 @@ class _Time:
     generation: Count
     seconds: Duration
     finished: str
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is, checked against its checkpoint: what can be told without keeping every generation.
+
+    Attributes:
+        path: the folder.
+        config: its settings.
+        complete: number of complete generations, the starts among them.
+        failed: failed evaluations of all of them.
+        last: the last one; None before the first.
+        seconds: time of each generation [s]; NaN if unknown.
+        finished: when the last one ended, ISO 8601; None if unknown.
+        running: whether a process is at work on it.
+    """
+
+    path: Path
+    config: dict[str, Any]
+    complete: int
+    failed: int
+    last: Generation | None
+    seconds: tuple[float, ...]
+    finished: str | None
+    running: bool
+
+    @property
+    def state(self) -> str:
+        """State of the run: ``"running"``, ``"finished"`` or ``"stopped"``."""
+        if self.running:
+            return "running"
+        return "finished" if self.complete > self.config["generations"] else "stopped"
+
+    @property
+    def pace(self) -> float | None:
+        """Median time of the last ten generations [s]; None if unknown."""
+        known = [seconds for seconds in self.seconds[-10:] if not np.isnan(seconds)]
+        return float(np.median(known)) if known else None
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time that the remaining generations take at this pace [s]; None if unknown."""
+        left = max(0, self.config["generations"] + 1 - self.complete)
+        return 0.0 if left == 0 else None if self.pace is None else left * self.pace
 
 
 @dataclass(frozen=True)
@@ -56,35 +106,49 @@ class History:
     found: tuple[checkpoint.State, checkpoint.Record, dict[str, str]] | None = None
 
     @property
+    def progress(self) -> Progress:
+        """How far the run is."""
+        failed = sum(generation.failed for generation in self.generations)
+        last = self.generations[-1] if self.generations else None
+        known = self.seconds, self.finished, self.running
+        return Progress(self.path, self.config, len(self.generations), failed, last, *known)
+
+    @property
     def state(self) -> str:
         """State of the run: ``"running"``, ``"finished"`` or ``"stopped"``."""
-        if self.running:
-            return "running"
-        return "finished" if len(self.generations) > self.config["generations"] else "stopped"
-
-    @property
-    def pace(self) -> float | None:
-        """Median time of the last ten generations [s]; None if unknown."""
-        known = [seconds for seconds in self.seconds[-10:] if not np.isnan(seconds)]
-        return float(np.median(known)) if known else None
-
-    @property
-    def seconds_left(self) -> float | None:
-        """Time that the remaining generations take at this pace [s]; None if unknown."""
-        left = max(0, self.config["generations"] + 1 - len(self.generations))
-        return 0.0 if left == 0 else None if self.pace is None else left * self.pace
+        return self.progress.state
 
 
 def read_history(folder: Path) -> History:
-    """Read the progress of the run in a folder.
+    """Read the run in a folder with all its generations.
 
     Raises:
         ValueError: if there is no run, or its files cannot be read or do not fit each other.
     """
-    try:
-        return _read_history(folder)
-    except OSError as error:
-        raise ValueError(f"{error.filename or folder}: cannot be read ({error.strerror})") from None
+    return _read_steadily(folder, _read_history)
+
+
+def read_progress(folder: Path) -> Progress:
+    """Read how far the run in a folder is; much quicker than :func:`read_history`, and in little memory.
+
+    Raises:
+        ValueError: as :func:`read_history` does; lines of the log but the last are not looked into.
+    """
+    return _read_steadily(folder, _read_progress)
+
+
+def _read_steadily(folder: Path, read: Callable[[Path], Found]) -> Found:
+    """Read a folder, again if its files do not fit each other while a process is at work on it."""
+    for attempt in range(READ_ATTEMPTS):
+        running = in_use(folder)
+        try:
+            return read(folder)
+        except (OSError, ValueError) as error:
+            if attempt == READ_ATTEMPTS - 1 or not (running or in_use(folder)):
+                if not isinstance(error, OSError):
+                    raise
+                raise ValueError(f"{error.filename or folder}: cannot be read ({error.strerror})") from None
+    raise AssertionError("the last attempt returns or raises")
 
 
 def read_histories(folders: Iterable[Path], build: Callable[["History"], Found]) -> tuple[list[Found], list[str]]:
@@ -123,13 +187,48 @@ def _read_history(folder: Path) -> History:
     found = checkpoint.load(folder, identity(config))
     lines = files.complete_lines(folder / checkpoint.LOG)[: found[1].lines if found else 0]
     try:
-        generations = tuple(checked(Generation, json.loads(line)) for line in lines)
-        if (numbers := [each.generation for each in generations]) != list(range(len(lines))):
-            raise ValueError(f"generation: {shown(numbers)} is not allowed; lines are numbered from 0")
+        generations = tuple(map(_generation, lines))
+        _check_numbers([each.generation for each in generations])
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     seconds, finished = _read_timing(folder, found[1] if found else None)
     return History(folder, config, generations, seconds, finished, running, found)
+
+
+def _read_progress(folder: Path) -> Progress:
+    config = read_config(folder)
+    running = in_use(folder)  # before the files are read, as for a history
+    found = checkpoint.load(folder, identity(config))
+    record = found[1] if found else None
+    numbers, failed, last = list[int](), 0, b""
+    try:
+        for last in itertools.islice(files.lines_of(folder / checkpoint.LOG), record.lines if record else 0):
+            head = _HEAD.match(last)
+            number, failures = map(int, head.groups()) if head else _number_and_failures(last)
+            numbers.append(number)
+            failed += failures
+        _check_numbers(numbers)
+        generation = _generation(last) if numbers else None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
+    return Progress(folder, config, len(numbers), failed, generation, *_read_timing(folder, record), running)
+
+
+def _generation(line: bytes) -> Generation:
+    """The generation of a line of the log."""
+    return checked(Generation, json.loads(line))
+
+
+def _number_and_failures(line: bytes) -> tuple[int, int]:
+    """The number and the failed evaluations of a generation, from a line that does not begin as usual."""
+    generation = _generation(line)
+    return generation.generation, generation.failed
+
+
+def _check_numbers(numbers: list[int]) -> None:
+    """Refuse generations that are not numbered from 0."""
+    if numbers != list(range(len(numbers))):
+        raise ValueError(f"generation: {shown(numbers)} is not allowed; lines are numbered from 0")
 
 
 def read_result(history: History, problem: Problem) -> SearchResult | None:
@@ -150,9 +249,12 @@ def read_result(history: History, problem: Problem) -> SearchResult | None:
 def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[float, ...], str | None]:
     """Read the times of the generations, and when the last one ended; unknown if the file was changed."""
     count = record.lines if record else 0
-    lines = files.complete_lines(folder / TIMING)
-    sizes = range(min(count, len(lines)), 0, -1)  # a file begun anew is shorter than the log
-    whole = next((n for n in sizes if record and files.sha256(b"".join(lines[:n])) == record.timing), 0)
+    lines = files.complete_lines(folder / TIMING)[:count]
+    whole, hasher = 0, hashlib.sha256()
+    for number, line in enumerate(lines, 1):  # a file begun anew is shorter than the log
+        hasher.update(line)
+        if record and hasher.hexdigest() == record.timing:
+            whole = number
     try:
         entries = [checked(_Time, json.loads(line)) for line in lines[:whole]]
         ended = datetime.datetime.strptime(entries[-1].finished, "%Y-%m-%dT%H:%M:%S%z") if entries else None

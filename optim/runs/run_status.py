@@ -5,35 +5,47 @@ from pathlib import Path
 from typing import Any
 
 from optim.runs.config import score_in
-from optim.runs.history import History, read_history
+from optim.runs.history import History, Progress, read_history, read_progress
 
 
-def status_of(history: History) -> dict[str, Any]:
+def status_of(progress: Progress) -> dict[str, Any]:
     """Status of a run: how far it is, and what it has found."""
-    last = history.generations[-1] if history.generations else None
+    last = progress.last
     return {
-        "folder": str(history.path),
-        "state": history.state,
-        "method": history.config["method"]["name"],
+        "folder": str(progress.path),
+        "state": progress.state,
+        "method": progress.config["method"]["name"],
         "generation": last.generation if last else None,
-        "generations": history.config["generations"],
+        "generations": progress.config["generations"],
         "evaluations": last.evaluations if last else 0,
-        "failed": sum(generation.failed for generation in history.generations),
-        "score": dataclasses.asdict(score_in(history.config)),
+        "failed": progress.failed,
+        "score": dataclasses.asdict(score_in(progress.config)),
         "best": last.best if last else None,
         "mean": last.mean if last else None,
         "best_details": last.best_details if last else None,
         "numbers": last.numbers if last else {},
-        "seconds_per_generation": history.pace,
-        "seconds_left": history.seconds_left,
-        "finished": history.finished,
+        "seconds_per_generation": progress.pace,
+        "seconds_left": progress.seconds_left,
+        "finished": progress.finished,
     }
 
 
-def read_status(folder: Path) -> tuple[dict[str, Any], History | None]:
+def read_status(folder: Path) -> dict[str, Any]:
+    """Status of the run in a folder; of one that cannot be read, only why."""
+    try:
+        return status_of(read_progress(folder))
+    except ValueError as error:
+        return _damaged(folder, error)
+
+
+def read_status_and_history(folder: Path) -> tuple[dict[str, Any], History | None]:
     """Status of the run in a folder, with its history; of one that cannot be read, only why, and None."""
     try:
         history = read_history(folder)
     except ValueError as error:
-        return {"folder": str(folder), "state": "damaged", "reason": str(error)}, None
-    return status_of(history), history
+        return _damaged(folder, error), None
+    return status_of(history.progress), history
+
+
+def _damaged(folder: Path, error: ValueError) -> dict[str, Any]:
+    return {"folder": str(folder), "state": "damaged", "reason": str(error)}

@@ -5,6 +5,7 @@ import errno
 import gzip
 import hashlib
 import io
+import itertools
 import json
 import math
 import os
@@ -58,6 +59,28 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
             _sync(path.parent)
     finally:
         with contextlib.suppress(OSError):  # a full disk must not be filled further
+            aside.unlink(missing_ok=True)
+
+
+def keep_as(path: Path, copy: Path) -> None:
+    """Let ``copy`` be what the file ``path`` is, which stays: a second name for it, or a copy where disks allow none.
+
+    Only for files that are replaced and never changed in place.
+
+    Raises:
+        OSError: if the disk refuses; ``copy`` is then as it was.
+    """
+    aside = _aside(copy)
+    try:
+        aside.unlink(missing_ok=True)  # of a killed process that had this one's number: a second name of the file
+        try:
+            os.link(path, aside)
+        except OSError:
+            shutil.copyfile(path, aside)
+            _sync(aside)
+        os.replace(aside, copy)  # if both are names of one file already, nothing changes and the aside stays
+    finally:
+        with contextlib.suppress(OSError):
             aside.unlink(missing_ok=True)
 
 
@@ -323,15 +346,21 @@ def append_line(path: Path, line: str) -> None:
         os.fsync(file.fileno())
 
 
+def lines_of(path: Path) -> Iterator[bytes]:
+    """Read the complete lines of a text file one by one, without an unfinished last one; none if there is no file."""
+    if path.exists():
+        with path.open("rb") as file:
+            yield from (line for line in file if line.endswith(b"\n"))
+
+
 def complete_lines(path: Path) -> list[bytes]:
     """Complete lines of a text file, without an unfinished last one; empty if there is no file."""
-    content = path.read_bytes() if path.exists() else b""
-    return [line + b"\n" for line in content.split(b"\n")[:-1]]
+    return list(lines_of(path))
 
 
 def keep_lines(path: Path, count: int) -> None:
     """Cut a text file, if it exists, after its first ``count`` complete lines."""
-    size = len(b"".join(complete_lines(path)[:count]))
+    size = sum(map(len, itertools.islice(lines_of(path), count)))
     if path.exists() and path.stat().st_size > size:
         os.truncate(path, size)
 

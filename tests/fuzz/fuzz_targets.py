@@ -16,7 +16,7 @@ from optim.runs import checkpoint
 from optim.runs.config import CONFIG, SEAL, identity, read_config
 from optim.runs.folder import TIMING
 from optim.runs.generation import Generation
-from optim.runs.history import read_history
+from optim.runs.history import read_history, read_progress
 from optim.runs.products import PRODUCTS, known_products
 from optim.runs.robust import ROBUST_FILE, checked_robust
 from optim.search import build_method
@@ -99,8 +99,9 @@ def _history(path: Path) -> object:
     )
     own = {"run/record": np.frombuffer(json.dumps(record.__dict__).encode(), np.uint8)}
     (folder / checkpoint.CHECKPOINT).write_bytes(files.pack(own))
-    history = read_history(folder)
-    return history.pace, history.seconds_left
+    progress = read_history(folder).progress
+    assert repr(read_progress(folder)) == repr(progress)
+    return progress.pace, progress.seconds_left
 
 
 def _robust(path: Path) -> object:

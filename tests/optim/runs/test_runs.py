@@ -216,6 +216,7 @@ def test_a_kill_at_any_write_loses_nothing(tmp_path, whole, monkeypatch):
         return call
 
     for owner, name in (
+        (os, "link"),
         (os, "replace"),
         (os, "fsync"),
         (os, "truncate"),

@@ -12,7 +12,7 @@ from optim.problems import problem_of_description
 from optim.runs import open_run, read_config, run_search
 from optim.runs.config import write_config
 from optim.runs.environment import versions
-from optim.runs.history import read_history, read_result
+from optim.runs.history import read_history, read_progress, read_result
 from optim.search import METHODS, build_method
 from optim.space import Space, Variable
 from robots.hardware import read_csv, read_design
@@ -86,6 +86,7 @@ def test_their_designs_are_loaded(name, folder):
     assert (folder / "again.json").read_bytes() == (folder / "best.json").read_bytes()
     kept = read_result(history, problem)
     assert np.array_equal(kept.point, best) and kept.score == history.generations[-1].best
+    assert repr(read_progress(folder)) == repr(history.progress)  # which may have nan
 
 
 def test_the_table_for_the_hardware_is_read():

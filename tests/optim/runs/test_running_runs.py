@@ -1,0 +1,156 @@
+"""Run folders that are read or interrupted while a run goes on."""
+
+import errno
+import json
+import os
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from optim.runs import checkpoint, history, open_run
+from optim.runs.generation import Generation
+from optim.runs.history import read_history, read_progress
+from taichi_sim.base import files
+
+FILE = """
+import os
+
+bounds, count = {"x": (-1, 1)}, 0
+
+
+def evaluate(points):
+    global count
+    count += 1
+    if count == 4:
+        MEDDLE
+    return 1 - points[:, 0] ** 2
+"""
+
+
+def line(number, **details):
+    return Generation(number, 2 * number + 2, number % 2, 1.0, 1.0, 1.0, None, {"x": 0.0}, details, {}).to_json()
+
+
+def commit(folder, **details):
+    """End a generation of a run."""
+    folder.commit(line(folder.lines, **details), {"points": np.full(3, folder.lines)}, 0.5)
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """A run of three generations that goes on."""
+    config = {"problem": {"kind": "bowl"}, "method": {"name": "hill-climb"}, "generations": 99}
+    with open_run(tmp_path / "a", config) as folder:
+        for _ in range(3):
+            commit(folder)
+        yield folder
+
+
+@pytest.mark.parametrize("read", [read_history, read_progress])
+def test_generations_that_end_while_a_run_is_read_are_no_damage(opened, monkeypatch, read):
+    """Two of them before each checkpoint is read."""
+    content_of = files.content_of
+
+    def late(path, *more):
+        if path.name.startswith("checkpoint"):
+            commit(opened)
+            commit(opened)
+        return content_of(path, *more)
+
+    monkeypatch.setattr(files, "content_of", late)
+    assert read(opened.path).running and opened.lines == 5
+
+
+@pytest.mark.parametrize("linked", [True, False])
+def test_at_no_moment_is_a_running_run_damaged(opened, monkeypatch, linked):
+    """It is read after each call that changes the disk; also where disks have no second names."""
+    monkeypatch.setattr(history, "READ_ATTEMPTS", 1)
+    seen = []
+
+    def watched(function):
+        def call(*arguments, **options):
+            result = function(*arguments, **options)
+            assert (opened.path / "checkpoint.npz").exists()
+            seen.append(len(read_history(opened.path).generations))
+            return result
+
+        return call
+
+    def refused(*_):
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    with monkeypatch.context() as patch:
+        for name in ("replace", "fsync", *(["link"] if linked else [])):
+            patch.setattr(os, name, watched(getattr(os, name)))
+        if not linked:
+            patch.setattr(os, "link", refused)
+        commit(opened)
+        commit(opened)
+    assert seen == sorted(seen) and {3, 4, 5} == set(seen) and len(seen) > 10
+    for name, lines in (("checkpoint.npz", 5), ("checkpoint.previous.npz", 4)):
+        assert json.loads(files.unpack((opened.path / name).read_bytes())["run/record"].tobytes())["lines"] == lines
+    assert os.stat(opened.path / "checkpoint.npz").st_nlink == 1
+
+
+@pytest.mark.parametrize("running", [True, False])
+def test_a_run_is_read_again_only_while_it_goes_on(opened, monkeypatch, running):
+    content_of, missing = files.content_of, ["checkpoint.npz", "checkpoint.previous.npz"]
+
+    def late(path, *more):
+        if path.name in missing:
+            missing.remove(path.name)
+            raise FileNotFoundError(path)
+        return content_of(path, *more)
+
+    monkeypatch.setattr(files, "content_of", late)
+    monkeypatch.setattr(history, "in_use", lambda _: running)
+    if running:
+        assert len(read_history(opened.path).generations) == 3
+    else:
+        with pytest.raises(ValueError, match="no checkpoint is left"):
+            read_history(opened.path)
+
+
+def test_progress_is_that_of_the_history_in_little_memory(opened):
+    """Of the log's lines one is in memory at a time, also when the run continues, and only the last is understood."""
+    for _ in range(60):
+        commit(opened, pad=[0.25] * 20_000)
+    assert (opened.path / "log.jsonl").stat().st_size > 7e6
+    for read in (lambda: read_progress(opened.path), opened.restore):
+        tracemalloc.start()
+        try:
+            read()
+            assert tracemalloc.get_traced_memory()[1] < 3e6
+        finally:
+            tracemalloc.stop()
+    progress = read_progress(opened.path)
+    assert progress == read_history(opened.path).progress
+    assert (progress.complete, progress.failed, progress.last.generation) == (63, 31, 62)
+
+
+def test_lines_that_begin_in_another_order_are_read_too(opened):
+    """As a log of another program's version might."""
+    document = json.loads(line(3))
+    opened.commit(json.dumps(dict(reversed(document.items()))), {}, 0.5)
+    assert read_progress(opened.path) == read_history(opened.path).progress
+    opened.commit(line(7), {}, 0.5)
+    for read in (read_progress, read_history):
+        with pytest.raises(ValueError, match=r"log.jsonl cannot be read \(generation: \[0, 1, 2, 3, 7\] is not"):
+            read(opened.path)
+
+
+def test_an_interrupted_search_understands_only_the_last_line(morpholab, tmp_path, monkeypatch):
+    understood, generation = [], history._generation
+    monkeypatch.setattr(history, "_generation", lambda text: understood.append(text) or generation(text))
+    (tmp_path / "hill.py").write_text(FILE.replace("MEDDLE", "raise KeyboardInterrupt"))
+    line = "codesign --problem hill.py --method hill-climb --generations 6 --out run --quiet --json"
+    code, out, _ = morpholab(line)
+    last = (tmp_path / "run/log.jsonl").read_text().splitlines()[2]
+    assert code == 130 and json.loads(out) == {"folder": "run", "interrupted": True, **json.loads(last)}
+    assert [text.decode() for text in understood] == [last + "\n"]
+    # A line that the checkpoint does not cover, as after a kill, is not told.
+    with (tmp_path / "run/log.jsonl").open("a") as file:
+        file.write(last + "\n" + last[:9])
+    assert read_progress(tmp_path / "run").last == generation(last)
+    assert checkpoint.load(tmp_path / "run", read_history(tmp_path / "run").found[1].settings)[1].lines == 3
