@@ -114,21 +114,20 @@ def _search(planned: Plan, method: Any, folder: "RunFolder", args: argparse.Name
         args: where to evaluate, and whether to be quiet.
     """
     from optim.runs import run_search
-    from optim.runs.generation import Generation
 
-    begun, shown = 0.0, list[Generation]()  # when a run continues, the first is the one that it had
+    begun, count, complete = 0.0, 0, 0  # when a run continues, the first that is shown is the one that it had
     with shown_progress("random starts", planned.generations + 1, args.quiet) as update:
 
         def show(last: "Generation") -> None:
-            nonlocal begun
+            nonlocal begun, count, complete
             begun = begun or time.monotonic()  # the first one may be old, so it tells nothing of the pace
-            shown.append(last)
-            left = (planned.generations - last.generation) * (time.monotonic() - begun) / max(len(shown) - 1, 1)
-            told = f", {spoken_duration(left)} left" if left and len(shown) > 1 else ""
-            update(last.generation + 1, _text(last, planned) + told)
+            count, complete = count + 1, last.generation + 1
+            left = (planned.generations - last.generation) * (time.monotonic() - begun) / max(count - 1, 1)
+            told = f", {spoken_duration(left)} left" if left and count > 1 else ""
+            update(complete, _text(last, planned) + told)
 
         def part_done(fraction: float) -> None:
-            update((shown[-1].generation + 1 if shown else 0) + fraction)
+            update(complete + fraction)
 
         problem = with_options(planned.problem, progress=part_done)
         with opened_workers(problem, folder, args) as evaluate:

@@ -4,11 +4,12 @@ import errno
 import json
 import os
 import tracemalloc
+import weakref
 
 import numpy as np
 import pytest
 
-from optim.runs import checkpoint, history, open_run
+from optim.runs import checkpoint, history, loop, open_run
 from optim.runs.generation import Generation
 from optim.runs.history import read_history, read_progress
 from taichi_sim.base import files
@@ -138,6 +139,24 @@ def test_lines_that_begin_in_another_order_are_read_too(opened):
     for read in (read_progress, read_history):
         with pytest.raises(ValueError, match=r"log.jsonl cannot be read \(generation: \[0, 1, 2, 3, 7\] is not"):
             read(opened.path)
+
+
+def test_a_search_keeps_no_generation_but_the_last(morpholab, tmp_path, monkeypatch):
+    record, living, most = loop.record, [], 0
+
+    def watched(*arguments):
+        nonlocal most
+        found = record(*arguments)
+        living.append(weakref.ref(found))
+        most = max(most, sum(each() is not None for each in living))
+        return found
+
+    monkeypatch.setattr(loop, "record", watched)
+    (tmp_path / "hill.py").write_text(FILE.replace("MEDDLE", "pass"))
+    line = "codesign --problem hill.py --method hill-climb --generations 20 --out run"
+    for quiet in ("", " --quiet --resume --generations 40"):
+        assert morpholab(line + quiet)[0] == 0
+    assert len(living) == 41 and most <= 3
 
 
 def test_an_interrupted_search_understands_only_the_last_line(morpholab, tmp_path, monkeypatch):
