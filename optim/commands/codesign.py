@@ -100,6 +100,7 @@ def _run_one(args: argparse.Namespace) -> Report:
             last = _search(planned, method, folder, args)
             written = _write_best(problem, last, folder)
         except KeyboardInterrupt as interrupt:
+            folder.check()
             return _interrupted(planned, folder.path, stopped_by(interrupt))
     return _of_task(_report(last, folder.path, written, planned), args.task, problem, last)
 

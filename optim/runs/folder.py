@@ -20,7 +20,6 @@ the logs grow in place; they are cut back to what the checkpoint knows when a ru
 """
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import sys
@@ -44,10 +43,11 @@ from optim.runs.config import (
     write_config,
 )
 from optim.runs.environment import differences
+from optim.runs.folder_lock import locked
 from taichi_sim.base import files
+from taichi_sim.base.locks import HeldLock
 
-ENVIRONMENT, TIMING, LOCK = "environment.json", "timing.jsonl", ".lock"
-LOCK_PATIENCE = 0.5  # s; a command that only looks at a run may hold its lock for a moment
+ENVIRONMENT, TIMING = "environment.json", "timing.jsonl"
 
 
 class RunFolder:
@@ -60,10 +60,15 @@ class RunFolder:
     """
 
     def __init__(
-        self, path: Path, config: dict[str, Any], environment: Mapping[str, Any], note: Callable[[str], None]
+        self,
+        path: Path,
+        config: dict[str, Any],
+        environment: Mapping[str, Any],
+        note: Callable[[str], None],
+        lock: HeldLock,
     ) -> None:
         """Take over a folder that is locked and has its configuration."""
-        self.path, self.config, self._note = path, config, note
+        self.path, self.config, self._note, self._lock = path, config, note, lock
         self._environment = environment
         self._settings = identity(config)
         self.lines = 0
@@ -74,7 +79,9 @@ class RunFolder:
 
         Raises:
             ValueError: if there are checkpoints, but none is whole and fits the rest of the folder.
+            RuntimeError: if the folder was moved or replaced.
         """
+        self.check()
         found = checkpoint.load(self.path, self._settings)
         if found is None:
             self._cut(0)
@@ -97,6 +104,14 @@ class RunFolder:
         timing, log = (checkpoint.summed(self.path / name) for name in (TIMING, LOG))
         self._timing, self._log = timing.hasher, log.hasher
         return log.last
+
+    def check(self) -> None:
+        """Refuse to go on in a folder that may by now be another run's.
+
+        Raises:
+            RuntimeError: if the folder was moved or replaced since it was locked.
+        """
+        self._lock.check(f"its {self.lines} complete generations are kept where it is now, go on there with --resume")
 
     def _check_timing(self, record: Record) -> None:
         """Begin the file of times anew if it is damaged: results do not depend on it."""
@@ -121,7 +136,7 @@ class RunFolder:
         """End a generation: write its log line, its wall time [s], then a checkpoint that covers both.
 
         Raises:
-            RuntimeError: if the disk is full or broken; what was there before is kept.
+            RuntimeError: if the disk is full or broken, or the folder was moved or replaced; what was there is kept.
         """
         finished = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         timing = {"generation": self.lines, "seconds": round(seconds, 3), "finished": finished}
@@ -138,7 +153,7 @@ class RunFolder:
         """Write the file ``name`` of the folder by calling ``write``; the file changes only if its content does.
 
         Raises:
-            RuntimeError: if the disk is full or broken.
+            RuntimeError: if the disk is full or broken, or the folder was moved or replaced.
         """
         with self.writing(), files.replacing(self.path / name, if_changed=True) as aside:
             write(aside)
@@ -149,17 +164,25 @@ class RunFolder:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Turn errors of the disk, while a file of the folder is written, into one that tells what is kept.
+        """Let a file of the folder be written if the folder is still this run's; errors of the disk tell what is kept.
 
         Raises:
-            RuntimeError: instead of errors of the disk.
+            RuntimeError: instead of errors of the disk, and if the folder was moved or replaced.
         """
+        try:
+            self.check()
+        except OSError as error:  # of a disk that is gone
+            raise self._unwritable(error) from None
         try:
             yield
         except (OSError, ValueError, RuntimeError) as error:  # all that can be wrong with a design's file is the disk
-            reason = error.strerror if isinstance(error, OSError) else str(error)
-            kept = f"its {self.lines} complete generations are kept, go on with --resume"
-            raise RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}") from None
+            raise self._unwritable(error) from None
+
+    def _unwritable(self, error: Exception) -> RuntimeError:
+        """The error that tells why the folder cannot be written, and what is kept."""
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        kept = f"its {self.lines} complete generations are kept, go on with --resume"
+        return RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}")
 
 
 def _to_stderr(text: str) -> None:
@@ -194,7 +217,7 @@ def open_run(
     with contextlib.ExitStack() as stack:
         try:
             path.mkdir(parents=True, exist_ok=True)
-            stack.enter_context(locked(path))
+            lock = stack.enter_context(locked(path))
             for aside in path.glob(f"{files.ASIDE}*"):  # of writes that were cut off; folders are not the run's
                 if not aside.is_dir():
                     aside.unlink()
@@ -202,7 +225,7 @@ def open_run(
             resolved = _settle(path, config, resume, environment or {})
         except OSError as error:
             raise ValueError(f"out: {path} cannot be written ({error.strerror})") from None
-        yield RunFolder(path, resolved, environment or {}, note)
+        yield RunFolder(path, resolved, environment or {}, note, lock)
 
 
 def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Mapping[str, Any]) -> dict[str, Any]:
@@ -246,35 +269,3 @@ def check_free(path: Path) -> None:
         raise ValueError(f"out: {path} holds a run already; continue it with --resume or name another folder")
     if path.exists() and any(not e.name.startswith(".") and e.name != ENVIRONMENT for e in path.iterdir()):
         raise ValueError(f"out: {path} holds other files and no run; name a new folder")
-
-
-@contextlib.contextmanager
-def locked(path: Path, field: str = "out") -> Iterator[None]:
-    """Lock a folder, given as ``field``, against other processes.
-
-    Raises:
-        ValueError: if another process has locked it.
-    """
-    with (path / LOCK).open("a") as file:
-        deadline = time.monotonic() + LOCK_PATIENCE
-        while True:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > deadline:
-                    raise ValueError(f"{field}: {path} is in use by another process") from None
-                time.sleep(0.02)
-        yield
-
-
-def in_use(path: Path) -> bool:
-    """Whether a process has the folder locked, because its run goes on."""
-    try:
-        with (path / LOCK).open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    return False

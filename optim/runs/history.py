@@ -16,7 +16,8 @@ import numpy as np
 from optim.problem import Problem
 from optim.runs import checkpoint
 from optim.runs.config import folders_of_seeds, has_run, identity, read_config
-from optim.runs.folder import TIMING, in_use
+from optim.runs.folder import TIMING
+from optim.runs.folder_lock import in_use
 from optim.runs.generation import Generation
 from optim.search import build_method
 from optim.search.method import SearchResult

@@ -13,12 +13,13 @@ import numpy as np
 from optim.problem import FILE, Evaluation, Problem, Request
 from optim.problems import problem_of_description
 from optim.runs.config import GROUND_FILES, keep_ground_files
-from optim.runs.folder import locked
+from optim.runs.folder_lock import locked
 from optim.runs.workers import folder_files as protocol
 from optim.runs.workers.folder_files import CLAIMED, DONE, OPEN, Gone, Offer, Unread
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Raised
 from taichi_sim.base import files
+from taichi_sim.base.locks import HeldLock
 
 LOSSES = 10  # times that a part's worker falls silent that count as one death: nodes are preempted, designs seldom kill
 DAMAGES = 3  # damaged files of one part that are enough
@@ -89,12 +90,14 @@ class SharedFolder:
         path: the folder.
         offer: what the search is about.
         note: told about silent workers and damaged files.
+        lock: of the folder; checked before anything is put there.
         inherited: parts that workers had claimed of a search before.
     """
 
     path: Path
     offer: Offer
     note: Callable[[str], None]
+    lock: HeldLock
     inherited: set[str] = field(default_factory=set)
     _pending: dict[str, Seat] = field(default_factory=dict)
     _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: last change, when that was seen
@@ -117,9 +120,14 @@ class SharedFolder:
         return Seat(self)
 
     def ready(self, workers: Sequence[Seat], wait: bool) -> list[Seat]:
-        """List the places that have an answer; with ``wait``, wait for at least one."""
+        """List the places that have an answer; with ``wait``, wait for at least one.
+
+        Raises:
+            RuntimeError: if the folder was moved or replaced.
+        """
         begun = time.monotonic()
         while True:
+            self.lock.check()
             self._gather()
             found = [seat for seat in workers if seat.fresh or seat.answered is not None]
             if found or not wait:
@@ -134,8 +142,9 @@ class SharedFolder:
         """Put a request into the folder, unless a search before asked the same and the answer is there or on its way.
 
         Raises:
-            RuntimeError: if the disk is full or broken.
+            RuntimeError: if the disk is full or broken, or the folder was moved or replaced.
         """
+        self.lock.check()
         name, seat.content = protocol.packed_request(request, self.offer.digest)
         part, number = name, 1
         while part in self._pending:  # several parts of a request may be equal
@@ -158,6 +167,8 @@ class SharedFolder:
         self._missing.pop(seat.part, None)
         self._begun.pop(seat.part, None)
         self._untimed.discard(seat.part)
+        if not self.lock.found_at_path:  # what is there by now is not this search's
+            return
         for state in (OPEN, DONE):
             protocol.part_path(self.path, state, seat.part).unlink(missing_ok=True)
         if seat.losses or seat.copies or seat.answered is None:  # else its worker has removed the claim
@@ -278,7 +289,7 @@ def open_shared_folder(
             "goes through a folder; give it as a file, with --problem"
         )
     protocol.make_folders(path)
-    with locked(path, "workers-dir"):
+    with locked(path, "workers-dir") as lock:
         for state in (OPEN, DONE):  # parts that nobody asked again would keep workers busy
             for name in os.listdir(path / state):
                 if state == OPEN or name.startswith(files.ASIDE):
@@ -288,9 +299,9 @@ def open_shared_folder(
         offer = Offer.here(description, silence, getattr(problem, GROUND_FILES, {}))
         offer.write(path)
         claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(path, CLAIMED)}
-        yield SharedFolder(path, offer, note, claimed)
+        yield SharedFolder(path, offer, note, lock, claimed)
         for state in (CLAIMED, DONE):  # answers that came twice or too late, and what dead workers have left
-            for part in protocol.parts_in(path, state):
+            for part in protocol.parts_in(path, state) if lock.found_at_path else ():
                 protocol.part_path(path, state, part).unlink(missing_ok=True)
 
 

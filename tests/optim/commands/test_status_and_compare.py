@@ -10,7 +10,7 @@ from run_products import Kite, log, searched
 
 from optim.measures.statistics import superiority
 from optim.runs.comparison import Curve
-from optim.runs.folder import locked
+from optim.runs.folder_lock import locked
 
 pytestmark = pytest.mark.usefixtures("simulator")
 

@@ -394,3 +394,25 @@ def test_a_problem_that_is_no_data_is_refused(workers):
 
     with pytest.raises(ValueError, match=r"^workers-dir: a problem of kind 'function' is not told by data alone"):
         workers.open(problem_of(np.sum, {"x": (0, 1)}), 1).__enter__()
+
+
+@pytest.mark.parametrize("when", ["before a request", "while it waits"])
+def test_a_search_whose_shared_folder_was_replaced_leaves_the_other_alone(workers, tmp_path, when):
+    """Another search may be at work at the same path."""
+
+    def replace():
+        os.rename(tmp_path / "shared", tmp_path / "moved")
+        folder_files.make_folders(tmp_path / "shared")
+        (tmp_path / "shared" / CLAIMED / "theirs.npz").write_bytes(b"")
+
+    with workers.open(PROBLEM, 1) as evaluate, ThreadPoolExecutor(1) as pool:
+        if when == "before a request":
+            replace()
+        found = pool.submit(evaluate, REQUEST)
+        if when == "while it waits":
+            wait_for(lambda: folder_files.parts_in(tmp_path / "shared", OPEN))
+            replace()
+        with pytest.raises(RuntimeError, match=r"shared: the folder was moved or replaced, or its \.lock deleted"):
+            found.result()
+    assert folder_files.parts_in(tmp_path / "shared", OPEN) == []
+    assert folder_files.parts_in(tmp_path / "shared", CLAIMED) == ["theirs"]

@@ -1,4 +1,4 @@
-"""Run folders that are read or interrupted while a run goes on."""
+"""Run folders that are read, moved, replaced or interrupted while a run goes on."""
 
 import errno
 import json
@@ -9,11 +9,16 @@ import weakref
 import numpy as np
 import pytest
 
-from optim.runs import checkpoint, history, loop, open_run
+from optim.problem import Evaluation
+from optim.runs import checkpoint, history, loop, open_run, run_search
 from optim.runs.generation import Generation
 from optim.runs.history import read_history, read_progress
+from optim.search import build_method
+from optim.space import Space, Variable
 from taichi_sim.base import files
 
+GENERATIONS = 6
+PRODUCTS = ("log.jsonl", "best.json", "config.toml")
 FILE = """
 import os
 
@@ -27,6 +32,101 @@ def evaluate(points):
         MEDDLE
     return 1 - points[:, 0] ** 2
 """
+
+
+class Bowl:
+    """A quick problem, during whose fourth generation something happens to the folder."""
+
+    space = Space((Variable("x", -5.0, 5.0, step=0.5),))
+    objective_names = ("score",)
+
+    def __init__(self, meddle=lambda: None):
+        self.meddle, self.count = meddle, 0
+
+    def describe(self):
+        return {"kind": "bowl"}
+
+    def evaluate(self, points):
+        self.count += 1
+        if self.count == 4:
+            self.meddle()
+        return Evaluation(-(points**2))
+
+    def save(self, point, path):
+        path.write_text(f"{point.tolist()}\n")
+
+
+def run(path, meddle=lambda: None, seed=0, resume=False):
+    settings, problem = {"climbers": 2, "seed": seed}, Bowl(meddle)
+    config = {
+        "problem": problem.describe(),
+        "method": {"name": "hill-climb", **settings},
+        "generations": GENERATIONS,
+    }
+    with open_run(path, config, resume=resume) as folder:
+        return run_search(problem, build_method("hill-climb", problem.space, settings), folder, GENERATIONS)
+
+
+def products(path):
+    return {name: (path / name).read_bytes() for name in PRODUCTS}
+
+
+@pytest.mark.parametrize("replaced", [False, True])
+def test_a_run_whose_folder_was_moved_writes_no_more(tmp_path, replaced):
+    run(tmp_path / "whole")
+    run(tmp_path / "other", seed=1)
+
+    def move():
+        os.rename(tmp_path / "a", tmp_path / "moved")
+        if replaced:
+            run(tmp_path / "a", seed=1)
+
+    with pytest.raises(RuntimeError, match=r"a: the folder was moved or replaced, .*; its 3 complete generations are "):
+        run(tmp_path / "a", move)
+    assert (tmp_path / "a").exists() == replaced
+    if replaced:
+        assert products(tmp_path / "a") == products(tmp_path / "other")
+    run(tmp_path / "moved", resume=True)
+    assert products(tmp_path / "moved") == products(tmp_path / "whole")
+
+
+def test_a_run_whose_lock_was_deleted_gives_way_to_the_next(tmp_path):
+    run(tmp_path / "whole")
+
+    def take_over():
+        (tmp_path / "a/.lock").unlink()
+        run(tmp_path / "a", resume=True)
+
+    with pytest.raises(RuntimeError, match=r"a: the folder was moved or replaced, or its \.lock deleted, in use; "):
+        run(tmp_path / "a", take_over)
+    assert products(tmp_path / "a") == products(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("how", ["os.rename('run', 'moved')", "os.unlink('run/.lock')"])
+def test_a_command_whose_folder_was_moved_fails_in_one_line(morpholab, tmp_path, how):
+    (tmp_path / "hill.py").write_text(FILE.replace("MEDDLE", how))
+    code, out, error = morpholab("codesign --problem hill.py --method hill-climb --generations 6 --out run --quiet")
+    assert (code, out, error.count("\n")) == (1, "", 1)
+    assert error.startswith("morpholab codesign: failed: run: the folder was moved or replaced, ")
+
+
+def test_an_interrupted_run_whose_folder_was_replaced_tells_nothing_of_the_other(morpholab, tmp_path):
+    how = "os.rename('run', 'moved'); raise KeyboardInterrupt"
+    (tmp_path / "hill.py").write_text(FILE.replace("MEDDLE", how))
+    code, out, error = morpholab("codesign --problem hill.py --method hill-climb --generations 6 --out run --quiet")
+    assert (code, out, error.count("\n")) == (1, "", 1) and "run: the folder was moved or replaced, " in error
+
+
+def test_a_folder_that_is_replaced_while_it_is_locked_is_refused(tmp_path, monkeypatch):
+    flock = history.in_use.__globals__["fcntl"].flock
+
+    def lose(file, how):
+        flock(file, how)
+        (tmp_path / "a/.lock").unlink()
+
+    monkeypatch.setattr("fcntl.flock", lose)
+    with pytest.raises(ValueError, match=r"out: .*a was moved or replaced just now; try again"):
+        run(tmp_path / "a")
 
 
 def line(number, **details):

@@ -18,7 +18,7 @@ from optim.runs.history import History, read_history
 from optim.runs.loop import FolderSearch
 from optim.search import Method, build_method, default_settings
 from robots.world import Terrain
-from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.files import read_text
 
 # Time steps of a cheap judgement, a third of a gait; its first quarter does not count, and of the others the worst
 # does: a gait that lurches once, or rolls down later, shows there.
@@ -101,7 +101,7 @@ class PaidSearch(FolderSearch):
     def tell(self, request: Request, evaluation: Evaluation) -> None:
         """Note what the generation has cost, then complete it."""
         self.spent.append(cost(self.gaits, request, evaluation))
-        write_text(self.path, json.dumps(self.spent) + "\n")
+        self._folder.update_text(SPENT, json.dumps(self.spent) + "\n")
         super().tell(request, evaluation)
 
 

@@ -1,0 +1,46 @@
+"""The lock of a run folder, or of a folder that workers share: one process at a time works there."""
+
+import contextlib
+import fcntl
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from taichi_sim.base.locks import HeldLock
+
+LOCK = ".lock"
+LOCK_PATIENCE = 0.5  # s; a command that only looks at a run may hold its lock for a moment
+
+
+@contextlib.contextmanager
+def locked(path: Path, field: str = "out") -> Iterator[HeldLock]:
+    """Lock a folder, given as ``field``, against other processes; check the lock before what is written there.
+
+    Raises:
+        ValueError: if another process has locked it, or the folder is moved or replaced meanwhile.
+    """
+    with (path / LOCK).open("a") as file:
+        deadline = time.monotonic() + LOCK_PATIENCE
+        while True:
+            try:
+                lock = HeldLock(path / LOCK, file)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise ValueError(f"{field}: {path} is in use by another process") from None
+                time.sleep(0.02)
+        if not lock.found_at_path:
+            raise ValueError(f"{field}: {path} was moved or replaced just now; try again")
+        yield lock
+
+
+def in_use(path: Path) -> bool:
+    """Whether a process has the folder locked, because its run goes on."""
+    try:
+        with (path / LOCK).open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    return False
