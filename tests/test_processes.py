@@ -1,5 +1,6 @@
 """What surrounds a process must not end it: no cache, no home, threads, forks, closed pipes, two at once."""
 
+import contextlib
 import gzip
 import os
 import shutil
@@ -192,6 +193,15 @@ def test_a_claim_of_a_killed_process_is_free(tmp_path):
     with pytest.raises(ValueError, match=r"^out: .*a/b cannot be made \(Not a directory\)$|^out: .* is a file"):
         (tmp_path / "file").touch()
         claims.claimed_folder("out", tmp_path / "file/a").__enter__()
+
+
+def test_a_claim_of_a_folder_that_was_moved_leaves_the_next_one_alone(tmp_path):
+    with contextlib.ExitStack() as second:
+        with claims.claimed_folder("out", tmp_path / "a"):
+            (tmp_path / "a").rename(tmp_path / "moved")
+            second.enter_context(claims.claimed_folder("out", tmp_path / "a"))
+        with pytest.raises(ValueError, match="a is being written already"):
+            claims.claimed_folder("out", tmp_path / "a").__enter__()
 
 
 def test_a_folder_that_a_killed_process_had_claimed_is_free_of_what_it_made(tmp_path):

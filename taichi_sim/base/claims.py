@@ -1,13 +1,13 @@
 """Paths that a process reserves while it computes what goes there, and what is undone where that fails."""
 
 import contextlib
-import fcntl
 import os
 import shutil
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from taichi_sim.base.files import ASIDE, check_parent, content_of, remove_cut_off
+from taichi_sim.base.locks import HeldLock
 
 
 @contextlib.contextmanager
@@ -94,8 +94,8 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
         try:
             while True:
                 file = stack.enter_context(lock.open("a"))
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if lock.exists() and os.path.samestat(os.fstat(file.fileno()), lock.stat()):
+                held = HeldLock(lock, file)
+                if held.found_at_path:
                     break  # else the holder before has just removed the file: make a new one
         except BlockingIOError:
             raise ValueError(f"{field}: {path} is being written already; name a new {kind}") from None
@@ -105,4 +105,5 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
             yield
         finally:
             with contextlib.suppress(OSError):
-                lock.unlink()
+                if held.found_at_path:  # else the folder was moved, and this is the claim of who has made a new one
+                    lock.unlink()
