@@ -1,6 +1,7 @@
 """``morpholab play``: a table of pressures, sent to a rig's controller in real time."""
 
 import argparse
+import sys
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
@@ -61,12 +62,16 @@ def run(args: argparse.Namespace) -> Report:
     form = FORMATS[args.format]()
     if args.port is not None:
         check_baud(stream, form, args.baud or 115200)
+    notes = stream.notes()
+    for note in notes:  # before anything moves
+        print(f"note: {note}", file=sys.stderr)
     if args.dry_run:
-        return _dry_run(args, stream)
+        return _dry_run(args, stream, notes)
     pace = Pace(not args.no_wait, args.ack, 0.5 if args.late is None else args.late)
     with _link(args) as link:
         played = play(stream, form, link, pace)
-    document = {"table": str(args.table), "samples": played.samples, "seconds": played.seconds, "latest": played.latest}
+    times = {"samples": played.samples, "seconds": played.seconds, "latest": played.latest}
+    document: dict[str, Any] = {"table": str(args.table), **times, "notes": notes}
     if args.to == "-":  # standard output is the stream's
         return Report(document, "")
     text = f"{args.port or args.to}: {counted(played.samples, 'sample')} in {played.seconds:.1f} s, none left out"
@@ -98,7 +103,7 @@ def _link(args: argparse.Namespace) -> AbstractContextManager["Link"]:
     return serial_link(args.port, args.baud or 115200, 2.0 if args.ready is None else args.ready)
 
 
-def _dry_run(args: argparse.Namespace, stream: "Stream") -> Report:
+def _dry_run(args: argparse.Namespace, stream: "Stream", notes: list[str]) -> Report:
     extremes = stream.extremes()
     channels: list[dict[str, Any]] = [
         dict(zip(("channel", "lowest", "highest", "allowed_lowest", "allowed_highest"), each, strict=True))
@@ -115,4 +120,4 @@ def _dry_run(args: argparse.Namespace, stream: "Stream") -> Report:
         ),
     ]
     document = {"table": str(args.table), **stream.about(), "loops": stream.loops, "rig": stream.rig.name}
-    return Report({**document, "durations_s": dict(lengths), "pressures": channels}, "\n".join(lines))
+    return Report({**document, "durations_s": dict(lengths), "pressures": channels, "notes": notes}, "\n".join(lines))

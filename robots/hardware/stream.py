@@ -18,12 +18,16 @@ from robots.hardware.channel_table import read_channels
 from robots.hardware.rig import PRESETS, PneumaticRig
 from robots.hardware.rig_table import RigTable
 from robots.hardware.table import read_csv
+from robots.hardware.timeline import FASTEST_RATE
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text
 
 VERSION = "morpholab-stream-1"
 USUAL_RATE = 20.0  # of tables whose rows are corners [Hz]
+FASTER_RATES = (20.0, 50.0, 100.0, 200.0, 500.0, FASTEST_RATE)  # that are proposed where a stream is too coarse [Hz]
+LARGEST_MISS = 0.01  # of the rows of a table, as part of the swing of a line: what is more is told
+COMPARED_LOOPS = 100  # of the main, in which samples are looked at; of later ones they fall between the same
 SLOWEST_VENTING = 5.0  # samples per second [Hz]
 _DIGIT = 1e-8  # of a number in a file, as part of it: nine digits are written
 _EXCESS = 1e-3  # of limits, as part of them: rounding of the file
@@ -184,13 +188,63 @@ class Stream:
             yield Sample(last.number + step, last.time_s + step / rate, "vent", pressures)
 
     def extremes(self) -> list[tuple[str, float, float, float, float]]:
-        """Each channel's name, lowest and highest pressure, and the rig's lowest and highest, in the table's units."""
-        factor = KPA_PER_UNIT[self.table.units]
-        low, high = self.table.pressures.min(axis=0), self.table.pressures.max(axis=0)
+        """Each channel's name, lowest and highest pressure sent, and those that the rig allows, in the table's units.
+
+        Of a main that is played more than ``COMPARED_LOOPS`` times the first of them count.
+        """
+        factor, (times, lines) = KPA_PER_UNIT[self.table.units], self._course
+        moments = self._moments(self.rate)
+        sent = [np.interp(moments, times, line) for line in lines]
         return [
-            (name, float(low[i]), float(high[i]), channel.minimum_kpa / factor, channel.maximum_kpa / factor)
-            for i, (name, channel) in enumerate(zip(self.table.channels, self.rig.channels, strict=False))
+            (name, float(line.min()), float(line.max()), channel.minimum_kpa / factor, channel.maximum_kpa / factor)
+            for name, line, channel in zip(self.table.channels, sent, self.rig.channels, strict=False)
         ]
+
+    def largest_miss(self, rate: float | None = None) -> tuple[float, str]:
+        """How far straight lines between samples are off the rows, as part of a line's swing in the table; the channel.
+
+        Args:
+            rate: samples per second [Hz]; None: the stream's.
+        """
+        (times, lines), moments = self._course, self._moments(rate or self.rate)
+        swings = np.ptp(self.table.pressures, axis=0)
+        missed = [  # straight pieces are furthest apart where one of them ends; at samples they meet
+            float(np.abs(np.interp(times, moments, np.interp(moments, times, line)) - line).max() / swing)
+            if swing
+            else 0.0
+            for line, swing in zip(lines, swings, strict=True)
+        ]
+        worst = int(np.argmax(missed))
+        return missed[worst], self.table.channels[worst]
+
+    def notes(self) -> list[str]:
+        """What whoever plays it should know: that it is too coarse for its rows, or in another unit than the rig."""
+        found, (miss, name) = [], self.largest_miss()
+        if miss > LARGEST_MISS:
+            finer = [rate for rate in FASTER_RATES if rate > self.rate and self.largest_miss(rate)[0] <= LARGEST_MISS]
+            mend = f"--rate {finer[0]:g} keeps within" if finer else f"no --rate up to {FASTEST_RATE:g} keeps within"
+            found.append(
+                f"{self.rate:g} samples a second are too few for these rows: straight lines between samples miss them "
+                f"by up to {100 * miss:.2g} % of the swing of {name}; {mend} {100 * LARGEST_MISS:g} %"
+            )
+        if self.table.units != self.rig.units:
+            told = f"the table is in {self.unit}, the rig {self.rig.name} in {UNIT_SPELLING[self.rig.units]}"
+            found.append(f"{told}; numbers are sent as {self.unit}, as the header says")
+        return found
+
+    @cached_property
+    def _course(self) -> tuple[Floats, Floats]:
+        """Times since the start [s], shape (R,), and pressures, shape (L, R), of the rows as they are played."""
+        main, begin = self.table.durations["main"], self.table.times[0]
+        loops = min(self.loops, COMPARED_LOOPS)
+        starts = [("prefix", 0.0), *(("main", loop * main) for loop in range(loops)), ("suffix", (loops - 1) * main)]
+        times = np.concatenate([self._rows[section][0] - begin + start for section, start in starts])
+        return times, np.concatenate([self._rows[section][1] for section, _ in starts], axis=1)
+
+    def _moments(self, rate: float) -> Floats:
+        """When samples are sent while the rows of :attr:`_course` are played [s]."""
+        end = float(self._course[0][-1])
+        return np.minimum(np.arange(int(np.ceil(end * rate - 1e-9)) + 1) / rate, end)
 
     @cached_property
     def _rows(self) -> Mapping[str, tuple[Floats, Floats]]:
@@ -246,12 +300,13 @@ def read_any_table(path: str | os.PathLike[str]) -> RigTable:
 def _check_limits(stream: Stream) -> None:
     """Refuse pressures and rates of change beyond the rig's limits."""
     table, unit = stream.table, stream.unit
-    for column, (name, _, _, least, most) in enumerate(stream.extremes()):
-        line = table.pressures[:, column]
+    for column, (name, channel) in enumerate(zip(table.channels, stream.rig.channels, strict=True)):
+        line, factor = table.pressures[:, column], KPA_PER_UNIT[table.units]
+        least, most = channel.minimum_kpa / factor, channel.maximum_kpa / factor
         slack = _EXCESS * max(abs(least), abs(most))
         _refuse_beyond(line > most + slack, line, table.times, f"{name}: {{}} {unit}", f"{most:.6g} {unit}")
         _refuse_beyond(line < least - slack, line, table.times, f"{name}: {{}} {unit}", f"{least:.6g} {unit}")
-        limit = stream.rig.channels[column].slew_kpa_per_s / KPA_PER_UNIT[table.units]
+        limit = channel.slew_kpa_per_s / factor
         lasting = np.diff(table.times)
         steps = np.abs(np.diff(line))
         slopes, told = steps / np.maximum(lasting, 1e-9), f"{name}: {{}} {unit}/s"

@@ -38,6 +38,9 @@ rise_s = 0.05
 fall_s = 0.05
 slew_kpa_per_s = 1e4
 """
+REFUSES_NOTHING = replace(
+    PneumaticRig(), channels=tuple(replace(channel, slew_kpa_per_s=1e9) for channel in PneumaticRig().channels)
+)
 
 
 @pytest.fixture
@@ -87,6 +90,46 @@ class Controller(threading.Thread):
 def ok(line):
     document = json.loads(line)
     return f"ok {document['n']}" if "n" in document else None
+
+
+@pytest.mark.parametrize("rate", [1.0, 3.3, 40.0])
+def test_a_dry_run_has_the_pressures_that_are_sent(folder, rate):
+    stream = stream_of(read_csv(folder / "quick.csv"), PneumaticRig.load(folder / "quick.toml"), loops=4, rate=rate)
+    sent = np.array([sample.pressures for sample in stream])
+    told = np.array([each[1:3] for each in stream.extremes()])
+    np.testing.assert_allclose(told, np.column_stack([sent.min(axis=0), sent.max(axis=0)]), rtol=0, atol=1e-9)
+
+
+def test_samples_too_few_for_the_rows_are_told_with_a_rate_that_is_enough(folder):
+    table, rig = read_csv(folder / "quick.csv"), PneumaticRig.load(folder / "quick.toml")
+    coarse = stream_of(table, rig, rate=12.0, loops=1)
+    samples = list(coarse)
+    sent = np.array([sample.pressures for sample in samples])
+    moments = np.array([sample.time_s for sample in samples])
+    off = [
+        np.abs(np.interp(table.times, moments, sent[:, line]) - table.pressures[:, line]).max()
+        / np.ptp(table.pressures[:, line])
+        for line in range(11)
+    ]  # the rows of a table whose main is played once
+    miss, name = coarse.largest_miss()
+    assert miss == pytest.approx(max(off), abs=1e-9) and miss > 0.1 and name == table.channels[int(np.argmax(off))]
+    [note] = coarse.notes()
+    assert f"{100 * miss:.2g} % of the swing of {name}; --rate 20 keeps within 1 %" in note
+    assert stream_of(table, rig, loops=1).notes() == []  # at 20 Hz each corner of this table is a sample
+    assert (
+        "no --rate up to 1000"
+        in stream_of(replace(table, times=table.times / 1e4), REFUSES_NOTHING, rate=12.0).notes()[0]
+    )
+
+
+def test_what_misleads_is_noted_before_anything_is_sent(morpholab, folder):
+    code, out, error = morpholab("play gait.csv --to - --no-wait --rate 3")
+    assert code == 0 and out.startswith('{"stream"') and error.startswith("note: 3 samples a second are too few")
+    code, _, error = morpholab("play psi.csv --dry-run")
+    assert code == 0 and "the table is in psi, the rig dissertation in kPa" in error
+    document = json.loads(morpholab("play psi.csv --dry-run --json --rate 3")[1])
+    assert len(document["notes"]) == 2
+    assert morpholab("play gait.csv --dry-run")[2] == ""
 
 
 @pytest.mark.long
