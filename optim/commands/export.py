@@ -32,7 +32,7 @@ COMMAND = Command(
         path_to("csv", "FILE", "to write; replaced if it exists"),
         path_to("plain", "FILE", "the same as numbers alone, without a header: time, then pressures of all lines"),
         path_to("c_header", "FILE", "the same as arrays of a C header, such as gait.h"),
-        Option("units", "(default: kpa)", choices=("kpa", "psi"), default="kpa"),
+        Option("units", "of pressures (default: those of the rig)", choices=("kpa", "psi")),
         Option(
             "rig",
             "dissertation, dissertation-gentle, or a TOML file with channels and limits (default: that of a gait table "
@@ -185,14 +185,14 @@ def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None
         "csv": written,
         "plot": str(args.plot) if args.plot else None,
         **{name: str(path) for name, path in _other_files(args).items()},
-        "units": args.units,
+        "units": table.units,
         "seconds": table.seconds,
         "clipped": list(table.clipped),
     }
     if args.dry_run:
         return Report({**document, **timing_document(table)}, timing_text(table))
     name = ", ".join(filter(None, [written, *map(str, _other_files(args).values())])) or document["plot"]
-    text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {args.units}"
+    text = f"{name}: {counted(len(table.channels), 'channel')}, {table.seconds:.1f} s, {table.units}"
     if unsampled is not None and table.seconds > LONGER * unsampled:
         text += f"\nnote: in whole samples at {args.rate:g} Hz it takes that long; without --rate {unsampled:.1f} s"
     if table.clipped:

@@ -185,7 +185,7 @@ def channel_table(
     waves: Sequence[Wave],
     rhythm: Rhythm,
     rig: PneumaticRig | None = None,
-    units: str = "kpa",
+    units: str | None = None,
     *,
     rate: float | None = None,
     on_violation: str = "refuse",
@@ -198,7 +198,7 @@ def channel_table(
         waves: of its channels, at most as many as the rig has bladders.
         rhythm: when they are played.
         rig: the dissertation's if None.
-        units: ``"kpa"`` or ``"psi"``.
+        units: ``"kpa"`` or ``"psi"``; None: those of the rig.
         rate: rows per second, and states last whole samples; None: rows at the nodes of the waves.
         on_violation: of the rig's limits: ``"refuse"``, or ``"clip"``: pressures stop at limits, and a piece of the
             cycle takes as long as the limit of rate asks.
@@ -208,12 +208,12 @@ def channel_table(
         RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
         ValueError: for any other value that is not allowed.
     """
-    choice("units", units, KPA_PER_UNIT)
     choice("on_violation", on_violation, POLICIES)
     if rate is not None:
         number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
     rig, clip = rig or PneumaticRig(), on_violation == "clip"
+    units = choice("units", rig.units if units is None else units, KPA_PER_UNIT)
     commands, quick = _commands(waves, rhythm, rig, keep_slew=False), _without_waits(rig)
     found = violations(commands, timeline(commands, quick).states, rig)
     if found and not clip:

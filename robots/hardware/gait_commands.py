@@ -52,7 +52,7 @@ def commands_of(design: InflatableDesign, line_map: LineMap, cores: int = 1) -> 
 def gait_table(
     design: InflatableDesign,
     rig: PneumaticRig | None = None,
-    units: str = "kpa",
+    units: str | None = None,
     *,
     rate: float | None = None,
     on_violation: str = "refuse",
@@ -67,7 +67,7 @@ def gait_table(
         design: pressure [Pa], one for each of the rig's lines for cores where they differ, orientation [degrees] and
             schedule.
         rig: the dissertation's if None.
-        units: ``"kpa"`` or ``"psi"``.
+        units: ``"kpa"`` or ``"psi"``; None: those of the rig.
         rate: rows per second, and states last whole samples; None: rows at the corners of the pressures.
         on_violation: of the rig's limits: ``"refuse"``, or ``"clip"``: pressures stop at limits, and strokes take as
             long as the limit of rate asks.
@@ -77,11 +77,11 @@ def gait_table(
         RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
         ValueError: for any other value that is not allowed.
     """
-    choice("units", units, KPA_PER_UNIT)
     choice("on_violation", on_violation, POLICIES)
     rig = PneumaticRig() if rig is None else rig
     if not isinstance(rig, PneumaticRig):
         raise ValueError(f"rig: {rig!r} is not allowed; give a PneumaticRig, such as PneumaticRig.load('dissertation')")
+    units = choice("units", rig.units if units is None else units, KPA_PER_UNIT)
     if rate is not None:
         number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
     seed = None if seed is None else whole_number("seed", seed, 0)
@@ -119,7 +119,7 @@ def export_csv(
     design: InflatableDesign,
     path: str | os.PathLike[str],
     rig: PneumaticRig | None = None,
-    units: str = "kpa",
+    units: str | None = None,
     *,
     rate: float | None = None,
     on_violation: str = "refuse",

@@ -5,7 +5,8 @@ import subprocess
 import numpy as np
 import pytest
 
-from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
+from robots.hardware import KPA_PER_UNIT, PneumaticRig, export_csv, gait_table, read_csv
+from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
 from robots.inflatable import INCHING, ROLLING, save_design
 
 SHORT = "--method hill-climb --climbers 2 --generations 1 --geometry small --columns 2 --repeats 1 --quiet"
@@ -60,6 +61,20 @@ def test_a_table_stays_one_for_its_rig(morpholab, folder):
     code, _, error = morpholab("export mine.csv --plain mine.txt")
     assert code == 2 and "rig: the table is for 'mine', whose limits are not known; give its .toml file" in error
     assert morpholab("export mine.csv --rig mine.toml --plain mine.txt")[0] == 0
+
+
+def test_a_table_is_in_the_units_of_its_rig(morpholab, folder):
+    """Of a gait, of channels, and in Python; --units has the last word."""
+    (folder / "psi.toml").write_text('units = "psi"\n')
+    out = morpholab("export rolling --rig psi.toml --csv psi.csv --plain psi.txt --json")[1]
+    assert json.loads(out)["units"] == "psi" and read_csv(folder / "psi.csv").units == "psi"
+    assert np.loadtxt(folder / "psi.txt", delimiter=",")[:, 1].max() == pytest.approx(50 / KPA_PER_UNIT["psi"])
+    assert morpholab("export rolling --rig psi.toml --csv kpa.csv --units kpa")[0] == 0
+    assert read_csv(folder / "kpa.csv").pressures[:, 0].max() == 50
+    rig = PneumaticRig.load(folder / "psi.toml")
+    assert gait_table(ROLLING, rig).units == "psi" and gait_table(ROLLING).units == "kpa"
+    wave = Wave("legs", np.array([0.0, 1.0]), Calibration(0.0, 1.0, 0.0, 10.0), {})
+    assert channel_table("mine", [wave], Rhythm(0.1, 1, 5.0, 2), rig).units == "psi"
 
 
 def test_a_damaged_table_is_no_gait(morpholab, folder):
