@@ -5,6 +5,7 @@ The prefix shapes the body; the header of a file carries the design exactly.
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,10 +19,12 @@ from robots.hardware.line_map import LEVEL_DECIMALS, PRESSURE_DECIMALS, LineMap
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
 from robots.hardware.units import KPA_PER_UNIT
+from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import ROWS, GaitSchedule
+from robots.inflatable.timing import durations
 from taichi_sim.base.arrays import Floats, Ints
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
@@ -146,6 +149,27 @@ class GaitTable(RigTable):
         before = core[:, 0].tolist()
         shared = len(set(before)) == 1 and not isinstance(self.design.pressure, tuple)
         return replace(self.design, pressure=before[0] if shared else tuple(before), schedule=gait)
+
+    def played_at_once(self) -> InflatableDesign:
+        """What the rows play if lines need no longer than the simulator, with the header's times if the rows keep them.
+
+        They do where all lines are done before a column settles as long as the header says, after the motion that it
+        says: what states last longer is time that valves and strokes take on a rig.
+
+        Raises:
+            ValueError: if the rows play no schedule.
+        """
+        found, given = self.played(), self.design.schedule
+        if not (given.has_own_times and self._keeps_times()):
+            return found
+        moved, settled = given.motion_steps, given.settle_steps
+        return replace(found, schedule=replace(found.schedule, motion_steps=moved, settle_steps=settled))
+
+    def _keeps_times(self) -> bool:
+        least, settle = np.array(durations(self.design.schedule, ACTUATION))[: self.columns].T
+        arrived, waiting = self._steps(slice(None)).T
+        off = 1 if self.rate is None else 1 + math.ceil(1 / self.rate / TIME_STEP)  # of a corner in the rows
+        return bool((arrived + waiting >= least + settle - off).all() and (waiting >= settle - off).all())
 
     def _steps(self, lines: slice) -> Ints:
         """Time steps of each column until some lines have arrived, and from there to its end, shape (T, 2).

@@ -1,5 +1,6 @@
 """The inflatable robot on a modelled rig: reads the gait table that the rig plays, and simulates what comes of it."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from robots.hardware.rig_play import check_strokes, play_table
 from robots.hardware.rig_response import AS_COMMANDED, CAUSES, LAG, WHOLE_RESPONSE, Response, causes_of
 from robots.hardware.table import GaitTable, read_csv
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.schedule import TABLES
 from robots.inflatable.simulation import InflatableResult, reordered, simulate
 from robots.robot import Trial
 from robots.world import terrain_of
@@ -39,8 +41,22 @@ def gait_of_table(
     table = read_csv(text)
     if options["rig"] == IDEAL:
         check_strokes(table)
-        return table.played(), None, None
+        played = table.played_at_once()
+        if told := _differences(played, table.design):
+            warnings.warn(
+                f"table: its rows differ from the gait in its header in {told}; rows are played", stacklevel=2
+            )
+        return played, None, None
     return table.design, PneumaticRig.load(options["rig"]), table
+
+
+def _differences(played: InflatableDesign, designed: InflatableDesign) -> str:
+    """Names of what differs between two gaits; empty if nothing does."""
+    pairs = {"pressure": (played.pressure, designed.pressure)}
+    pairs |= {
+        name: (getattr(played.schedule, name), getattr(designed.schedule, name)) for name in ("levels", *TABLES[2:])
+    }
+    return ", ".join(name for name, (ours, theirs) in pairs.items() if not np.array_equal(ours, theirs))
 
 
 def played_by_rig(robot: "InflatableRobot", trial: Trial) -> tuple[InflatableResult, dict[str, Floats]]:

@@ -8,11 +8,12 @@ from graded import QUICK, TINY, graded_designs, settling, tabled, unskipped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robots.hardware import PneumaticRig, RigViolation, export_csv, gait_table, read_csv
+from robots.hardware import PneumaticRig, RigViolation, export_csv, gait_table, read_csv, write_csv
 from robots.hardware.gait_commands import rig_report
 from robots.hardware.table import TIME_STEP
 from robots.inflatable import ACTUATION, INCHING, simulation
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.on_rig import gait_of_table
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.timing import durations
 from robots.world import Terrain
@@ -59,6 +60,9 @@ def test_any_graded_design_survives_its_table(tmp_path_factory, design, units, r
     if gait.core_pressure is not None:
         np.testing.assert_allclose(played.core_pressure, gait.core_pressure, atol=6e-4)
     assert read.played().pressure == pytest.approx(design.pressure, abs=6e-4)
+    at_once = read.played_at_once().schedule
+    for told, found in ((gait.motion_steps, at_once.motion_steps), (gait.settle_steps, at_once.settle_steps)):
+        assert (told is None) == (found is None) and np.array_equal(told, found)
 
 
 def test_pressures_lie_between_off_and_on():
@@ -150,6 +154,45 @@ def test_tiny_changes_have_times_that_increase(tmp_path):
     levels = np.repeat([[0.5, 0.5 + 1e-9]], 10, axis=0)
     export_csv(graded(settling(levels, [0, 0])), tmp_path / "gait.csv")
     assert read_csv(tmp_path / "gait.csv").loops == 0
+
+
+TIMED = {
+    "settling": settling(HALVES, [3000, 10], 2),
+    "held in motion": settling(HALVES, [3000, 0], 2, [0, 20_000]),
+    "motion alone": tabled(HALVES[:8], HALVES[8:], 2, motion_steps=[0, 20_000]),
+    "settling alone": tabled(HALVES[:8], HALVES[8:], 1, settle_steps=[3000, 0]),
+    "idle for less than a rig's state": settling(np.repeat([[0.5, 0.5]], 10, axis=0), [0, 10]),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("gait", TIMED.values(), ids=TIMED)
+@pytest.mark.parametrize("delay", [0.0, 0.7])
+def test_an_ideal_rig_plays_gaits_with_times_of_their_own_as_designed(tmp_path, gait, delay):
+    """Though states of the table wait for valves, for strokes and for the shortest state of the rig."""
+    rig, design = PneumaticRig(), graded(gait)
+    rig = dataclasses.replace(
+        rig, channels=tuple(dataclasses.replace(each, valve_delay_s=delay) for each in rig.channels)
+    )
+    export_csv(design, tmp_path / "gait.csv", rig)
+    assert gait_of_table(str(tmp_path / "gait.csv"), {"rig": "ideal"}) == (design, None, None)
+
+
+def test_rows_that_play_another_gait_are_told(tmp_path):
+    """Clipped pressures, and rows in which columns settle for less time than the header says; these are played."""
+    rig = PneumaticRig()
+    tight = dataclasses.replace(
+        rig, channels=(dataclasses.replace(rig.channels[0], maximum_kpa=20.0), *rig.channels[1:])
+    )
+    export_csv(graded(settling(HALVES, [3000, 10])), tmp_path / "clipped.csv", tight, on_violation="clip")
+    with pytest.warns(UserWarning, match=r"differ from the gait in its header in pressure; rows are played"):
+        played, _, _ = gait_of_table(str(tmp_path / "clipped.csv"), {"rig": "ideal"})
+    assert played.pressure == pytest.approx(4800.0) and played.schedule.settle_steps.tolist() == [3000, 10]
+    table = gait_table(graded(settling(HALVES, [3000, 10])))
+    write_csv(dataclasses.replace(table, design=graded(settling(HALVES, [4000, 10]))), tmp_path / "short.csv")
+    with pytest.warns(UserWarning, match=r"header in settle_steps; rows are played"):
+        played, _, _ = gait_of_table(str(tmp_path / "short.csv"), {"rig": "ideal"})
+    assert played.schedule.settle_steps.tolist() == [3000, 10]
 
 
 @pytest.mark.kernels
