@@ -146,8 +146,21 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
             raise ValueError(f"generations: {value} is below the {old} of the run in {folder}; it may only be raised")
         elif prefix == "method." and name not in known and value == usual_settings(known).get(name):
             continue  # a setting that methods did not have when the run began
+        elif prefix + name == "problem.robot" and _same_but_for_its_origin(old, value):
+            continue
         elif prefix + name != "generations" and value != old:
             raise ValueError(f"{prefix}{name}: {value!r} is not what the run in {folder} has, {old!r}; leave it out")
+
+
+def _same_but_for_its_origin(known: object, asked: object) -> bool:
+    """Whether a robot is that of a run of an earlier version, which does not tell where the robot's mesh lay."""
+    try:
+        ours, theirs = json.loads(str(known)), json.loads(str(asked))
+    except ValueError:
+        return False
+    if not isinstance(ours, dict) or not isinstance(theirs, dict) or "origin" in ours:
+        return False
+    return ours == {name: value for name, value in theirs.items() if name != "origin"}
 
 
 def check_ground_files(known: Mapping[str, Any], found: Mapping[str, str], folder: Path) -> None:

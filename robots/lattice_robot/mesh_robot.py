@@ -90,7 +90,7 @@ def robot_of_mesh(
     friction: float = 1.0,
     **settings: Any,
 ) -> "LatticeRobot":
-    """The robot whose body fills a mesh with voxels.
+    """The robot whose body fills a mesh with voxels; what is exported of it lies where the mesh does.
 
     Where regions overlap, the last one counts, of materials and of muscles apart.
 
@@ -146,7 +146,9 @@ def robot_of_mesh(
         if region.is_muscle
     ]
     body = body_from_array(kinds, materials, found.pitch, regions=labels)
-    return LatticeRobot(body, tuple(drives), **{"name": Path(path).stem, **settings})
+    # Robots stand on the floor, so the body may be moved down.
+    origin = (found.origin + found.pitch * body.voxels[:, 2].min() * np.array([0, 0, 1])).tolist()
+    return LatticeRobot(body, tuple(drives), **{"name": Path(path).stem, "origin": tuple(origin), **settings})
 
 
 def _marked(region: MarkedRegion, body: "VoxelisedMesh", scale: float) -> Any:

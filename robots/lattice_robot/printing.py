@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -93,7 +93,8 @@ def save_parts(
     """Write surfaces in millimetres: to a ``.3mf`` file, a ``.stl`` file, or STL files in a folder.
 
     A 3MF file has the objects of :func:`parts_of`, an STL file the whole body, a folder all of
-    :func:`overlapping_parts_of`. A mould has two halves, in a 3MF file or a folder.
+    :func:`overlapping_parts_of`. A mould has two halves, in a 3MF file or a folder. All lie where the mesh of the
+    robot does, if it was made of one.
 
     Returns:
         What was written, by file name and, in a 3MF file, by object.
@@ -114,6 +115,8 @@ def save_parts(
         parts = [Part("body", body_surface(robot.body))]
     else:
         parts = parts_of(robot) if suffix else overlapping_parts_of(robot)
+    if any(robot.origin):
+        parts = [replace(part, surface=part.surface.moved(robot.origin)) for part in parts]
     if suffix == ".3mf":
         save_3mf(parts, path)
         return {part.name: part for part in parts}

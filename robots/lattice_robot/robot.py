@@ -29,7 +29,7 @@ from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, count
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import number, positive, whole_number
+from taichi_sim.base.checks import number, numbers, positive, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material
@@ -48,6 +48,7 @@ LATER = (
     "seed",
     "highest_moduli",
     "highest_size",
+    "origin",
 )  # settings that files have where they are not as usual
 
 
@@ -77,6 +78,8 @@ class LatticeRobot(OutOfTheLab):
         highest_size: largest rest size of voxels [edges] for which time steps in water are stable; by default what its
             own drives reach. Designs of a search have that of the search.
         is_afloat: whether it is in water, whose time steps are shorter, see :meth:`on`.
+        origin: place (x, y, z) that the first place of the body's grid had in the file that it was made of [m]: what is
+            exported for printers lies there again. Motions are counted from the grid.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -100,6 +103,7 @@ class LatticeRobot(OutOfTheLab):
     highest_moduli: tuple[float, ...] = ()
     highest_size: float | None = None
     is_afloat: bool = False
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     kind = "lattice"
     worlds = (Terrain(),)
@@ -120,6 +124,7 @@ class LatticeRobot(OutOfTheLab):
             positive("highest_size", self.highest_size, 1e3)
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
+        object.__setattr__(self, "origin", tuple(numbers("origin", self.origin, 3).tolist()))
         object.__setattr__(self, "drives", tuple(self.drives))
         check_drives(self.drives, self.body)
         lowest = int(self.body.voxels[:, 2].min())

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
@@ -53,6 +54,10 @@ class Surface:
     def times(self, factor: float) -> "Surface":
         """The surface in another unit."""
         return Surface(self.vertices * factor, self.faces)
+
+    def moved(self, shift: ArrayLike) -> "Surface":
+        """The surface elsewhere, shifted by shape (3,)."""
+        return Surface(self.vertices + np.asarray(shift, float), self.faces)
 
 
 @dataclass(frozen=True, eq=False)

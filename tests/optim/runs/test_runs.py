@@ -15,7 +15,7 @@ import pytest
 
 from optim.problem import Evaluation, Objective
 from optim.runs import open_run, run_search
-from optim.runs.config import read_config, score_in, settings_of
+from optim.runs.config import check_same, read_config, score_in, settings_of
 from optim.runs.products import save_failed
 from optim.search import build_method
 from optim.space import Space, Variable
@@ -469,3 +469,20 @@ def test_scores_of_version_1_have_units():
     assert score_in({"problem": {}}).label == "speed [BL/s]"
     assert score_in({"problem": {"kind": "vehicle"}}).label == "score [m]"
     assert score_in({"problem": {"kind": "hopper"}}).label == "score"
+
+
+def test_a_run_of_an_earlier_version_does_not_tell_where_its_robots_mesh_lay(tmp_path):
+    """So the same mesh goes on; one that lies elsewhere is another robot of a run that does tell."""
+
+    def settings(**robot):
+        return {"problem": {"robot": json.dumps({"cycles": 2, **robot})}}
+
+    check_same(settings(), settings(origin=[0.1, 0.0, 0.2]), tmp_path)
+    check_same(settings(origin=[0.1, 0.0, 0.2]), settings(origin=[0.1, 0.0, 0.2]), tmp_path)
+    for known, asked in (
+        (settings(origin=[0.0, 0.0, 0.2]), settings(origin=[0.1, 0.0, 0.2])),
+        (settings(), settings(cycles=3, origin=[0.1, 0.0, 0.2])),
+        (settings(), {"problem": {"robot": "inching"}}),
+    ):
+        with pytest.raises(ValueError, match=r"^problem.robot: "):
+            check_same(known, asked, tmp_path)

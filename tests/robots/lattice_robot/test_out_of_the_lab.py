@@ -1,6 +1,7 @@
 """Lattice robots as parts to print, as tables of a rig, as files of other simulators; and made of meshes."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
 from robots.lattice_robot.mesh_robot import MarkedRegion, robot_of_mesh
 from robots.lattice_robot.on_rig import played_robot
 from robots.lattice_robot.printing import overlapping_parts_of, parts_of
+from robots.lattice_robot.record import robot_of_record, save_robot
 from robots.lattice_robot.reflexes import Reflexes
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file
@@ -268,6 +270,46 @@ def test_region_meshes_mark_muscles_and_materials(meshes):
     assert (materials["body"].static_friction, materials["body"].kinetic_friction) == (0.9, pytest.approx(0.72))
     assert (materials["front"].youngs_modulus, materials["soles"].density) == (3e5, 900)
     assert np.bincount(found.body.regions).tolist() == [480, 80, 80]
+
+
+def bounds(path):
+    return trimesh.load(path, force="mesh").bounds
+
+
+def test_exports_lie_where_the_mesh_does(meshes, tmp_path):
+    """In its unit; also of a saved robot, and of a tip that is too thin for voxels, above which the robot stands."""
+    moved = trimesh.load(meshes / "table.stl").apply_translation([110.0, -45.0, 17.0])
+    moved.export(tmp_path / "moved.stl")
+    legs = trimesh.load(meshes / "back.ply").apply_translation([110.0, -45.0, 17.0])
+    legs.export(tmp_path / "legs.stl")
+    made = robot_of_mesh(tmp_path / "moved.stl", 5.0, [MarkedRegion("legs", tmp_path / "legs.stl", phase=0.0)])
+    save_robot(made, tmp_path / "saved.json")
+    for number, each in enumerate((made, load_robot(tmp_path / "saved.json"))):
+        each.save_parts(tmp_path / f"{number}.stl")
+        np.testing.assert_allclose(bounds(tmp_path / f"{number}.stl"), moved.bounds, atol=1e-3)
+        each.save_parts(tmp_path / f"{number}")
+        np.testing.assert_allclose(bounds(tmp_path / f"{number}/channel_legs.stl"), legs.bounds, atol=0.01 * 5)
+        each.save_parts(tmp_path / f"mould{number}", "draft=0,wall=4")
+        halves = np.array([bounds(tmp_path / f"mould{number}/mould_{half}.stl") for half in ("lower", "upper")])
+        around = np.array([halves.min(axis=(0, 1)), halves.max(axis=(0, 1))])
+        np.testing.assert_allclose(around.mean(axis=0), moved.bounds.mean(axis=0), atol=1.0)
+    cone = trimesh.creation.cone(20.0, 60.0).apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))
+    cone.apply_translation([0.0, 0.0, 300.0]).export(tmp_path / "tip.stl")
+    tip = robot_of_mesh(tmp_path / "tip.stl", 10.0, [MarkedRegion("all", tmp_path / "tip.stl", phase=0.0)])
+    tip.save_parts(tmp_path / "cut.stl")
+    low, high = bounds(tmp_path / "cut.stl")[:, 2]
+    assert tip.body.voxels[:, 2].min() == 0 and low == pytest.approx(260.0) and high == pytest.approx(300.0)
+
+
+def test_a_robot_of_no_mesh_and_one_of_an_earlier_version_lie_at_their_grid(tmp_path):
+    plain = robot()
+    assert plain.origin == (0.0, 0.0, 0.0) and "origin" not in plain.describe()
+    record = dataclasses.replace(plain, origin=(0.1, 0.2, 0.3)).describe()
+    assert robot_of_record(json.loads(json.dumps(record))).origin == (0.1, 0.2, 0.3)
+    del record["origin"]
+    assert robot_of_record(record).origin == (0.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match=r"^origin: shape \(2,\) is not allowed; give \(3,\)$"):
+        dataclasses.replace(plain, origin=(1.0, 2.0))
 
 
 @pytest.mark.parametrize(
