@@ -16,6 +16,7 @@ from robots.calibration import Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Bools, Floats
 
 ASSUMED = 0.02  # standard deviation where none is given, in parts of an experiment's largest value
+SMALLEST = 0.002  # of such a deviation, however equal readings are: they are rounded, and gauges are no better
 DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
 REPLICAS = 8  # starts by whose noise the simulator's own scatter is known
 FAR_OFF = 1e3  # residual of what diverges
@@ -129,15 +130,16 @@ class Uncertainty:
 def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
     """Uncertainty of a fit that ended at a point.
 
-    Variances that are assumed, of points that are not ``given``, shape (N,), are scaled by what the residuals say. So
-    are given ones if the residuals are larger than these allow, never if they are smaller. The simulator's scatter
-    counts once for the rig, whose one run is as chaotic, and once for the mean of the replicas. ``share`` is that of
-    the measurement in the variance that each residual is weighted by, shape (N,).
+    Variances that are assumed, of points that are not ``given``, shape (N,), are scaled by what the residuals say, but
+    never to deviations below ``SMALLEST``: few readings may be equal, or on the curve, by chance. Given ones are
+    scaled if the residuals are larger than these allow, never if they are smaller. The simulator's scatter counts once
+    for the rig, whose one run is as chaotic, and once for the mean of the replicas. ``share`` is that of the
+    measurement in the variance that each residual is weighted by, shape (N,).
     """
     slopes, freedom = found.slopes, found.slopes.shape[0] - found.slopes.shape[1]
     scale = float(found.residuals @ found.residuals) / freedom
     solve = np.linalg.pinv(slopes)
-    measured = share * np.where(given, max(scale, 1.0), scale)
+    measured = share * np.where(given, max(scale, 1.0), max(scale, (SMALLEST / ASSUMED) ** 2))
     noise = (solve * measured) @ solve.T
     chaos = solve @ (found.scatter * (1 + 1 / REPLICAS)) @ solve.T
     covariance = noise + chaos

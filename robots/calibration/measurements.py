@@ -80,7 +80,10 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
             for kind, read in readers.items()
             for place, table in enumerate(_tables(kind, data.get(kind, [])), 1)
         ]
-    except ValueError as error:  # syntax errors too
+    except tomllib.TOMLDecodeError as error:
+        told = "these are TOML with tables such as [[drag]]; morpholab calibrate --example FILE writes one"
+        raise ValueError(f"{path}: is no file of measurements ({error}); {told}") from None
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if not experiments:
         raise ValueError(f"{path}: holds no experiment; give a table [[drag]], [[diameter]] or [[gait]]")

@@ -9,7 +9,7 @@ import pytest
 from measurements import GRIPPING, SLIDING
 
 from optim.calibration import calibrate, check_names, document, report
-from optim.calibration.misfit import REPLICAS, Linearised, uncertainty
+from optim.calibration.misfit import ASSUMED, REPLICAS, SMALLEST, Linearised, uncertainty
 from robots.calibration import (
     BOUNDS,
     NAMES,
@@ -203,6 +203,17 @@ def test_assumed_deviations_follow_the_residuals_and_given_ones_only_grow():
     assert uncertainty(loud, everywhere > 0, everywhere).errors == pytest.approx(3 * unit, rel=0.15)
 
 
+def test_equal_readings_are_not_without_error():
+    """Four that lie on the curve tell a friction to 0.2 % / sqrt(4), not exactly; what is given is believed."""
+    count, none = 4, np.zeros((4, 4))
+    exact = Linearised(np.zeros(count), np.zeros(count), np.full((count, 1), 1 / ASSUMED), none)
+    everywhere = np.ones(count)
+    assert uncertainty(exact, everywhere < 0, everywhere).errors == pytest.approx([SMALLEST / 2])
+    assert uncertainty(exact, everywhere > 0, everywhere).errors == pytest.approx([ASSUMED / 2])
+    barely = dataclasses.replace(exact, residuals=np.full(count, 1.01 * SMALLEST / ASSUMED * (3 / 4) ** 0.5))
+    assert uncertainty(barely, everywhere < 0, everywhere).errors == pytest.approx([1.01 * SMALLEST / 2])
+
+
 def test_scatter_that_is_common_to_all_points_is_no_smaller_for_many():
     count, everywhere = 400, np.ones(400)
     found = uncertainty(straight(count, 1.0, scatter=0.25), everywhere > 0, everywhere)
@@ -211,6 +222,13 @@ def test_scatter_that_is_common_to_all_points_is_no_smaller_for_many():
 
 
 # files
+
+
+def test_another_kind_of_file_is_told_which_is_wanted(tmp_path):
+    (tmp_path / "a.csv").write_text("time_s,distance_mm\n0.5,1.8\n")
+    with pytest.raises(ValueError, match=r"^\S*a.csv: is no file of measurements \(.*\); these are TOML .*") as error:
+        read_measurements(tmp_path / "a.csv", None)
+    assert str(error.value).endswith("calibrate --example FILE writes one") and "\n" not in str(error.value)
 
 
 GOOD = """
