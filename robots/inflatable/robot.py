@@ -34,6 +34,7 @@ from robots.robot import (
 from robots.uncertainty import QUANTITIES
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice
 from taichi_sim.base.compute import Compute
 
 if TYPE_CHECKING:
@@ -95,8 +96,11 @@ class InflatableRobot(Robot):
     pictured = True
 
     def __post_init__(self) -> None:
+        from robots.inflatable.actuation import WEIGHTS
         from robots.inflatable.body import NAMED_GEOMETRIES
 
+        choice("geometry", self.geometry, NAMED_GEOMETRIES)
+        choice("weight", self.weight, WEIGHTS)
         if self.properties is not None and self.gait.schedule.has_own_times:
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
 

@@ -81,6 +81,11 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
             lambda: ml.simulate("rolling", slope=5),
             "^slope: is unknown here; the world is told by its name, as where='flat'$",
         ),
+        (
+            lambda: ml.robot("rolling", geometry="smal"),
+            "^geometry: 'smal' is unknown; choose one of published, small, two",
+        ),
+        (lambda: ml.robot("rolling", weight="none"), "^weight: 'none' is unknown; choose one of published, physical$"),
         (lambda: ml.simulate("rolling", colour=5), "^colour: is unknown here; there are .*precision"),
         pytest.param(
             lambda: ml.differentiate("vehicle", measures=["solved"]),
