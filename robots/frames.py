@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import LatticeResult
 
 
-@dataclass(frozen=True, eq=False)
-class Frames:
+@dataclass(frozen=True, eq=False, repr=False)
+class Frames(ShortText):
     """Recorded poses of a batch of B robots of V voxels, F of each.
 
     Attributes:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.short_text import ShortText
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -80,8 +81,8 @@ class Place:
     where: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
+@dataclass(frozen=True, eq=False, repr=False)
+class Outcome(ShortText):
     """What a robot did at N points in one world.
 
     Attributes:
@@ -176,8 +177,8 @@ def recorded(frames: object | None) -> dict[str, NDArray[Any]]:
     return {} if frames is None else vars(frames)
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(ShortText):
     """A trial that can be shown: what came of it, how the robot moved, and the title of its picture."""
 
     outcome: Outcome

@@ -15,6 +15,7 @@ from robots.world import Terrain, terrain_of
 from taichi_sim import rigid
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.rigid import RigidEngine, RigidResult, State, Tree, poses
 from taichi_sim.rigid.pose import rotation_matrix
 
@@ -29,8 +30,8 @@ TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
 
 
-@dataclass(frozen=True, eq=False)
-class ArticulatedResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArticulatedResult(ShortText):
     """What N designs of a robot did.
 
     Attributes:

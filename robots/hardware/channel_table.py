@@ -104,7 +104,7 @@ class Rhythm:
     nodes: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ChannelTable(RigTable):
     """Commands over time that play the waves of a robot's channels.
 

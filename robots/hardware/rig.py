@@ -31,6 +31,7 @@ from robots.hardware.units import (
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.short_text import ShortText
 
 Described = TypeVar("Described", "Channel", LineMap)
 LONGEST_LAG = 3600.0  # [s]
@@ -85,8 +86,8 @@ _FOOT = Channel(1.0, 1.0, -80.0, 50.0, 150.0)
 _MAP = LineMap(ramp_pa=RAMP_PA)
 
 
-@dataclass(frozen=True)
-class PneumaticRig:
+@dataclass(frozen=True, repr=False)
+class PneumaticRig(ShortText):
     """The lines that drive the robot. The defaults are the dissertation's rig.
 
     Attributes:

@@ -21,6 +21,7 @@ from robots.hardware.lines import ACTUATORS, channel_names
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.short_text import ShortText
 
 Table = TypeVar("Table", bound="RigTable")
 SECTIONS = ("prefix", "main", "suffix")
@@ -54,7 +55,7 @@ def section_of(state: int, columns: int) -> str:
     return SECTIONS[0] if state <= columns else SECTIONS[1] if state <= 2 * columns else SECTIONS[2]
 
 
-class RigTable(ABC):
+class RigTable(ShortText, ABC):
     """Commands to the lines of a rig over time, in three sections, of which the second can be looped.
 
     Attributes:

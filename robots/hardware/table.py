@@ -32,7 +32,7 @@ ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
 SCHEMA = "morpholab-gait-2"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GaitTable(RigTable):
     """Commands over time that play a gait of the inflatable robot.
 

@@ -25,6 +25,7 @@ from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import LatticeBody, LatticeProgram, ProgramBuilder
 
 
@@ -50,8 +51,8 @@ class Leg:
         return self.design.pressure if core is None else float(core[-1])
 
 
-@dataclass(frozen=True, eq=False)
-class JourneyResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class JourneyResult(ShortText):
     """What the robots of a journey of L legs did; NaN where a status is not "ok".
 
     Attributes:

@@ -21,14 +21,15 @@ from robots.world import Terrain, medium_of, one_each, standing
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, LatticeResult
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 
 PER_ROBOT = ("distance", "speed", "speed_simulated", "status", "stages", "steps", "displacement")  # of a result
 
 
-@dataclass(frozen=True, eq=False)
-class InflatableResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class InflatableResult(ShortText):
     """What a batch of designs did.
 
     Attributes:

@@ -21,11 +21,12 @@ from robots.quadruped.body import (
 )
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
 
 
-@dataclass(frozen=True, eq=False)
-class QuadrupedResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class QuadrupedResult(ShortText):
     """What N robots did in E environments.
 
     Attributes:

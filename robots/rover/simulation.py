@@ -12,11 +12,12 @@ from robots.control.neural import GRAVITY, SLIP, TIME_STEP, Lights, Trials, as_l
 from robots.rover.body import LIGHT_HEIGHT, LIGHTS, SENSES, STEPS, Rover
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.compute import ComputeOptions
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
 
 
-@dataclass(frozen=True, eq=False)
-class RoverResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class RoverResult(ShortText):
     """What N vehicles did in E environments.
 
     Attributes:

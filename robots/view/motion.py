@@ -16,6 +16,7 @@ from robots.view.scene import INK, Colour
 from taichi_sim.autodiff import rotations
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import numbers, whole_number
+from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import Relief
 from taichi_sim.rigid import Box, Capsule, Sphere
 from taichi_sim.rigid.model.shapes import Solid
@@ -152,8 +153,8 @@ class Skin:
     faces: Ints
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(ShortText):
     """A motion: poses of N solids (nodes) in F frames.
 
     Attributes:

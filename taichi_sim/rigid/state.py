@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.short_text import ShortText
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +28,8 @@ class State:
     rates: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class Frames:
+@dataclass(frozen=True, eq=False, repr=False)
+class Frames(ShortText):
     """Poses, readings and neurons over time, from the start on.
 
     Attributes:
@@ -48,8 +49,8 @@ class Frames:
     neurons: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class RigidResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class RigidResult(ShortText):
     """Result of a run. Numbers of a robot that diverged are NaN.
 
     Attributes:

@@ -5,7 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import morpholab as ml
-from robots.robot import Robot
+from robots.frames import Frames
+from robots.hardware import read_csv
+from robots.robot import Outcome, Robot
 from taichi_sim.base.short_text import ShortText
 
 
@@ -29,6 +31,21 @@ def test_robots_have_texts_of_a_few_lines():
     for name in ("soft-quadruped", "rolling", "legged", "vehicle", "freeform"):
         told = repr(ml.robot(name))
         assert len(told) < 1000 and "\n" not in told, name
+
+
+def test_tables_and_what_comes_of_robots_have_texts_of_one_line(tmp_path):
+    """A robot on a rig, too, whose table has hundreds of rows."""
+    path = tmp_path / "gait.csv"
+    table = ml.export_csv(ml.ROLLING, path, rate=50.0)
+    poses = [np.zeros((100, 1, 50, n)) for n in (3, 4, 6, 3)]
+    many = Outcome(
+        {"speed": np.zeros(1000)}, frames={"positions": poses[0]}, result=Frames(*poses[:2], np.zeros(100), *poses[2:])
+    )
+    for made in (table, read_csv(path), ml.robot(str(path), rig="dissertation"), many, many.result):
+        told = repr(made)
+        assert len(told) < 1200 and "\n" not in told and "array([" not in told, told
+    assert "pressures=<float64 of shape (2413, 11)>" in repr(table) and "status=<<U2 of shape (1000,)>" in repr(many)
+    assert "channels=<11 of Channel>" in repr(ml.PneumaticRig())
 
 
 def test_robots_that_are_no_dataclasses_have_texts_too():
