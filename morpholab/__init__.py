@@ -87,4 +87,4 @@ if TYPE_CHECKING:
     from taichi_sim.lattice import Material as Material
     from taichi_sim.lattice import body_from_array as body_from_array
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

@@ -13,4 +13,4 @@ if TYPE_CHECKING:
     from optim.space import Space as Space
     from optim.space import Variable as Variable
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

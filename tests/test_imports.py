@@ -206,3 +206,34 @@ def test_what_is_told_of_tests_is_of_tests_that_exist():
         within = [text for path, text in texts.items() if place in path or not place.endswith(".py")]
         sought = name.partition("[")[0] or ("" if place.endswith(".py") else place.partition("[")[0])
         assert any(sought in text for text in within), part
+
+
+LAZY = sorted(name for name, path in MODULES.items() if "= exported_names(__name__)" in path.read_text())
+
+
+@pytest.mark.parametrize("package", LAZY)
+def test_a_package_lists_and_gives_its_public_names_alone(package):
+    """To ``import *`` and to ``dir``, before any of them was used: those that it imports under ``TYPE_CHECKING``."""
+    public = {
+        alias.name
+        for block in parsed()[MODULES[package]].body
+        if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
+        for line in block.body
+        if isinstance(line, ast.ImportFrom)
+        for alias in line.names
+    }
+    given: dict[str, object] = {}
+    exec(f"from {package} import *", given)
+    given.pop("__builtins__")
+    assert given.keys() == public and len(public) > 3
+    module = sys.modules[package]
+    listed = {name for name in dir(module) if not name.startswith("__")}
+    assert public <= listed
+    assert {f"{package}.{name}" for name in listed - public} <= sys.modules.keys()  # modules of its own
+
+
+def test_a_package_whose_names_are_found_by_a_registry_lists_them():
+    import optim.search
+
+    assert {"HillClimb", "METHODS", "build_method"} <= set(dir(optim.search))
+    assert not {"Any", "Mapping", "signature", "exported", "Registry"} & set(dir(optim.search))

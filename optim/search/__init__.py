@@ -57,7 +57,7 @@ __all__ = [
 ]
 
 
-__getattr__ = exported(__name__, _CLASSES)  # the classes of the built-in methods, such as HillClimb
+__getattr__, __dir__ = exported(__name__, _CLASSES)  # the classes of the built-in methods, such as HillClimb
 
 
 def build_method(name: MethodName, space: Space, settings: Mapping[str, Any]) -> Method:

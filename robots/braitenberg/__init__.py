@@ -23,4 +23,4 @@ if TYPE_CHECKING:
     from taichi_sim.vehicle import Traces as Traces
     from taichi_sim.vehicle import VehicleTask as VehicleTask
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

@@ -24,4 +24,4 @@ if TYPE_CHECKING:
     from robots.calibration.properties import robot_of as robot_of
     from robots.calibration.properties import save_properties as save_properties
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

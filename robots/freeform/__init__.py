@@ -11,4 +11,4 @@ if TYPE_CHECKING:
     from robots.freeform.robot import FreeformActuation as FreeformActuation
     from robots.freeform.robot import FreeformRobot as FreeformRobot
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

@@ -23,4 +23,4 @@ if TYPE_CHECKING:
     from robots.hardware.timeline import Violation as Violation
     from robots.hardware.units import KPA_PER_UNIT as KPA_PER_UNIT
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

@@ -38,4 +38,4 @@ if TYPE_CHECKING:
     from robots.inflatable.timing import Counting as Counting
     from robots.inflatable.timing import predicted_steps as predicted_steps
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

@@ -19,4 +19,4 @@ if TYPE_CHECKING:
     from robots.lattice_robot.sources import load_robot as load_robot
     from robots.lattice_robot.sources import robot_of_voxel_file as robot_of_voxel_file
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)

@@ -34,4 +34,4 @@ if TYPE_CHECKING:
     from robots.quadruped.simulation import simulate as simulate
 
 
-__getattr__, __dir__ = exported_names(__name__)
+__getattr__, __dir__, __all__ = exported_names(__name__)
