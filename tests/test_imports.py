@@ -5,10 +5,13 @@ The lists of what still breaks a rule may only get shorter.
 
 import ast
 import graphlib
+import json
 import re
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import computing
@@ -237,3 +240,24 @@ def test_a_package_whose_names_are_found_by_a_registry_lists_them():
 
     assert {"HillClimb", "METHODS", "build_method"} <= set(dir(optim.search))
     assert not {"Any", "Mapping", "signature", "exported", "Registry"} & set(dir(optim.search))
+
+
+def imported_by_notebooks():
+    """Module and name of everything of the packages that notebooks import by name."""
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text())["cells"]
+        code = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
+        plain = "\n".join(
+            line for text in code for line in text.splitlines() if not line.lstrip().startswith(("%", "!"))
+        )
+        for node in ast.walk(ast.parse(plain)):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.partition(".")[0] in PACKAGES:
+                yield from ((path.stem, node.module, alias.name) for alias in node.names)
+
+
+def test_what_notebooks_import_is_there():
+    """Running them takes minutes, and is a command of its own."""
+    found = list(imported_by_notebooks())
+    assert len(found) > 20
+    for notebook, module, name in found:
+        assert hasattr(import_module(module), name) or find_spec(f"{module}.{name}"), (notebook, module, name)

@@ -15,6 +15,9 @@ from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
 
 JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
+LAWS = "laws"  # among versions: which laws robots are simulated by; that of morpholab changes at releases only
+PRESENT_LAWS, FIRST_LAWS = "2", "1"  # to be counted on when a law changes results; those of folders that name none
+CODE = " (code "  # between the version of a package of a user and the checksum of its code
 
 
 def environment(added: Iterable[str] = (), **more: Any) -> dict[str, Any]:
@@ -36,22 +39,24 @@ def environment(added: Iterable[str] = (), **more: Any) -> dict[str, Any]:
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """List differences between two environments that can change results, such as ``numpy 2.4.6, now 2.5.0``.
 
-    An entry that the first does not have is unknown, not different.
+    An entry that the first does not have is unknown, not different; so is the code of a package of a user.
     """
     known, found = before.get("versions", {}), now.get("versions", {})
-    pairs = [(name, known.get(name), found.get(name)) for name in known]
+    known = {**known, LAWS: known.get(LAWS, FIRST_LAWS)}
+    pairs = [(name, known[name], _comparable(known[name], found.get(name))) for name in known]
     pairs += [(name, before.get(name), now.get(name)) for name in ("machine", "processor")]
     return [f"{name} {old}, now {new}" for name, old, new in pairs if old != new]
 
 
 def versions(added: Iterable[str] = ()) -> dict[str, str | None]:
-    """Versions of Python and of the packages that results depend on, those ``added`` by users among them.
+    """Versions of Python, of the packages that results depend on, those ``added`` by users among them, and of the laws.
 
     None for those that are missing or not used. As packages of users are often edited between releases, a checksum of
     their code follows their version.
     """
     known = {name: _version(name) for name in (*JUDGING, *SEARCHING)}
-    return {"python": platform.python_version(), **known, **{name: _version_with_code(name) for name in added}}
+    packages = {"python": platform.python_version(), **known, **{name: _version_with_code(name) for name in added}}
+    return {**packages, LAWS: PRESENT_LAWS}
 
 
 def other_version(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, str | None, str | None] | None:
@@ -79,19 +84,33 @@ def _version_with_code(package: str) -> str | None:
     version = _version(package)
     if version is None:
         return None
-    roots = sorted({entry.module.partition(".")[0] for entry in distribution(package).entry_points})
-    code = "".join(files.sha256(path.read_bytes()) for root in roots for path in _modules(root))
-    return f"{version} (code {files.sha256(code.encode())[:8]})"
+    modules = sorted({entry.module for entry in distribution(package).entry_points})
+    paths = dict.fromkeys(path for module in modules for path in _files_of(module))  # each once
+    code = "".join(files.sha256(path.read_bytes()) for path in paths)
+    return f"{version}{CODE}{files.sha256(code.encode())[:8]})"
 
 
-def _modules(root: str) -> list[Path]:
-    """Python files of an importable module or package, in order of their names."""
-    spec = find_spec(root)
-    if spec is None:
-        return []
-    folders = spec.submodule_search_locations or ()
-    found = [path for folder in folders for path in Path(folder).rglob("*.py")] or [Path(spec.origin or "")]
-    return sorted(path for path in found if path.is_file())
+def _files_of(module: str) -> list[Path]:
+    """Python files of the outermost package that a module is in, in order of their names; else the module's own.
+
+    Namespace packages have files of other distributions, too, and are passed over.
+    """
+    parts = module.split(".")
+    for name in (".".join(parts[: count + 1]) for count in range(len(parts))):
+        try:
+            spec = find_spec(name)
+        except (ImportError, ValueError):  # no such module, or one made by hand
+            return []
+        if spec is not None and spec.origin is not None:
+            folders = spec.submodule_search_locations or ()
+            found = [path for folder in folders for path in Path(folder).rglob("*.py")] or [Path(spec.origin)]
+            return sorted(path for path in found if path.is_file())
+    return []
+
+
+def _comparable(before: str | None, now: str | None) -> str | None:
+    """The present version of a package, without its code where that was not noted before."""
+    return now.partition(CODE)[0] if now is not None and before is not None and CODE not in before else now
 
 
 def _essential(name: str, version: str | None) -> str | None:

@@ -3,12 +3,13 @@
 import json
 import re
 import sys
+import types
 
 import pytest
 from plug_in import install
 
 from optim.problems.objectives import OBJECTIVES
-from optim.runs.environment import other_version, versions
+from optim.runs.environment import LAWS, differences, other_version, versions
 from optim.runs.plug_ins import packages_of
 from optim.runs.workers.folder_files import Offer
 from optim.search import METHODS
@@ -113,6 +114,39 @@ def test_code_in_every_file_of_a_package_counts(tmp_path, monkeypatch):
         found.append(versions(["deep_kit"])["deep_kit"])
     assert found[0] == found[2] != found[1]
     assert versions(["no_such_kit"])["no_such_kit"] is None
+
+
+def test_runs_that_noted_no_code_are_not_told_to_have_begun_elsewhere():
+    before = {"versions": {"kit": "1.0", LAWS: "2"}}
+    assert differences(before, {"versions": {"kit": "1.0 (code 0a1b2c3d)", LAWS: "2"}}) == []
+    assert differences(before, {"versions": {"kit": "2.0 (code 0a1b2c3d)", LAWS: "2"}}) == ["kit 1.0, now 2.0"]
+
+
+def test_laws_that_changed_are_told():
+    """Folders of before name none."""
+    assert "laws 1, now 2" in differences({"versions": {"numpy": versions()["numpy"]}}, {"versions": versions()})
+    assert differences({"versions": versions()}, {"versions": versions()}) == []
+
+
+def test_code_of_other_distributions_does_not_count(tmp_path, monkeypatch):
+    install(tmp_path, "spread_kit", KINDS.group, {"spread": "company.kit.robots:Kind"})
+    (tmp_path / "company/kit").mkdir(parents=True)
+    (tmp_path / "company/other").mkdir()
+    for name in ("kit/__init__.py", "kit/robots.py", "other/robots.py"):
+        (tmp_path / "company" / name).write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = versions(["spread_kit"])
+    (tmp_path / "company/other/robots.py").write_text("x = 1")
+    assert versions(["spread_kit"]) == before
+    (tmp_path / "company/kit/robots.py").write_text("x = 1")
+    assert versions(["spread_kit"]) != before
+
+
+def test_a_module_made_by_hand_has_no_code(tmp_path, monkeypatch):
+    install(tmp_path, "odd_kit", KINDS.group, {"odd": "odd_module:Kind"})
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setitem(sys.modules, "odd_module", types.ModuleType("odd_module"))
+    assert versions(["odd_kit"])["odd_kit"].startswith("1.0 (code ")
 
 
 def test_workers_need_the_version_of_what_they_judge_by(slider, tmp_path):

@@ -83,7 +83,9 @@ def test_their_designs_are_loaded(name, folder):
     problem, history = problem_of_description(read_config(folder)["problem"]), read_history(folder)
     best = problem.space.from_dict(history.generations[-1].best_point)
     problem.save(best, folder / "again.json")
-    assert (folder / "again.json").read_bytes() == (folder / "best.json").read_bytes()
+    again, before = json.loads((folder / "again.json").read_text()), json.loads((folder / "best.json").read_text())
+    again.pop("highest_size", None)  # which makes time steps in water those of the search, and version 1.0 did not know
+    assert again == before and list(again) == list(before)
     kept = read_result(history, problem)
     assert np.array_equal(kept.point, best) and kept.score == history.generations[-1].best
     assert repr(read_progress(folder)) == repr(history.progress)  # which may have nan
