@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
+from robots.lattice_robot.description import LATER, SETTINGS
 from robots.lattice_robot.drive import FIELDS, Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.reflexes import Reflexes
-from robots.lattice_robot.robot import LATER, SETTINGS, LatticeRobot
+from robots.lattice_robot.robot import LatticeRobot
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import read_vxl_json
 

@@ -1,9 +1,8 @@
 """A robot of the user's own: a lattice body, what drives it, and what a search may change of both."""
 
 import dataclasses
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot import reach
+from robots.lattice_robot.description import description_of
 from robots.lattice_robot.design_space import DesignSpace
 from robots.lattice_robot.drive import Drive, Free, check_drives
 from robots.lattice_robot.faults import caution_of, fault_of, settles_at_rest
@@ -33,23 +33,12 @@ from taichi_sim.base.checks import number, numbers, positive, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
 from taichi_sim.lattice import LatticeBody, Material
-from taichi_sim.lattice.files import VoxelFile, write_vxl_json
 from taichi_sim.lattice.materials import channel_values
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 MOST_CYCLES = 10_000
-SETTINGS = ("frequency", "cycles", "settling", "heading", "time_step_safety", "name")
-LATER = (
-    "target",
-    "reference_length",
-    "perturbation",
-    "seed",
-    "highest_moduli",
-    "highest_size",
-    "origin",
-)  # settings that files have where they are not as usual
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -389,18 +378,7 @@ class LatticeRobot(OutOfTheLab):
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as JSON values; ``robot_of_record`` gives the robot back to the bit."""
-        return {
-            **{name: getattr(self, name) for name in SETTINGS},
-            **{
-                f.name: getattr(self, f.name)
-                for f in fields(self)
-                if f.name in LATER and getattr(self, f.name) != f.default
-            },
-            "drives": [drive.describe() for drive in self.drives],
-            **({"reflexes": dataclasses.asdict(self.reflexes)} if self.reflexes else {}),
-            "moduli": [[number, dataclasses.asdict(free)] for number, free in self.free_moduli.items()],
-            "body": json.loads(write_vxl_json(VoxelFile.of_body(self.body))),
-        }
+        return description_of(self)
 
     def facts(self) -> Facts:
         """Body, drives and cycle."""

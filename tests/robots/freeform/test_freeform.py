@@ -206,7 +206,13 @@ def test_full_mixtures_move_as_the_whole_block():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("terrain", [Terrain(), Terrain.water()], ids=["ground", "water"])
+@pytest.mark.parametrize(
+    "terrain",
+    [
+        pytest.param(Terrain(), id="ground"),
+        pytest.param(Terrain.water(), id="water", marks=pytest.mark.slow),  # steps there are shorter
+    ],
+)
 @pytest.mark.parametrize(("fields", "sharpness"), [("cells", 3.0), ("filtered", 0.0), ("blobs", 0.0), ("network", 1.0)])
 def test_gradients_of_mixtures_agree_with_differences(fields, sharpness, terrain):
     made = robot((4, 2, 2), actuation=LONG, fields=fields, target=(0.1, 0.02), detail=2 if fields == "blobs" else None)

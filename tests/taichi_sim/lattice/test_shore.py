@@ -236,7 +236,13 @@ def deep_sand(seed: int = 3) -> Relief:
 
 
 @pytest.mark.parametrize(
-    ("part", "floor"), [("positions", shore), ("velocities", shore), ("values", shore), ("velocities", deep_sand)]
+    ("part", "floor"),
+    [
+        pytest.param("positions", shore, marks=pytest.mark.slow),
+        ("velocities", shore),
+        ("values", shore),
+        ("velocities", deep_sand),
+    ],
 )
 def test_gradients(part, floor):
     """By the start and by what events set, against central differences, with everything that happens on a shore."""
