@@ -126,10 +126,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise SystemExit(_print("", None, int(stop.code or 0))) from None
     except OSError as error:
         return _unprinted("", error)
-    if args.json and "stdout" in closed:  # before work of hours whose document nobody would get
-        return _fail(
-            args.command, "failed: standard output is closed, which --json needs; open it, or leave out --json", FAILED
-        )
+    needing = "--json" if args.json else "--to -" if getattr(args, "to", None) == "-" else ""
+    if needing and "stdout" in closed:  # before work of hours whose document nobody would get
+        why = f"standard output is closed, which {needing} needs; open it, or leave out {needing}"
+        return _fail(args.command, f"failed: {why}", FAILED)
     stdout = _stdout_to_stderr() if args.json else contextlib.nullcontext()
     try:
         with _ended_by_signals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:

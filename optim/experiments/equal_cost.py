@@ -23,7 +23,7 @@ from optim.runs.history import read_history
 from optim.runs.loop import FolderSearch
 from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
-from taichi_sim.base import files
+from taichi_sim.base import line_files
 
 SEEDS = range(5)
 CLOCK = "cpu.jsonl"
@@ -123,7 +123,7 @@ class Contest:
         """The curve, with a generation booked whose cost a kill cut off: by its wall time, as there is one thread."""
         folder, known = self.folder(name, seed), self.curve(name, seed)
         if has_run(folder):
-            files.keep_lines(folder / CLOCK, len(known))
+            line_files.keep_lines(folder / CLOCK, len(known))
             history = read_history(folder)
             for last in history.generations[len(known) :]:
                 _book(folder, known, last, float(np.nan_to_num(history.seconds[last.generation])))
@@ -135,7 +135,7 @@ class Contest:
 
     def curve(self, name: str, seed: int) -> list[Point]:
         """Generations of a run: CPU time [s] and evaluations so far, best and mean score of what it keeps."""
-        return [json.loads(line) for line in files.complete_lines(self.folder(name, seed) / CLOCK)]
+        return [json.loads(line) for line in line_files.complete_lines(self.folder(name, seed) / CLOCK)]
 
     def last_within(self, name: str, seed: int, cost: float) -> int | None:
         """The last generation of a run that ended within a cost; None if none did."""
@@ -226,7 +226,7 @@ def _book(folder: Path, known: list[Point], last: Generation, cpu: float) -> Non
     """Add a generation and its CPU time [s] to the curve, here and on disk."""
     before = known[-1]["cpu"] if known else 0.0
     known.append({"cpu": before + cpu, "best": last.best, "mean": last.mean, "evaluations": last.evaluations})
-    files.append_line(folder / CLOCK, json.dumps(known[-1]))
+    line_files.append_line(folder / CLOCK, json.dumps(known[-1]))
 
 
 def _number(value: float | None) -> float:

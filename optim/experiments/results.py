@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from numpy.typing import NDArray
 
 from optim.experiments.tables import write_records
-from taichi_sim.base import files
+from taichi_sim.base import files, line_files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -117,7 +117,7 @@ class Costs:
     def __init__(self, path: Path) -> None:
         """Continue the file, if it exists."""
         self._path = path
-        files.keep_lines(path, len(files.complete_lines(path)))  # a torn last line
+        line_files.keep_lines(path, len(line_files.complete_lines(path)))  # a torn last line
 
     @contextmanager
     def of(self, part: str) -> Iterator[None]:
@@ -125,12 +125,12 @@ class Costs:
         wall, cpu = time.perf_counter(), time.process_time()
         yield
         spent = {"wall": round(time.perf_counter() - wall, 3), "cpu": round(time.process_time() - cpu, 3)}
-        files.append_line(self._path, json.dumps({"part": part, **spent}))
+        line_files.append_line(self._path, json.dumps({"part": part, **spent}))
 
     def total(self) -> dict[str, dict[str, float]]:
         """Seconds of wall time and of CPU time (of all threads), by part, and of ``"all"``."""
         found: dict[str, dict[str, float]] = {}
-        for line in files.complete_lines(self._path):
+        for line in line_files.complete_lines(self._path):
             entry = json.loads(line)
             for part in (entry["part"], "all"):
                 sums = found.setdefault(part, {"wall": 0.0, "cpu": 0.0})

@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
+from optim.problems.earlier import is_described_by
 from robots.robot import Option, RobotKind, make_robot
 from taichi_sim.base.options import count, number
 
@@ -167,7 +168,7 @@ class Designer:
         known: Any = asked.known
         own = self._own(asked.given)
         told = asked.source is not None or own.keys() - {"seed"}  # which is that of the search, too
-        if told and make_robot(self.kind, asked.source, own).describe() != known.offered.describe():
+        if told and not is_described_by(known.offered.describe(), make_robot(self.kind, asked.source, own).describe()):
             what = asked.source or "what is given"
             raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; leave it out")
         fields = {each.name for each in dataclasses.fields(known)}

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from optim.search.method import Method
-from taichi_sim.base import files
+from taichi_sim.base import files, line_files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.records import Count, checked
 
@@ -115,7 +115,7 @@ class Summed(NamedTuple):
 def summed(path: Path, count: int | None = None) -> Summed:
     """Sum up the complete lines of a log, or its first ``count``, one in memory at a time."""
     hasher, lines, last = hashlib.sha256(), 0, b""
-    for line in itertools.islice(files.lines_of(path), count):
+    for line in itertools.islice(line_files.lines_of(path), count):
         hasher.update(line)
         lines, last = lines + 1, line
     return Summed(hasher, lines, last)

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import tomli_w
 
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Objective, Problem, objectives_of, score_of
+from optim.problems.earlier import is_described_by
 from optim.search import METHODS, default_settings
 from taichi_sim.base import files
 from taichi_sim.base.checks import shown, whole_number
@@ -146,21 +147,18 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
             raise ValueError(f"generations: {value} is below the {old} of the run in {folder}; it may only be raised")
         elif prefix == "method." and name not in known and value == usual_settings(known).get(name):
             continue  # a setting that methods did not have when the run began
-        elif prefix + name == "problem.robot" and _same_but_for_its_origin(old, value):
+        elif prefix + name == "problem.robot" and _is_same_robot(old, value):
             continue
         elif prefix + name != "generations" and value != old:
             raise ValueError(f"{prefix}{name}: {value!r} is not what the run in {folder} has, {old!r}; leave it out")
 
 
-def _same_but_for_its_origin(known: object, asked: object) -> bool:
-    """Whether a robot is that of a run of an earlier version, which does not tell where the robot's mesh lay."""
+def _is_same_robot(known: object, asked: object) -> bool:
+    """Whether two robots, told as JSON, are the same, the first perhaps as an earlier version told it."""
     try:
-        ours, theirs = json.loads(str(known)), json.loads(str(asked))
+        return is_described_by(json.loads(str(known)), json.loads(str(asked)))
     except ValueError:
         return False
-    if not isinstance(ours, dict) or not isinstance(theirs, dict) or "origin" in ours:
-        return False
-    return ours == {name: value for name, value in theirs.items() if name != "origin"}
 
 
 def check_ground_files(known: Mapping[str, Any], found: Mapping[str, str], folder: Path) -> None:

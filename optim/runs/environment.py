@@ -42,7 +42,8 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     An entry that the first does not have is unknown, not different; so is the code of a package of a user.
     """
     known, found = before.get("versions", {}), now.get("versions", {})
-    known = {**known, LAWS: known.get(LAWS, FIRST_LAWS)}
+    if known and found:
+        known = {**known, LAWS: known.get(LAWS, FIRST_LAWS)}
     pairs = [(name, known[name], _comparable(known[name], found.get(name))) for name in known]
     pairs += [(name, before.get(name), now.get(name)) for name in ("machine", "processor")]
     return [f"{name} {old}, now {new}" for name, old, new in pairs if old != new]

@@ -44,7 +44,7 @@ from optim.runs.config import (
 )
 from optim.runs.environment import differences
 from optim.runs.folder_lock import locked
-from taichi_sim.base import files
+from taichi_sim.base import files, line_files
 from taichi_sim.base.locks import HeldLock
 
 ENVIRONMENT, TIMING = "environment.json", "timing.jsonl"
@@ -100,7 +100,7 @@ class RunFolder:
         """Cut the logs back to the lines that the checkpoint covers; return the last line of the log."""
         self.lines = lines
         for name in (LOG, TIMING):
-            files.keep_lines(self.path / name, lines)
+            line_files.keep_lines(self.path / name, lines)
         timing, log = (checkpoint.summed(self.path / name) for name in (TIMING, LOG))
         self._timing, self._log = timing.hasher, log.hasher
         return log.last
@@ -142,7 +142,7 @@ class RunFolder:
         timing = {"generation": self.lines, "seconds": round(seconds, 3), "finished": finished}
         with self.writing():
             for name, hasher, text in ((LOG, self._log, line), (TIMING, self._timing, json.dumps(timing))):
-                files.append_line(self.path / name, text)
+                line_files.append_line(self.path / name, text)
                 hasher.update(text.encode() + b"\n")
             environment = files.sha256((self.path / ENVIRONMENT).read_bytes())
             digests = self._log.hexdigest(), self._timing.hexdigest(), environment, self._settings

@@ -21,7 +21,7 @@ from optim.runs.folder_lock import in_use
 from optim.runs.generation import Generation
 from optim.search import build_method
 from optim.search.method import SearchResult
-from taichi_sim.base import files
+from taichi_sim.base import line_files
 from taichi_sim.base.checks import shown
 from taichi_sim.base.records import Count, Duration, checked
 
@@ -186,7 +186,7 @@ def _read_history(folder: Path) -> History:
     config = read_config(folder)
     running = in_use(folder)  # before the files are read: what ends meanwhile is told as running, not as damaged
     found = checkpoint.load(folder, identity(config))
-    lines = files.complete_lines(folder / checkpoint.LOG)[: found[1].lines if found else 0]
+    lines = line_files.complete_lines(folder / checkpoint.LOG)[: found[1].lines if found else 0]
     try:
         generations = tuple(map(_generation, lines))
         _check_numbers([each.generation for each in generations])
@@ -203,7 +203,7 @@ def _read_progress(folder: Path) -> Progress:
     record = found[1] if found else None
     numbers, failed, last = list[int](), 0, b""
     try:
-        for last in itertools.islice(files.lines_of(folder / checkpoint.LOG), record.lines if record else 0):
+        for last in itertools.islice(line_files.lines_of(folder / checkpoint.LOG), record.lines if record else 0):
             head = _HEAD.match(last)
             number, failures = map(int, head.groups()) if head else _number_and_failures(last)
             numbers.append(number)
@@ -250,7 +250,7 @@ def read_result(history: History, problem: Problem) -> SearchResult | None:
 def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[float, ...], str | None]:
     """Read the times of the generations, and when the last one ended; unknown if the file was changed."""
     count = record.lines if record else 0
-    lines = files.complete_lines(folder / TIMING)[:count]
+    lines = line_files.complete_lines(folder / TIMING)[:count]
     whole, hasher = 0, hashlib.sha256()
     for number, line in enumerate(lines, 1):  # a file begun anew is shorter than the log
         hasher.update(line)

@@ -28,6 +28,7 @@ USUAL_RATE = 20.0  # of tables whose rows are corners [Hz]
 FASTER_RATES = (20.0, 50.0, 100.0, 200.0, 500.0, FASTEST_RATE)  # that are proposed where a stream is too coarse [Hz]
 LARGEST_MISS = 0.01  # of the rows of a table, as part of the swing of a line: what is more is told
 COMPARED_LOOPS = 100  # of the main, in which samples are looked at; of later ones they fall between the same
+COMPARED_ROWS = 200_000  # rows, or samples, of these loops in all; but one loop at least
 SLOWEST_VENTING = 5.0  # samples per second [Hz]
 _DIGIT = 1e-8  # of a number in a file, as part of it: nine digits are written
 _EXCESS = 1e-3  # of limits, as part of them: rounding of the file
@@ -190,15 +191,15 @@ class Stream:
     def extremes(self) -> list[tuple[str, float, float, float, float]]:
         """Each channel's name, lowest and highest pressure sent, and those that the rig allows, in the table's units.
 
-        Of a main that is played more than ``COMPARED_LOOPS`` times the first of them count.
+        Of a main that is played often the first ``COMPARED_LOOPS`` times count, or fewer of a long one.
         """
         factor, (times, lines) = KPA_PER_UNIT[self.table.units], self._course
-        moments = self._moments(self.rate)
-        sent = [np.interp(moments, times, line) for line in lines]
-        return [
-            (name, float(line.min()), float(line.max()), channel.minimum_kpa / factor, channel.maximum_kpa / factor)
-            for name, line, channel in zip(self.table.channels, sent, self.rig.channels, strict=False)
-        ]
+        moments, found = self._moments(self.rate), []
+        for name, line, channel in zip(self.table.channels, lines, self.rig.channels, strict=False):
+            sent = np.interp(moments, times, line)
+            least, most = channel.minimum_kpa / factor, channel.maximum_kpa / factor
+            found.append((name, float(sent.min()), float(sent.max()), least, most))
+        return found
 
     def largest_miss(self, rate: float | None = None) -> tuple[float, str]:
         """How far straight lines between samples are off the rows, as part of a line's swing in the table; the channel.
@@ -236,7 +237,8 @@ class Stream:
     def _course(self) -> tuple[Floats, Floats]:
         """Times since the start [s], shape (R,), and pressures, shape (L, R), of the rows as they are played."""
         main, begin = self.table.durations["main"], self.table.times[0]
-        loops = min(self.loops, COMPARED_LOOPS)
+        largest = max(int(np.sum(np.array(self.table.sections) == "main")), main * self.rate, 1.0)  # rows or samples
+        loops = min(self.loops, COMPARED_LOOPS, max(int(COMPARED_ROWS / largest), 1))
         starts = [("prefix", 0.0), *(("main", loop * main) for loop in range(loops)), ("suffix", (loops - 1) * main)]
         times = np.concatenate([self._rows[section][0] - begin + start for section, start in starts])
         return times, np.concatenate([self._rows[section][1] for section, _ in starts], axis=1)

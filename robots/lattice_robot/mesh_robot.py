@@ -90,7 +90,7 @@ def robot_of_mesh(
     friction: float = 1.0,
     **settings: Any,
 ) -> "LatticeRobot":
-    """The robot whose body fills a mesh with voxels; what is exported of it lies where the mesh does.
+    """The robot whose body fills a mesh with voxels; its surfaces and moulds lie where the mesh does.
 
     Where regions overlap, the last one counts, of materials and of muscles apart.
 

@@ -377,7 +377,7 @@ class LatticeRobot(OutOfTheLab):
         return self.filled(self.start) if self.free else self
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values; ``robot_of_record`` gives the robot back to the bit."""
+        """What its results and exports depend on, as JSON values; ``robot_of_record`` gives it back to the bit."""
         return description_of(self)
 
     def facts(self) -> Facts:

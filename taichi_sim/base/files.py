@@ -5,7 +5,6 @@ import errno
 import gzip
 import hashlib
 import io
-import itertools
 import json
 import math
 import os
@@ -336,33 +335,6 @@ def _check_header(file: IO[bytes], name: str, size: int) -> None:
     told, found = math.prod(shape) * dtype.itemsize, size - file.tell()
     if min(shape, default=0) < 0 or told != found:
         raise ValueError(f"{name}: its header tells of shape {shown(shape)}, {shown(told)} bytes; it has {found}")
-
-
-def append_line(path: Path, line: str) -> None:
-    """Add a line to a text file and wait until it is on disk."""
-    with path.open("ab") as file:
-        file.write(line.encode() + b"\n")
-        file.flush()
-        os.fsync(file.fileno())
-
-
-def lines_of(path: Path) -> Iterator[bytes]:
-    """Read the complete lines of a text file one by one, without an unfinished last one; none if there is no file."""
-    if path.exists():
-        with path.open("rb") as file:
-            yield from (line for line in file if line.endswith(b"\n"))
-
-
-def complete_lines(path: Path) -> list[bytes]:
-    """Complete lines of a text file, without an unfinished last one; empty if there is no file."""
-    return list(lines_of(path))
-
-
-def keep_lines(path: Path, count: int) -> None:
-    """Cut a text file, if it exists, after its first ``count`` complete lines."""
-    size = sum(map(len, itertools.islice(lines_of(path), count)))
-    if path.exists() and path.stat().st_size > size:
-        os.truncate(path, size)
 
 
 def make_folder(path: Path) -> None:

@@ -1,9 +1,12 @@
 """Lock files: a process holds one as long as it lives, and can tell whether its path still leads to it."""
 
+import errno
 import fcntl
 import os
 from pathlib import Path
 from typing import IO, Any
+
+GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)  # the last: deleted by another machine of a network file system
 
 
 class HeldLock:
@@ -27,8 +30,10 @@ class HeldLock:
         """Whether the path still leads to this file."""
         try:
             return os.path.samestat(os.fstat(self._file.fileno()), os.stat(self.path))
-        except (FileNotFoundError, NotADirectoryError):
-            return False
+        except OSError as error:
+            if error.errno in GONE:
+                return False
+            raise
 
     def check(self, kept: str = "nothing more is written there") -> None:
         """Refuse to go on in a folder that may by now be another process's.

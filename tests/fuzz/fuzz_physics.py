@@ -20,7 +20,7 @@ from physics_bits import differences  # noqa: E402
 from physics_cases import make_case  # noqa: E402
 from physics_gradients import AGREES, STEPS, check_gradients  # noqa: E402
 
-from taichi_sim.base.files import append_line, complete_lines, keep_lines  # noqa: E402
+from taichi_sim.base.line_files import append_line, complete_lines, keep_lines  # noqa: E402
 
 SOURCES = ("taichi_sim/lattice", "taichi_sim/ground", "taichi_sim/autodiff")  # with the cases, what results depend on
 FIRST_GRADIENT = 1_000_000  # cases of gradients are others than those of bits

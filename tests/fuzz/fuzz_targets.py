@@ -30,7 +30,7 @@ from robots.hardware.stream import read_any_table
 from robots.inflatable.design import load_design as load_gait
 from robots.lattice_robot.record import load_saved_robot
 from robots.tasks import find_task
-from taichi_sim.base import files
+from taichi_sim.base import files, line_files
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
 from taichi_sim.lattice import Material
 from taichi_sim.lattice.files import load_voxel_file
@@ -89,9 +89,9 @@ def _history(path: Path) -> object:
     for name, content in ((CONFIG, _sealed(SETTINGS.encode())), (checkpoint.LOG, f"{LINE}\n".encode())):
         if path.name != name:
             (folder / name).write_bytes(content)
-    sums = {name: files.sha256(b"".join(files.complete_lines(folder / name))) for name in (checkpoint.LOG, TIMING)}
+    sums = {name: files.sha256(b"".join(line_files.complete_lines(folder / name))) for name in (checkpoint.LOG, TIMING)}
     record = checkpoint.Record(
-        len(files.complete_lines(folder / checkpoint.LOG)),
+        len(line_files.complete_lines(folder / checkpoint.LOG)),
         sums[checkpoint.LOG],
         sums[TIMING],
         "",

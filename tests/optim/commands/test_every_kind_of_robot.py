@@ -69,6 +69,16 @@ def test_gradients_of_a_robot_are_checked(morpholab, tmp_path, kind):
     assert code == 0 and min(horizon["errors"]) < 1e-5 and (tmp_path / "g/gradient.png").exists()
 
 
+def test_the_command_of_a_run_of_before_goes_on_with_its_slip(morpholab, tmp_path):
+    """Runs of earlier versions had 0.01 m/(N s) and did not tell it, as those with it do not."""
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    asked = "codesign --robot crawler.xml --duration 0.1 --method hill-climb --climbers 2 --quiet --out r"
+    assert morpholab(f"{asked} --slip 0.01 --generations 1")[0] == 0
+    assert morpholab(f"{asked} --generations 2 --resume")[0] == 0
+    code, _, error = morpholab(f"{asked} --slip 0.02 --generations 3 --resume")
+    assert code == 2 and "robot: crawler.xml is not the robot of the run in r" in error
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("command", ["codesign --out a", "simulate", "gradient-check", "view"])
 def test_the_help_shows_what_belongs_to_the_robot(morpholab, tmp_path, command, kind):

@@ -126,6 +126,7 @@ def test_laws_that_changed_are_told():
     """Folders of before name none."""
     assert "laws 1, now 2" in differences({"versions": {"numpy": versions()["numpy"]}}, {"versions": versions()})
     assert differences({"versions": versions()}, {"versions": versions()}) == []
+    assert differences({}, {}) == [] and differences({}, {"versions": versions()}) == []
 
 
 def test_code_of_other_distributions_does_not_count(tmp_path, monkeypatch):

@@ -16,6 +16,7 @@ from optim.runs.history import read_history, read_progress
 from optim.search import build_method
 from optim.space import Space, Variable
 from taichi_sim.base import files
+from taichi_sim.base.locks import HeldLock
 
 GENERATIONS = 6
 PRODUCTS = ("log.jsonl", "best.json", "config.toml")
@@ -273,3 +274,18 @@ def test_an_interrupted_search_understands_only_the_last_line(morpholab, tmp_pat
         file.write(last + "\n" + last[:9])
     assert read_progress(tmp_path / "run").last == generation(last)
     assert checkpoint.load(tmp_path / "run", read_history(tmp_path / "run").found[1].settings)[1].lines == 3
+
+
+def test_a_lock_that_another_machine_deleted_is_gone(tmp_path, monkeypatch):
+    """A network file system says so by an error of its own; any other error is no news of the lock."""
+    with (tmp_path / "lock").open("a") as file:
+        lock = HeldLock(tmp_path / "lock", file)
+        assert lock.found_at_path
+        for number, expected in ((errno.ESTALE, RuntimeError), (errno.EIO, OSError)):
+
+            def stat(path, number=number):
+                raise OSError(number, os.strerror(number))
+
+            monkeypatch.setattr("taichi_sim.base.locks.os.stat", stat)
+            with pytest.raises(expected):
+                lock.check()
