@@ -286,6 +286,7 @@ def test_journeys_keep_to_planes():
         simulate_journey([Leg(ROLLING, Terrain.parse("rough:0.01"))])
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_inflatable_robots_on_sand_and_in_water():
     """It sinks in a little, or floats away from where it rolled, with a skin that pressure keeps closed."""

@@ -167,6 +167,7 @@ def test_robots_of_files_are_designed_for_slopes_that_are_uncertain(morpholab, t
     assert code == 0 and "ground: speed over 64 held-out draws: mean " in out, error
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_a_search_that_meets_few_draws_at_a_time_resumes_to_the_bit(morpholab, tmp_path):
     line = f"codesign {FREEFORM} --uncertain friction=20%,slope=1 --draws 3 --method stochastic"

@@ -75,6 +75,7 @@ def test_the_gradient_is_that_of_central_differences(ground, hidden, late):
     assert found.distance[0] == simulate(robot, point[None], terrain, threads=1).distance[0]
 
 
+@pytest.mark.slow
 @pytest.mark.kernels
 def test_the_gradient_through_acceleration_is_that_of_central_differences():
     """In water, which has no jumps; on the ground much weight on it magnifies them."""

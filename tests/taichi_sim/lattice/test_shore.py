@@ -239,7 +239,7 @@ def deep_sand(seed: int = 3) -> Relief:
     ("part", "floor"),
     [
         pytest.param("positions", shore, marks=pytest.mark.slow),
-        ("velocities", shore),
+        pytest.param("velocities", shore, marks=pytest.mark.slow),
         ("values", shore),
         ("velocities", deep_sand),
     ],
