@@ -18,18 +18,10 @@ from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.lines import BLADDER_LINES, CHANNELS
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
-from robots.hardware.timeline import (
-    FASTEST_RATE,
-    POLICIES,
-    SLOWEST_RATE,
-    Commands,
-    RigViolation,
-    timeline,
-    violations,
-)
+from robots.hardware.timeline import Commands, RigViolation, asked, timeline, violations
 from robots.hardware.units import KPA_PER_UNIT
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.checks import number, whole_number
 
 SCHEMA = "morpholab-channels-1"
 LINES = BLADDER_LINES  # those that channels can be on
@@ -208,12 +200,7 @@ def channel_table(
         RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
         ValueError: for any other value that is not allowed.
     """
-    choice("on_violation", on_violation, POLICIES)
-    if rate is not None:
-        number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
-    seed = None if seed is None else whole_number("seed", seed, 0)
-    rig, clip = rig or PneumaticRig(), on_violation == "clip"
-    units = choice("units", rig.units if units is None else units, KPA_PER_UNIT)
+    rig, units, clip, seed = asked(rig, units, rate, on_violation, seed)
     commands, quick = _commands(waves, rhythm, rig, keep_slew=False), _without_waits(rig)
     found = violations(commands, timeline(commands, quick).states, rig)
     if found and not clip:

@@ -13,13 +13,12 @@ from robots.hardware.line_map import LineMap
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import write_csv
 from robots.hardware.table import TIME_STEP, GaitTable, on_lines
-from robots.hardware.timeline import FASTEST_RATE, POLICIES, SLOWEST_RATE, Commands, RigViolation, timeline, violations
+from robots.hardware.timeline import Commands, RigViolation, asked, timeline, violations
 from robots.hardware.units import KPA_PER_UNIT
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS, ROWS
 from robots.inflatable.timing import durations
-from taichi_sim.base.checks import choice, number, whole_number
 
 
 def commands_of(design: InflatableDesign, line_map: LineMap, cores: int = 1) -> Commands:
@@ -77,18 +76,11 @@ def gait_table(
         RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
         ValueError: for any other value that is not allowed.
     """
-    choice("on_violation", on_violation, POLICIES)
-    rig = PneumaticRig() if rig is None else rig
-    if not isinstance(rig, PneumaticRig):
-        raise ValueError(f"rig: {rig!r} is not allowed; give a PneumaticRig, such as PneumaticRig.load('dissertation')")
-    units = choice("units", rig.units if units is None else units, KPA_PER_UNIT)
-    if rate is not None:
-        number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
-    seed = None if seed is None else whole_number("seed", seed, 0)
+    rig, units, clip, seed = asked(rig, units, rate, on_violation, seed)
     design = on_lines(design, rig)
     after = design.schedule.core_pressure
     pressures = np.append(design.pressure, [] if after is None else after)
-    line_map, clip = rig.line_map.without_unused_ramp(pressures), on_violation == "clip"
+    line_map = rig.line_map.without_unused_ramp(pressures)
     commands = commands_of(design, line_map, rig.cores)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:

@@ -9,7 +9,7 @@ Bladders burst when overdriven (Powers 2021, ch. 5), so what exceeds a limit of 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -17,10 +17,46 @@ from robots.hardware.rig import ROUNDING, PneumaticRig
 from robots.hardware.rig_table import State, section_of
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice, number, whole_number
 
 POLICIES = ("refuse", "clip")
 SLOWEST_RATE, FASTEST_RATE = 0.1, 1000.0  # rows per second
 _CLOSEST = 6  # decimals of a time [s] that tell corners apart
+
+
+class Asked(NamedTuple):
+    """How a table shall be written, checked.
+
+    Attributes:
+        rig: that plays it.
+        units: of its pressures.
+        clips: whether what exceeds the rig's limits is cut; else it is refused.
+        seed: of the search that found what is played, for the header; None if there was none.
+    """
+
+    rig: PneumaticRig
+    units: str
+    clips: bool
+    seed: int | None
+
+
+def asked(
+    rig: PneumaticRig | None, units: str | None, rate: float | None, on_violation: str, seed: int | None
+) -> Asked:
+    """Check how a table shall be written: a rig of the dissertation and the rig's units, where none are given.
+
+    Raises:
+        ValueError: for what is not allowed.
+    """
+    choice("on_violation", on_violation, POLICIES)
+    rig = PneumaticRig() if rig is None else rig
+    if not isinstance(rig, PneumaticRig):
+        raise ValueError(f"rig: {rig!r} is not allowed; give a PneumaticRig, such as PneumaticRig.load('dissertation')")
+    units = choice("units", rig.units if units is None else units, KPA_PER_UNIT)
+    if rate is not None:
+        number("rate", rate, SLOWEST_RATE, FASTEST_RATE, "Hz")
+    seed = None if seed is None else whole_number("seed", seed, 0)
+    return Asked(rig, units, on_violation == "clip", seed)
 
 
 @dataclass(frozen=True, eq=False)
