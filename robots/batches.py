@@ -76,5 +76,5 @@ def batch_key(terrain: Terrain, materials: "Iterable[Material]" = ()) -> Hashabl
     """
     named = (*_OF_ALL, *_RUBBING) if terrain.props else _OF_ALL
     pairs = tuple((m.static_friction, m.kinetic_friction) for m in materials) if terrain.props else ()
-    laws = frozenset(terrain.uneven.laws) if terrain.uneven else frozenset()
+    laws = frozenset(ground.laws) if (ground := terrain.uneven) else frozenset()
     return tuple(getattr(terrain, name) for name in named), pairs, laws

@@ -2,9 +2,8 @@
 
 import argparse
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +11,7 @@ from optim.commands import options
 from optim.commands.options import Option, path_to
 from robots.view.colour_names import COLOURS, listed
 from taichi_sim.base.claims import claimed_path, undone_if_it_fails
+from taichi_sim.base.lazy import imported
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -74,7 +74,7 @@ class Output:
             ValueError: if a package is missing, or an option is of other files.
         """
         if self.checker:
-            _imported(self.checker)(*(getattr(args, name) for name in self.checked))
+            imported(self.checker)(*(getattr(args, name) for name in self.checked))
 
     def write(self, motions: Sequence["Motion"], path: Path, args: argparse.Namespace) -> int:
         """Write motions to a path; the bytes."""
@@ -84,7 +84,7 @@ class Output:
             settings["seconds"] = max(min(longest, LONGEST_FILM), 0.5)
         if "title" in settings:
             settings["title"] = args.title or ", ".join(args.sources)
-        return int(_imported(self.writer)(list(motions) if self.several else motions[0], path, **settings))
+        return int(imported(self.writer)(list(motions) if self.several else motions[0], path, **settings))
 
 
 # What may be refused for a robot comes first, so that nothing is written then.
@@ -178,10 +178,3 @@ def _asked(args: argparse.Namespace) -> list[tuple[Output, Path]]:
 
 def _flags(outputs: Sequence[Output]) -> str:
     return listed(tuple(f"--{output.name}" for output in outputs))
-
-
-def _imported(place: str) -> Callable[..., Any]:
-    """The function of a module and a name, such as ``robots.view.film:save_gif``."""
-    module, _, name = place.partition(":")
-    found: Callable[..., Any] = getattr(import_module(module), name)
-    return found

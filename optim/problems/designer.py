@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from optim.problem import Problem, RelaxableProblem
 from optim.problems.earlier import is_described_by
 from robots.robot import Option, RobotKind, make_robot
+from taichi_sim.base.lazy import imported
 from taichi_sim.base.options import count, number
 
 COMPUTE = ("precision", "device", "threads")
@@ -266,6 +266,5 @@ def _of_several(option: Option) -> str:
 
 def designer_of(kind: RobotKind) -> Designer:
     """The designer of a kind of robot."""
-    module, _, name = DESIGNERS.get(kind.name, "optim.problems.designer:Designer").partition(":")
-    found: Designer = getattr(import_module(module), name)(kind)
+    found: Designer = imported(DESIGNERS.get(kind.name, "optim.problems.designer:Designer"))(kind)
     return found

@@ -138,12 +138,12 @@ def read_progress(folder: Path) -> Progress:
     return _read_steadily(folder, _read_progress)
 
 
-def _read_steadily(folder: Path, read: Callable[[Path], Found]) -> Found:
+def _read_steadily(folder: Path, read: Callable[[Path, bool], Found]) -> Found:
     """Read a folder, again if its files do not fit each other while a process is at work on it."""
     for attempt in range(READ_ATTEMPTS):
-        running = in_use(folder)
+        running = in_use(folder)  # before the files are read: what ends meanwhile is told as running, not as damaged
         try:
-            return read(folder)
+            return read(folder, running)
         except (OSError, ValueError) as error:
             if attempt == READ_ATTEMPTS - 1 or not (running or in_use(folder)):
                 if not isinstance(error, OSError):
@@ -182,9 +182,8 @@ def begun(history: History) -> History:
     return history
 
 
-def _read_history(folder: Path) -> History:
+def _read_history(folder: Path, running: bool) -> History:
     config = read_config(folder)
-    running = in_use(folder)  # before the files are read: what ends meanwhile is told as running, not as damaged
     found = checkpoint.load(folder, identity(config))
     lines = line_files.complete_lines(folder / checkpoint.LOG)[: found[1].lines if found else 0]
     try:
@@ -196,9 +195,8 @@ def _read_history(folder: Path) -> History:
     return History(folder, config, generations, seconds, finished, running, found)
 
 
-def _read_progress(folder: Path) -> Progress:
+def _read_progress(folder: Path, running: bool) -> Progress:
     config = read_config(folder)
-    running = in_use(folder)  # before the files are read, as for a history
     found = checkpoint.load(folder, identity(config))
     record = found[1] if found else None
     numbers, failed, last = list[int](), 0, b""

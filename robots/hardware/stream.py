@@ -222,8 +222,9 @@ class Stream:
         """What whoever plays it should know: that it is too coarse for its rows, or in another unit than the rig."""
         found, (miss, name) = [], self.largest_miss()
         if miss > LARGEST_MISS:
-            finer = [rate for rate in FASTER_RATES if rate > self.rate and self.largest_miss(rate)[0] <= LARGEST_MISS]
-            mend = f"--rate {finer[0]:g} keeps within" if finer else f"no --rate up to {FASTEST_RATE:g} keeps within"
+            enough = (rate for rate in FASTER_RATES if rate > self.rate and self.largest_miss(rate)[0] <= LARGEST_MISS)
+            finer = next(enough, None)
+            mend = f"--rate {finer:g} keeps within" if finer else f"no --rate up to {FASTEST_RATE:g} keeps within"
             found.append(
                 f"{self.rate:g} samples a second are too few for these rows: straight lines between samples miss them "
                 f"by up to {100 * miss:.2g} % of the swing of {name}; {mend} {100 * LARGEST_MISS:g} %"

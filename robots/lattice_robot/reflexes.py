@@ -144,15 +144,6 @@ class ReflexLoop:
         self.decisions: Sequence[Decision] = []
         self.begin()
 
-    @property
-    def keeps(self) -> bool:
-        """Whether it notes what derivatives need."""
-        return self.reader.keeps
-
-    @keeps.setter
-    def keeps(self, keeps: bool) -> None:
-        self.reader.keeps = keeps
-
     def plan(self, program: LatticeProgram) -> LatticeProgram:
         """The program with a reading just before each piece of a cycle but the first."""
         cycle, slots = self.cycle, program.snapshots.shape[1]
@@ -209,7 +200,7 @@ class ReflexLoop:
         late = number - self.reflexes.delay
         heard = self.readings[late] if late >= 0 else np.zeros(self.readings[0].shape)
         asked = self.weights, self.swing, self._at, heard, *self._state
-        if self.keeps:
+        if self.reader.keeps:
             self._given[number] = asked
         values, rates, self._at, *self._state = self._answer(_node(number), *asked)
         return values.ravel(), rates.ravel()

@@ -256,7 +256,7 @@ class Rollout:
         """
         told = progress or (lambda _: None)
         if self._loop:
-            self._loop.keeps = True
+            self._loop.reader.keeps = True
         tape = self.engine.record(self.program, memory, lambda f: told(RECORDING * f), self._loop)
         ways = list(dict.fromkeys(_ALIKE.get(name, name) for name in names))
         share = (1 - RECORDING) / len(ways)

@@ -36,6 +36,12 @@ def exported(package: str, places: Mapping[str, str]) -> tuple[GetAttr, Dir]:
     return __getattr__, __dir__
 
 
+def imported(place: str) -> Any:
+    """What has a place told by module and name, such as ``robots.view.film:save_gif``."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
 def exported_names(package: str) -> tuple[GetAttr, Dir, list[str]]:
     """Make ``__getattr__``, ``__dir__`` and ``__all__`` for all that a package imports under ``if TYPE_CHECKING:``.
 

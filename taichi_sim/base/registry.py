@@ -3,8 +3,10 @@
 import difflib
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from importlib import import_module, metadata
+from importlib import metadata
 from typing import Generic, TypeVar
+
+from taichi_sim.base.lazy import imported
 
 Thing = TypeVar("Thing")
 
@@ -105,8 +107,7 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
 
     def _load(self, name: str) -> Thing:
         if name in self.builtin:
-            module, _, attribute = self.builtin[name].partition(":")
-            found: Thing = getattr(import_module(module), attribute)
+            found: Thing = imported(self.builtin[name])
             return found
         entries = list(self._entries().select(name=name))
         if not entries:

@@ -1,5 +1,6 @@
 """Folders that keep the results of long work part by part, so that it can be continued."""
 
+import functools
 import hashlib
 import io
 import json
@@ -103,10 +104,11 @@ def load_parts(
         check: refuses the arrays of a damaged file by a ValueError.
         kinds: kind of type and number of axes of each array that a file must have, such as ``solved="b2"``.
     """
+    digest_of = functools.cache(functools.partial(_digest_in, folder))  # the settings are read once for all parts
     for path in sorted(folder.glob(f"{name}-*.npz")):
         try:
             found = arrays_of(content_of(path))  # archives have checksums of their own
-            _take_settings(folder, found)
+            _take_settings(digest_of, found)
             for each, kind in kinds.items():
                 if each not in found:
                     raise ValueError(f"{each} is missing")
@@ -124,7 +126,7 @@ def load_parts(
             yield found
 
 
-def _take_settings(folder: Path, found: Arrays) -> None:
+def _take_settings(digest_of: Callable[[str], bytes | None], found: Arrays) -> None:
     """Take the digest of its settings, if it has one, out of a part; refuse that of other settings than the folder's.
 
     Raises:
@@ -132,7 +134,7 @@ def _take_settings(folder: Path, found: Arrays) -> None:
     """
     for each in [each for each in found if each.startswith(_SETTINGS)]:
         kind, digest = each.removeprefix(_SETTINGS), found.pop(each)
-        if "/" in kind or digest.tobytes() != _digest_in(folder, kind):
+        if "/" in kind or digest.tobytes() != digest_of(kind):
             raise ValueError(f"it is a part of a {kind} of other settings")
 
 

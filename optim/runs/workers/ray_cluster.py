@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from optim.problem import Problem, Request
@@ -154,13 +155,18 @@ class RayCluster:
                 "the others wait for free CPUs of the cluster"
             )
 
+    @cached_property
+    def _here(self) -> dict[str, str | None]:
+        """Versions on this machine, whose packages of users are read for it."""
+        return versions(self._added)
+
     def _check(self, about: dict[str, Any]) -> None:
         """Check the description of an actor's machine, and note a different CPU.
 
         Raises:
             ValueError: for different versions.
         """
-        here, there, host = versions(self._added), about["versions"], about["host"]
+        here, there, host = self._here, about["versions"], about["host"]
         if other := other_version(here, there):
             name, ours, theirs = other
             raise ValueError(f"ray: {host} has {name} {theirs}, this machine {ours}; install the same there")
