@@ -46,7 +46,7 @@ from taichi_sim.lattice.laws import group as group_laws
 from taichi_sim.lattice.laws import link as laws
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
-from taichi_sim.lattice.stages.gauges import share_slots
+from taichi_sim.lattice.stages.gauges import share_slots, strain_cotangents
 from taichi_sim.lattice.stages.groups import group_adjoint, recall_groups
 from taichi_sim.lattice.stages.link import (
     LINK_WIDTHS,
@@ -61,7 +61,7 @@ from taichi_sim.lattice.stages.link import (
     rest_slot,
 )
 from taichi_sim.lattice.stages.undo import Undo, in_parts, take_all
-from taichi_sim.lattice.stages.voxel_adjoint import strain_cotangents, voxel_adjoint
+from taichi_sim.lattice.stages.voxel import voxel_adjoint
 from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
 
 BACK_WIDTH = 10  # of a link pack: cotangents of the poses at its "+" ends, and of their transverse strains

@@ -17,6 +17,7 @@ from taichi_sim.lattice.stages import columns
 from taichi_sim.lattice.stages.columns import Medium, Shared, shared_types
 from taichi_sim.lattice.stages.contact import contact_adjoint
 from taichi_sim.lattice.stages.enclosure import square_adjoint
+from taichi_sim.lattice.stages.gauges import gauge_adjoint
 from taichi_sim.lattice.stages.groups import (
     channel_adjoint,
     derive_group,
@@ -28,7 +29,7 @@ from taichi_sim.lattice.stages.groups import (
 from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import GROUPS, LINKS, RESTS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.undo import Undo
-from taichi_sim.lattice.stages.voxel_adjoint import gauge_adjoint, voxel_adjoint
+from taichi_sim.lattice.stages.voxel import voxel_adjoint
 from taichi_sim.runtime import element, emit, kernel_of, ti
 
 

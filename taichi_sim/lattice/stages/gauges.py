@@ -1,17 +1,18 @@
 """Gauges of a voxel: they read its strain when its links are done, for the next step's pressure and Poisson's effect.
 
-See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
+See ``groups`` for what the arguments hold.
 """
 
 from taichi_sim.autodiff.lanes import consecutive, load, load_all, slots_at, store_all
-from taichi_sim.autodiff.tracing import select
+from taichi_sim.autodiff.tracing import pull_back, select
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.laws import motion
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.groups import channels_of
 from taichi_sim.lattice.stages.link import beam_slot, rest_slot
-from taichi_sim.lattice.stages.voxel import gauge_slot, group_of, link_count
+from taichi_sim.lattice.stages.undo import after, give, parameters_of, reverse, take_all
+from taichi_sim.lattice.stages.voxel_slots import gauge_slot, group_of, link_count
 from taichi_sim.runtime import ti
 
 
@@ -80,3 +81,40 @@ def in_tension(m: ti.template(), k, v, axis: ti.template(), t: ti.template()):
             else:
                 tension = select(pull != 0.0, 1.0, tension)
     return tension
+
+
+@ti.func
+def gauge_adjoint(u: ti.template(), v, t: ti.template()):
+    """Reverse a voxel's gauges: takes the cotangents of its new strains to those of its links' new memory."""
+    gx, gy, gz = strain_cotangents(u, v, t)
+    axis_adjoint(u, v, 0, gx, t)
+    axis_adjoint(u, v, 1, gy, t)
+    axis_adjoint(u, v, 2, gz, t)
+
+
+@ti.func
+def strain_cotangents(u: ti.template(), v, t: ti.template()):
+    """Cotangents of a voxel's new strains, those with Poisson's effect included."""
+    gauge = consecutive(gauge_slot(v, t), 3)
+    gx, gy, gz = take_all(u, gauge)
+    if t.plan[memory.POISSON_ON] != 0:
+        nu = ti.static(group_of(v, t)).constant + materials.NU
+        inputs = after(u, gauge) + parameters_of(u, (nu,))
+        seeds = take_all(u, consecutive(gauge[0] + 3, 3))
+        found = ti.static(pull_back(motion.poisson_strains, inputs, tensions(u.m, u.k, v, t), seeds))
+        gx, gy, gz = gx + found[0], gy + found[1], gz + found[2]
+        give(u, (nu,), found[3:])
+    return gx, gy, gz
+
+
+@ti.func
+def axis_adjoint(u: ti.template(), v, axis: ti.template(), seed, t: ti.template()):
+    """Reverse :func:`axis_strain`."""
+    if link_count(v, axis, t) == 2:
+        seed = 0.5 * seed
+    now = ti.static(u._replace(old=u.new))  # the links are done
+    for side in ti.static(range(2)):
+        l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + side]
+        if l >= 0:
+            extension = t.plan[memory.LINK] + l * memory.LINK_WIDTH
+            reverse(now, beams.shared_strain, (extension,), share_slots(l, side, t), (), (seed,))

@@ -1,111 +1,34 @@
-"""The stage of a voxel: floor, pressure, drag and integration. Its gauges are in ``gauges``.
+"""The stage of a voxel, and its reverse: pressure, drag, water, ground and integration. Its gauges are in ``gauges``.
 
-See ``groups`` for what the arguments hold, ``voxel_adjoint`` for the reverse.
+See ``groups`` for what the arguments hold.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
-from taichi_sim.autodiff.lanes import absolute, any_lane, consecutive, load, load_all, slots_at, store, store_all
-from taichi_sim.autodiff.tracing import primitive, select
-from taichi_sim.ground import laws as uneven
+from taichi_sim.autodiff.lanes import consecutive, load_all, slots_at, store_all
+from taichi_sim.autodiff.tracing import primitive, pull_back
 from taichi_sim.lattice import materials
-from taichi_sim.lattice.laws import floor, fluid, motion
+from taichi_sim.lattice.laws import fluid, motion
 from taichi_sim.lattice.stages import columns, memory, relief
-from taichi_sim.lattice.stages.groups import channels_of
-from taichi_sim.runtime import element, emit, ti
-
-
-@ti.func
-def voxel_slot(v, t: ti.template()):
-    """First slot of voxel v's motion."""
-    return t.plan[memory.VOXEL] + v * memory.VOXEL_WIDTH
-
-
-class Group(NamedTuple):
-    """First slots of a voxel's group in CONSTANT, in CURRENT, and of the values of its channels."""
-
-    constant: Any
-    current: Any
-    channels: Any
-
-
-@primitive
-def group_of(v: Any, t: columns.Shared) -> Group:
-    """The group of voxel v."""
-    group = element(t.voxel, emit(v * columns.VOXEL_COLUMNS + columns.GROUP))
-    starts = element(t.plan, memory.CONSTANT) + group, element(t.plan, memory.CURRENT) + group
-    return Group(*map(emit, (*starts, channels_of(v, t))))
-
-
-@ti.func
-def gauge_slot(v, t: ti.template()):
-    """First slot of voxel v's strains."""
-    return t.plan[memory.STRAIN] + t.voxel[v * columns.VOXEL_COLUMNS + columns.GAUGE]
-
-
-@ti.func
-def momentum_slots(g: ti.template()):
-    """Slots of inverse mass and drag."""
-    return g.constant + materials.INVERSE_MASS, g.current + memory.DRAG
-
-
-@ti.func
-def rotation_slots(g: ti.template()):
-    """Slots of inverse inertia and drag against rotation."""
-    return g.constant + materials.INVERSE_INERTIA, g.current + memory.ANGULAR_DRAG
-
-
-@ti.func
-def floor_slots(g: ti.template()):
-    """Slots of mean size, stiffness and damping of contact, and kinetic friction."""
-    contact = slots_at(g.constant, (materials.STIFFNESS, materials.CONTACT_DAMPING))
-    return (g.current + memory.MEAN_SIZE,) + contact + (g.channels + columns.KINETIC_FRICTION,)
-
-
-@ti.func
-def face_slots(g: ti.template()):
-    """Slots of rest sizes and pressure."""
-    return consecutive(g.current + memory.SIZE, 3) + (g.channels + columns.PRESSURE,)
-
-
-@ti.func
-def drag_slots(g: ti.template()):
-    """Slots of inverse mass, rest sizes, and both resistances of the fluid around a voxel."""
-    sizes = consecutive(g.current + memory.SIZE, 3)
-    return (g.constant + materials.INVERSE_MASS,) + sizes + slots_at(g.channels, columns.RESISTANCE)
-
-
-@ti.func
-def water_slots(g: ti.template()):
-    """Slots of all that the force of water on a voxel depends on."""
-    return drag_slots(g) + (g.current + memory.MEAN_SIZE,)
-
-
-@ti.func
-def volume_slots(g: ti.template()):
-    """Slots of inverse mass, rest sizes and mean size."""
-    return (g.constant + materials.INVERSE_MASS,) + consecutive(g.current + memory.SIZE, 4)
-
-
-@ti.func
-def print_slot(v, t: ti.template()):
-    """Slot of how deep voxel v has pressed the ground; its momentum along the ground follows, in axes of that."""
-    return t.plan[memory.PRINT] + v * memory.PRINT_WIDTH
-
-
-@primitive
-def volume_in_water(v: Any, k: Any, t: Any) -> tuple[Any, ...]:
-    """How often its own volume a voxel displaces; the edge; the water's level, and its mass carried along."""
-    level, _, carried = relief.water_of(k, t)
-    return displaced_volume(v, t), t.edge, level, carried
-
-
-@primitive
-def step_for(m: Any, k: Any, v: Any, z: Any, g: Group, t: Any) -> Any:
-    """Time step for which forces change the momentum of voxel v at height z: water slows it."""
-    if not t.medium.water:
-        return t.time_step
-    return fluid.slowed_step(z, *load_all(m, k, volume_slots(g)), *volume_in_water(v, k, t), t.time_step)
+from taichi_sim.lattice.stages.momentum import force_slots, momentum_adjoint, push, push_on_relief, step_for
+from taichi_sim.lattice.stages.undo import after, before, cotangents_of, give, parameters_of, reverse
+from taichi_sim.lattice.stages.voxel_slots import (
+    displaced_volume,
+    drag_slots,
+    face_slots,
+    gauge_slot,
+    group_of,
+    held,
+    held_turns,
+    momentum_slots,
+    pressed_faces,
+    rotation_slots,
+    start_place,
+    voxel_slot,
+    water_slots,
+    wet_faces,
+)
+from taichi_sim.runtime import ti
 
 
 @primitive
@@ -168,231 +91,75 @@ def voxel_stage(m: ti.template(), k, v, fx, fy, fz, mx, my, mz, cx, cy, cz, t: t
 
 
 @ti.func
-def push(
-    m: ti.template(),
-    k,
-    v,
-    p: ti.template(),
-    f: ti.template(),
-    z,
-    inverse_mass,
-    g: ti.template(),
-    t: ti.template(),
-):
-    """Momentum after a step under force F of voxel v at height z; the floor, and whether it sticks there."""
-    px, py, pz = p
-    depth = floor.penetration(load(m, k, g.current + memory.MEAN_SIZE), t.edge, z)
-    stuck = 0.0 * inverse_mass
-    on_floor = t.plan[memory.FLOOR_ON] != 0
-    if on_floor:
-        on_floor = any_lane(depth >= 0.0)
-    if on_floor:
-        level = (1.0 + stuck, stuck, stuck, 1.0 + stuck)
-        px, py, pz, stuck = touch(m, k, v, p, f, depth, level, t.time_step, inverse_mass, g, t)
-    else:
-        px, py, pz = motion.accelerated(px, py, pz, *f, t.time_step)
-    store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
-    return px, py, pz
+def voxel_adjoint(u: ti.template(), v, t: ti.template()):
+    """Reverse voxel v: from the cotangents of its new state to those of its old one and of its force and moment."""
+    voxel = voxel_slot(v, t)
+    g = ti.static(group_of(v, t))
+    inverses = (g.constant + materials.INVERSE_MASS, g.constant + materials.INVERSE_INERTIA)
+    inverse_mass, inverse_inertia = parameters_of(u, inverses)
+    bits = t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED]
+    cx, cy, cz, cw, ca, cb, cc = cotangents_of(u, consecutive(voxel, 7))
+    gx, gy, gz, hx, hy, hz = cotangents_of(u, consecutive(voxel + memory.MOMENTUM, 6))
+    pose = before(u, consecutive(voxel, 7))
+    momenta = after(u, consecutive(voxel + memory.MOMENTUM, 6))
+    zero = 0.0 * inverse_mass
+    if bits != 0:
+        moved = held(v, 0, zero, cx, t), held(v, 1, zero, cy, t), held(v, 2, zero, cz, t)
+        give(u, slots_at(g.channels, columns.TRANSLATION), moved)
+        cx, cy, cz = held(v, 0, cx, zero, t), held(v, 1, cy, zero, t), held(v, 2, cz, zero, t)
+        if bits >= 8:
+            free = motion.rotate_by_momentum(*pose[3:], *momenta[3:], t.time_step * inverse_inertia)
+            cw, ca, cb, cc = held_adjoint(u, v, g, free, t, (cw, ca, cb, cc))
+    inputs = pose + momenta + (inverse_mass, inverse_inertia)
+    p = ti.static(pull_back(motion.placed, inputs, (t.time_step,), (cx, cy, cz, cw, ca, cb, cc)))
+    gx, gy, gz = gx + p[7], gy + p[8], gz + p[9]
+    hx, hy, hz = hx + p[10], hy + p[11], hz + p[12]
+    if bits != 0:
+        gx, gy, gz = held(v, 0, gx, zero, t), held(v, 1, gy, zero, t), held(v, 2, gz, zero, t)
+        hx, hy, hz = held(v, 3, hx, zero, t), held(v, 4, hy, zero, t), held(v, 5, hz, zero, t)
+    give(u, inverses, p[13:])
+    rotation_adjoint(u, v, g, t, (hx, hy, hz))
+    store_all(u.a, u.k, consecutive(voxel, 7), p[:7])
+    momentum_adjoint(u, v, g, t, (gx, gy, gz))
+    if t.voxel[v * columns.VOXEL_COLUMNS + columns.FEELS_PRESSURE] != 0:
+        state = consecutive(voxel + memory.ORIENTATION, 4) + consecutive(gauge_slot(v, t), 3)
+        seeds = cotangents_of(u, force_slots(v, t))
+        reverse(u, motion.face_force, state, face_slots(g), pressed_faces(v, t), seeds)
+    if t.plan[memory.FLUID_ON] != 0:
+        state = consecutive(voxel + memory.ORIENTATION, 7)  # the momentum follows the orientation
+        seeds = cotangents_of(u, force_slots(v, t))
+        reverse(u, fluid.drag, state, drag_slots(g), wet_faces(v, t), seeds)
+    if ti.static(t.medium.water):
+        state = consecutive(voxel + memory.ORIENTATION, 7) + (voxel + 2,)
+        seeds = cotangents_of(u, force_slots(v, t))
+        reverse(u, fluid.water_force, state, water_slots(g), around_in_water(v, u.k, t), seeds)
 
 
 @ti.func
-def touch(
-    m: ti.template(),
-    k,
-    v,
-    p: ti.template(),
-    f: ti.template(),
-    depth,
-    plane: ti.template(),
-    dt,
-    inverse_mass,
-    g: ti.template(),
-    t: ti.template(),
-):
-    """Momentum after a step in contact with the ground, in the ground's axes, and whether the voxel sticks to it.
-
-    ``plane`` is the factor of both coefficients of friction, and the normal.
-    """
-    factor, nx, ny, nz = plane
-    px, py, pz = p
-    fx, fy, fz = f
-    size, stiffness, damping, friction = load_all(m, k, floor_slots(g))
-    vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
-    sticks = load(m, k, voxel_slot(v, t) + memory.STICKS)
-    holds = factor * load(m, k, g.channels + columns.STATIC_FRICTION)
-    friction = factor * friction
-    normal = 0.0 * depth
-    qx, qy = px, py
-    if ti.static(t.medium.granular):
-        pressed, limit = load(m, k, print_slot(v, t)), relief.yield_of(k, t)
-        turn, sides = load_all(m, k, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
-        below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
-        normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
-        fz = fz + select(depth >= 0.0, uneven.granular_push(normal, most, vz, damping, limit), 0.0)
-        store(m, k, print_slot(v, t), select(depth >= 0.0, pressed, 0.0))
-        holds = holds * normal
-        qx, qy = qx + fx * dt, qy + fy * dt
-        ahead = uneven.leading_share(qx, qy, *turn, nx, ny, nz, *sides)
-        friction = uneven.granular_hold(friction * normal, size, depth, limit, ahead)
-        normal = 1.0 + 0.0 * normal
-    else:
-        fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
-    loose = floor.breaks_loose(fx, fy, holds, normal)
-    rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
-    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
-    step = dt * inverse_mass
-    rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
-    stuck = select(rests, 1.0, select(loose, 0.0, sticks))
-    if ti.static(t.medium.granular):
-        px, py, stuck = uneven.slid(px, py, stuck, qx, qy, friction * dt, relief.yield_of(k, t))
-        # For the way back: a hold may take it from the voxel's momentum.
-        store(m, k, print_slot(v, t) + 1, select(depth >= 0.0, px, 0.0))
-        store(m, k, print_slot(v, t) + 2, select(depth >= 0.0, py, 0.0))
-    stuck = select(depth >= 0.0, stuck, 0.0)
-    px, py = floor.stopped(px, py, stuck)
-    return px, py, pz, stuck
-
-
-@ti.func
-def push_on_relief(
-    m: ti.template(),
-    k,
-    v,
-    at: ti.template(),
-    p: ti.template(),
-    f: ti.template(),
-    dt,
-    inverse_mass,
-    g: ti.template(),
-    t: ti.template(),
-):
-    """:func:`push` of a voxel at a place over uneven ground, in a time step that water may have slowed."""
-    px, py, pz = motion.accelerated(*p, *f, dt)
-    stuck = 0.0 * inverse_mass
-    leaves = 1
-    size = load(m, k, g.current + memory.MEAN_SIZE)
-    if relief.may_touch(size, at[2], t):
-        height, nx, ny, nz, factor = uneven.ground(*at[:2], *relief.cell_under(*at[:2], k, t), relief.per_cell(t))
-        depth = uneven.penetration(size, t.edge, at[2], height, nz)
-        touches = depth >= 0.0
-        if any_lane(touches):
-            turned_p, turned_f = uneven.into_plane(*p, nx, ny, nz), uneven.into_plane(*f, nx, ny, nz)
-            leaves = 0
-            ax, ay, az, stuck = touch(m, k, v, turned_p, turned_f, depth, (factor, nx, ny, nz), dt, inverse_mass, g, t)
-            bx, by, bz = uneven.out_of_plane(ax, ay, az, nx, ny, nz)
-            px, py, pz = select(touches, bx, px), select(touches, by, py), select(touches, bz, pz)
-    if ti.static(t.medium.granular):
-        if leaves == 1:
-            store(m, k, print_slot(v, t), 0.0 * inverse_mass)
-    store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
-    return px, py, pz
-
-
-@ti.func
-def held(v, freedom: ti.template(), value, prescribed, t: ti.template()):
-    """What becomes of a degree of freedom: its own value, or the prescribed one where the world holds it."""
-    if ti.static(not t.packed):
-        if t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED] & (1 << freedom) != 0:
-            value = prescribed
-    else:
-        value = select(t.shape[v * columns.SHAPE_COLUMNS + columns.HELD + freedom] > 0.5, prescribed, value)
-    return value
+def held_adjoint(u: ti.template(), v, g: ti.template(), free: ti.template(), t: ti.template(), seeds: ti.template()):
+    """Reverse the hold on a voxel's rotation; the cotangents of its free orientation."""
+    slots = slots_at(g.channels, columns.ROTATION)
+    inputs = free + parameters_of(u, slots)
+    found = ti.static(pull_back(motion.held_rotation, inputs, held_turns(v, inputs[4], t), seeds))
+    give(u, slots, found[4:])
+    return found[0], found[1], found[2], found[3]
 
 
 @primitive
-def start_place(v: Any, t: Any) -> tuple[Any, ...]:
-    """Where voxel v started [m]."""
-    if not t.packed:
-        return tuple(element(t.start, v, c) for c in range(3))
-    return shape_of(v, columns.START, t)
-
-
-@primitive
-def shape_of(v: Any, column: int, t: Any) -> tuple[Any, ...]:
-    """Three reals of a pack of voxels, see ``columns``."""
-    return load_all(t.shape, emit(v * columns.SHAPE_COLUMNS), range(column, column + 3))
+def turned(*given: Any) -> Any:
+    """New angular momentum, from the old one, the moment, inverse inertia and drag; the time step follows."""
+    lx, ly, lz, mx, my, mz, inverse_inertia, drag, dt = given
+    return motion.accelerated(lx, ly, lz, *motion.damped_moment(mx, my, mz, lx, ly, lz, inverse_inertia, drag), dt)
 
 
 @ti.func
-def held_turns(v, like, t: ti.template()):
-    """1 for each rotation that the world holds, else 0, as reals of the kind of ``like``."""
-    zero = 0.0 * like
-    one = 1.0 + zero
-    return held(v, 3, zero, one, t), held(v, 4, zero, one, t), held(v, 5, zero, one, t)
-
-
-@ti.func
-def table_displaced_volume(v, t: ti.template()):
-    """:func:`displaced_volume` by the table of voxels."""
-    wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET]
-    return ti.cast(wet // columns.BEHIND_WET, float) / columns.VOLUME
-
-
-@primitive
-def displaced_volume(v: Any, t: Any) -> Any:
-    """How often its own volume a voxel displaces."""
-    if not t.packed:
-        return table_displaced_volume(v, t)
-    return load(t.shape, emit(v * columns.SHAPE_COLUMNS), columns.DISPLACED)
-
-
-@primitive
-def wet_faces(v: Any, t: Any) -> tuple[Any, ...]:
-    """How many faces along each axis a fluid or sand reaches."""
-    if t.packed:
-        return tuple(absolute(count) for count in shape_of(v, columns.WET_FACES, t))
-    return table_wet_faces(v, t)
-
-
-@ti.func
-def table_wet_faces(v, t: ti.template()):
-    """:func:`wet_faces` by the table of voxels."""
-    return both_sides(v, 0, 1, t), both_sides(v, 1, 1, t), both_sides(v, 2, 1, t)
-
-
-@primitive
-def wet_sides(v: Any, t: Any) -> tuple[Any, ...]:
-    """:func:`wet_faces`, and the sum of their normals."""
-    if not t.packed:
-        return table_wet_faces(v, t) + table_wet_normals(v, t)
-    counts = [emit(count) for count in shape_of(v, columns.WET_FACES, t)]
-    faces = tuple(emit(absolute(count)) for count in counts)
-    return faces + tuple(count * (2.0 - face) for count, face in zip(counts, faces, strict=True))
-
-
-@ti.func
-def table_wet_normals(v, t: ti.template()):
-    """Sum of the normals of a voxel's wet faces by the table of voxels."""
-    return both_sides(v, 0, -1, t), both_sides(v, 1, -1, t), both_sides(v, 2, -1, t)
-
-
-@ti.func
-def both_sides(v, axis: ti.template(), sign: ti.template(), t: ti.template()):
-    """1 if a voxel's upper side along an axis is wet, and so many more if the lower one is."""
-    wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET] >> (2 * axis)
-    return ti.cast(((wet >> 1) & 1) + sign * (wet & 1), float)
-
-
-@primitive
-def pressed_faces(v: Any, t: Any) -> tuple[Any, ...]:
-    """Half the number of links along each axis, and the normals of the voxel's pressurised faces."""
-    if t.packed:
-        return shape_of(v, columns.HALF_LINKS, t) + shape_of(v, columns.NORMALS, t)
-    return table_pressed_faces(v, t)
-
-
-@ti.func
-def table_pressed_faces(v, t: ti.template()):
-    """:func:`pressed_faces` by the table of voxels."""
-    normal = v * columns.VOXEL_COLUMNS + columns.NORMAL
-    links = link_count(v, 0, t), link_count(v, 1, t), link_count(v, 2, t)
-    halves = 0.5 * ti.cast(links[0], float), 0.5 * ti.cast(links[1], float), 0.5 * ti.cast(links[2], float)
-    nx, ny, nz = t.voxel[normal], t.voxel[normal + 1], t.voxel[normal + 2]
-    return halves + (ti.cast(nx, float), ti.cast(ny, float), ti.cast(nz, float))
-
-
-@ti.func
-def link_count(v, axis: ti.template(), t: ti.template()):
-    """How many of a voxel's two sides along an axis have a link."""
-    side = v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis
-    return ti.cast(t.voxel[side] >= 0, ti.i32) + ti.cast(t.voxel[side + 1] >= 0, ti.i32)
+def rotation_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template()):
+    """Reverse the change of angular momentum; gives the cotangents of the moment."""
+    momentum = consecutive(voxel_slot(v, t) + memory.ANGULAR_MOMENTUM, 3)
+    old = before(u, momentum)
+    zero = 0.0 * old[0]
+    inputs = old + (zero, zero, zero) + parameters_of(u, rotation_slots(g))
+    found = ti.static(pull_back(turned, inputs, (t.time_step,), seeds))
+    store_all(u.a, u.k, momentum, found[:3])
+    store_all(u.a, u.k, consecutive(t.plan[memory.FORCE] + 6 * v + 3, 3), found[3:6])
+    give(u, slots_at(g.channels, columns.MOMENT) + rotation_slots(g), found[3:])

@@ -13,7 +13,7 @@ from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import contact, enclosure, floor, fluid, group, motion
 from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.stages import voxel_adjoint
+from taichi_sim.lattice.stages import momentum, voxel
 from taichi_sim.lattice.stages.link import whole_link
 from taichi_sim.runtime import ti
 
@@ -97,10 +97,10 @@ LAWS = {
     "link that switches": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, True), 18),
     "straight link in a fluid": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, True, False), 18),
     "large link in a fluid": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, True, True), 18),
-    "pushing in the air": (voxel_adjoint.pushed, (*PUSHED[:8],), (DT, EDGE, 0.0, 0.0, False), 3),
-    "pushing on the floor": (voxel_adjoint.pushed, PUSHED, (DT, EDGE, 0.0, 0.0, True), 3),
-    "pushing of a voxel that sticks": (voxel_adjoint.pushed, PUSHED, (DT, EDGE, 1.0, 1.0, True), 3),
-    "turning": (voxel_adjoint.turned, (1e-4, 2e-4, -1e-4, 1e-3, -2e-3, 1e-3, 2e7, 1e-6), (DT,), 3),
+    "pushing in the air": (momentum.pushed, (*PUSHED[:8],), (DT, EDGE, 0.0, 0.0, False), 3),
+    "pushing on the floor": (momentum.pushed, PUSHED, (DT, EDGE, 0.0, 0.0, True), 3),
+    "pushing of a voxel that sticks": (momentum.pushed, PUSHED, (DT, EDGE, 1.0, 1.0, True), 3),
+    "turning": (voxel.turned, (1e-4, 2e-4, -1e-4, 1e-3, -2e-3, 1e-3, 2e7, 1e-6), (DT,), 3),
     "placing": (motion.placed, (*NEXT, 0.1, -0.2, 0.3, 1e-4, 2e-4, -1e-4, 300.0, 2e7), (DT,), 7),
     "pressure": (
         motion.face_force,
@@ -110,10 +110,10 @@ LAWS = {
     ),
     "held rotation": (motion.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
-    "pushing on uneven ground": (voxel_adjoint.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, False), 4),
-    "pushing on sand": (voxel_adjoint.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
-    "pushing on sand that bears": (voxel_adjoint.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
-    "sticking to sand": (voxel_adjoint.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
+    "pushing on uneven ground": (momentum.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, False), 4),
+    "pushing on sand": (momentum.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
+    "pushing on sand that bears": (momentum.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
+    "sticking to sand": (momentum.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
     "ploughing by what is all below": (held_by_sand, BURIED, (3e5,), 1),
     "ahead on sand": (ahead_on_sand, (3e-5, -2e-5, *POSE[3:], 0.05, -0.03, 0.998), SIDES, 1),
     "slipping on sand": (uneven.slid, (1e-5, 2e-5, 0.0, 3e-5, -2e-5, 1e-5), (3e5,), 3),

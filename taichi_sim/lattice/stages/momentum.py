@@ -1,4 +1,4 @@
-"""Reverse of the stage of a voxel and of its gauges.
+"""How a voxel's momentum changes in a step, on level, uneven and yielding ground, in water and in the air, and back.
 
 What a voxel did in a step is known from the states before and after it: its forces are not needed, as they enter
 linearly, but on ground that yields, where they are found from its momenta. Whether it stuck or slid is as recorded.
@@ -7,98 +7,165 @@ See ``groups`` for what the arguments hold.
 
 from typing import Any
 
-from taichi_sim.autodiff.lanes import any_lane, consecutive, select_all, slots_at, store_all
+from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, select_all, store, store_all
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
 from taichi_sim.ground import laws as uneven
-from taichi_sim.lattice import materials
 from taichi_sim.lattice.laws import floor, fluid, motion
-from taichi_sim.lattice.laws import link as beams
-from taichi_sim.lattice.stages import columns, gauges, memory, relief
-from taichi_sim.lattice.stages import voxel as stage
-from taichi_sim.lattice.stages.undo import Undo, after, before, cotangents_of, give, parameters_of, reverse, take_all
-from taichi_sim.lattice.stages.voxel import held, voxel_slot
+from taichi_sim.lattice.stages import columns, memory, relief
+from taichi_sim.lattice.stages.undo import Undo, after, before, give, parameters_of, reverse, take_all
+from taichi_sim.lattice.stages.voxel_slots import (
+    Group,
+    displaced_volume,
+    floor_slots,
+    momentum_slots,
+    print_slot,
+    volume_slots,
+    voxel_slot,
+    wet_sides,
+)
 from taichi_sim.runtime import emit, ti
+
+
+@primitive
+def volume_in_water(v: Any, k: Any, t: Any) -> tuple[Any, ...]:
+    """How often its own volume a voxel displaces; the edge; the water's level, and its mass carried along."""
+    level, _, carried = relief.water_of(k, t)
+    return displaced_volume(v, t), t.edge, level, carried
+
+
+@primitive
+def step_for(m: Any, k: Any, v: Any, z: Any, g: Group, t: Any) -> Any:
+    """Time step for which forces change the momentum of voxel v at height z: water slows it."""
+    if not t.medium.water:
+        return t.time_step
+    return fluid.slowed_step(z, *load_all(m, k, volume_slots(g)), *volume_in_water(v, k, t), t.time_step)
+
+
+@ti.func
+def push(
+    m: ti.template(),
+    k,
+    v,
+    p: ti.template(),
+    f: ti.template(),
+    z,
+    inverse_mass,
+    g: ti.template(),
+    t: ti.template(),
+):
+    """Momentum after a step under force F of voxel v at height z; the floor, and whether it sticks there."""
+    px, py, pz = p
+    depth = floor.penetration(load(m, k, g.current + memory.MEAN_SIZE), t.edge, z)
+    stuck = 0.0 * inverse_mass
+    on_floor = t.plan[memory.FLOOR_ON] != 0
+    if on_floor:
+        on_floor = any_lane(depth >= 0.0)
+    if on_floor:
+        level = (1.0 + stuck, stuck, stuck, 1.0 + stuck)
+        px, py, pz, stuck = touch(m, k, v, p, f, depth, level, t.time_step, inverse_mass, g, t)
+    else:
+        px, py, pz = motion.accelerated(px, py, pz, *f, t.time_step)
+    store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
+    return px, py, pz
+
+
+@ti.func
+def push_on_relief(
+    m: ti.template(),
+    k,
+    v,
+    at: ti.template(),
+    p: ti.template(),
+    f: ti.template(),
+    dt,
+    inverse_mass,
+    g: ti.template(),
+    t: ti.template(),
+):
+    """:func:`push` of a voxel at a place over uneven ground, in a time step that water may have slowed."""
+    px, py, pz = motion.accelerated(*p, *f, dt)
+    stuck = 0.0 * inverse_mass
+    leaves = 1
+    size = load(m, k, g.current + memory.MEAN_SIZE)
+    if relief.may_touch(size, at[2], t):
+        height, nx, ny, nz, factor = uneven.ground(*at[:2], *relief.cell_under(*at[:2], k, t), relief.per_cell(t))
+        depth = uneven.penetration(size, t.edge, at[2], height, nz)
+        touches = depth >= 0.0
+        if any_lane(touches):
+            turned_p, turned_f = uneven.into_plane(*p, nx, ny, nz), uneven.into_plane(*f, nx, ny, nz)
+            leaves = 0
+            ax, ay, az, stuck = touch(m, k, v, turned_p, turned_f, depth, (factor, nx, ny, nz), dt, inverse_mass, g, t)
+            bx, by, bz = uneven.out_of_plane(ax, ay, az, nx, ny, nz)
+            px, py, pz = select(touches, bx, px), select(touches, by, py), select(touches, bz, pz)
+    if ti.static(t.medium.granular):
+        if leaves == 1:
+            store(m, k, print_slot(v, t), 0.0 * inverse_mass)
+    store(m, k, voxel_slot(v, t) + memory.STICKS, stuck)
+    return px, py, pz
+
+
+@ti.func
+def touch(
+    m: ti.template(),
+    k,
+    v,
+    p: ti.template(),
+    f: ti.template(),
+    depth,
+    plane: ti.template(),
+    dt,
+    inverse_mass,
+    g: ti.template(),
+    t: ti.template(),
+):
+    """Momentum after a step in contact with the ground, in the ground's axes, and whether the voxel sticks to it.
+
+    ``plane`` is the factor of both coefficients of friction, and the normal.
+    """
+    factor, nx, ny, nz = plane
+    px, py, pz = p
+    fx, fy, fz = f
+    size, stiffness, damping, friction = load_all(m, k, floor_slots(g))
+    vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
+    sticks = load(m, k, voxel_slot(v, t) + memory.STICKS)
+    holds = factor * load(m, k, g.channels + columns.STATIC_FRICTION)
+    friction = factor * friction
+    normal = 0.0 * depth
+    qx, qy = px, py
+    if ti.static(t.medium.granular):
+        pressed, limit = load(m, k, print_slot(v, t)), relief.yield_of(k, t)
+        turn, sides = load_all(m, k, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
+        below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
+        normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
+        fz = fz + select(depth >= 0.0, uneven.granular_push(normal, most, vz, damping, limit), 0.0)
+        store(m, k, print_slot(v, t), select(depth >= 0.0, pressed, 0.0))
+        holds = holds * normal
+        qx, qy = qx + fx * dt, qy + fy * dt
+        ahead = uneven.leading_share(qx, qy, *turn, nx, ny, nz, *sides)
+        friction = uneven.granular_hold(friction * normal, size, depth, limit, ahead)
+        normal = 1.0 + 0.0 * normal
+    else:
+        fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
+    loose = floor.breaks_loose(fx, fy, holds, normal)
+    rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
+    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
+    step = dt * inverse_mass
+    rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
+    stuck = select(rests, 1.0, select(loose, 0.0, sticks))
+    if ti.static(t.medium.granular):
+        px, py, stuck = uneven.slid(px, py, stuck, qx, qy, friction * dt, relief.yield_of(k, t))
+        # For the way back: a hold may take it from the voxel's momentum.
+        store(m, k, print_slot(v, t) + 1, select(depth >= 0.0, px, 0.0))
+        store(m, k, print_slot(v, t) + 2, select(depth >= 0.0, py, 0.0))
+    stuck = select(depth >= 0.0, stuck, 0.0)
+    px, py = floor.stopped(px, py, stuck)
+    return px, py, pz, stuck
 
 
 @ti.func
 def force_slots(v, t: ti.template()):
     """Slots of the cotangents of the force on voxel v; those of the moment follow."""
     return consecutive(t.plan[memory.FORCE] + 6 * v, 3)
-
-
-@ti.func
-def voxel_adjoint(u: ti.template(), v, t: ti.template()):
-    """Reverse voxel v: from the cotangents of its new state to those of its old one and of its force and moment."""
-    voxel = voxel_slot(v, t)
-    g = ti.static(stage.group_of(v, t))
-    inverses = (g.constant + materials.INVERSE_MASS, g.constant + materials.INVERSE_INERTIA)
-    inverse_mass, inverse_inertia = parameters_of(u, inverses)
-    bits = t.voxel[v * columns.VOXEL_COLUMNS + columns.FIXED]
-    cx, cy, cz, cw, ca, cb, cc = cotangents_of(u, consecutive(voxel, 7))
-    gx, gy, gz, hx, hy, hz = cotangents_of(u, consecutive(voxel + memory.MOMENTUM, 6))
-    pose = before(u, consecutive(voxel, 7))
-    momenta = after(u, consecutive(voxel + memory.MOMENTUM, 6))
-    zero = 0.0 * inverse_mass
-    if bits != 0:
-        moved = held(v, 0, zero, cx, t), held(v, 1, zero, cy, t), held(v, 2, zero, cz, t)
-        give(u, slots_at(g.channels, columns.TRANSLATION), moved)
-        cx, cy, cz = held(v, 0, cx, zero, t), held(v, 1, cy, zero, t), held(v, 2, cz, zero, t)
-        if bits >= 8:
-            free = motion.rotate_by_momentum(*pose[3:], *momenta[3:], t.time_step * inverse_inertia)
-            cw, ca, cb, cc = held_adjoint(u, v, g, free, t, (cw, ca, cb, cc))
-    inputs = pose + momenta + (inverse_mass, inverse_inertia)
-    p = ti.static(pull_back(motion.placed, inputs, (t.time_step,), (cx, cy, cz, cw, ca, cb, cc)))
-    gx, gy, gz = gx + p[7], gy + p[8], gz + p[9]
-    hx, hy, hz = hx + p[10], hy + p[11], hz + p[12]
-    if bits != 0:
-        gx, gy, gz = held(v, 0, gx, zero, t), held(v, 1, gy, zero, t), held(v, 2, gz, zero, t)
-        hx, hy, hz = held(v, 3, hx, zero, t), held(v, 4, hy, zero, t), held(v, 5, hz, zero, t)
-    give(u, inverses, p[13:])
-    rotation_adjoint(u, v, g, t, (hx, hy, hz))
-    store_all(u.a, u.k, consecutive(voxel, 7), p[:7])
-    momentum_adjoint(u, v, g, t, (gx, gy, gz))
-    if t.voxel[v * columns.VOXEL_COLUMNS + columns.FEELS_PRESSURE] != 0:
-        state = consecutive(voxel + memory.ORIENTATION, 4) + consecutive(stage.gauge_slot(v, t), 3)
-        seeds = cotangents_of(u, force_slots(v, t))
-        reverse(u, motion.face_force, state, stage.face_slots(g), stage.pressed_faces(v, t), seeds)
-    if t.plan[memory.FLUID_ON] != 0:
-        state = consecutive(voxel + memory.ORIENTATION, 7)  # the momentum follows the orientation
-        seeds = cotangents_of(u, force_slots(v, t))
-        reverse(u, fluid.drag, state, stage.drag_slots(g), stage.wet_faces(v, t), seeds)
-    if ti.static(t.medium.water):
-        state = consecutive(voxel + memory.ORIENTATION, 7) + (voxel + 2,)
-        seeds = cotangents_of(u, force_slots(v, t))
-        reverse(u, fluid.water_force, state, stage.water_slots(g), stage.around_in_water(v, u.k, t), seeds)
-
-
-@ti.func
-def held_adjoint(u: ti.template(), v, g: ti.template(), free: ti.template(), t: ti.template(), seeds: ti.template()):
-    """Reverse the hold on a voxel's rotation; the cotangents of its free orientation."""
-    slots = slots_at(g.channels, columns.ROTATION)
-    inputs = free + parameters_of(u, slots)
-    found = ti.static(pull_back(motion.held_rotation, inputs, stage.held_turns(v, inputs[4], t), seeds))
-    give(u, slots, found[4:])
-    return found[0], found[1], found[2], found[3]
-
-
-@primitive
-def turned(*given: Any) -> Any:
-    """New angular momentum, from the old one, the moment, inverse inertia and drag; the time step follows."""
-    lx, ly, lz, mx, my, mz, inverse_inertia, drag, dt = given
-    return motion.accelerated(lx, ly, lz, *motion.damped_moment(mx, my, mz, lx, ly, lz, inverse_inertia, drag), dt)
-
-
-@ti.func
-def rotation_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template()):
-    """Reverse the change of angular momentum; gives the cotangents of the moment."""
-    momentum = consecutive(voxel_slot(v, t) + memory.ANGULAR_MOMENTUM, 3)
-    old = before(u, momentum)
-    zero = 0.0 * old[0]
-    inputs = old + (zero, zero, zero) + parameters_of(u, stage.rotation_slots(g))
-    found = ti.static(pull_back(turned, inputs, (t.time_step,), seeds))
-    store_all(u.a, u.k, momentum, found[:3])
-    store_all(u.a, u.k, consecutive(t.plan[memory.FORCE] + 6 * v + 3, 3), found[3:6])
-    give(u, slots_at(g.channels, columns.MOMENT) + stage.rotation_slots(g), found[3:])
 
 
 @primitive
@@ -187,12 +254,12 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
     voxel = voxel_slot(v, t)
     x, y, z, sticks = before(u, (voxel, voxel + 1, voxel + 2, voxel + memory.STICKS))
     (stuck,) = after(u, (voxel + memory.STICKS,))
-    slots = stage.momentum_slots(g) + stage.floor_slots(g)
+    slots = momentum_slots(g) + floor_slots(g)
     values = parameters_of(u, slots)
     zero = 0.0 * z
     momentum = before(u, consecutive(voxel + memory.MOMENTUM, 3))
     moving = momentum + (zero, zero, zero) + values[:2]
-    dt = stage.step_for(u.m, u.k, v, z, g, t)
+    dt = step_for(u.m, u.k, v, z, g, t)
     above = ti.static(pull_back(pushed, moving, (dt, t.edge, sticks, stuck, False), seeds))
     if ti.static(t.medium.relief):
         cell = ti.static(relief.cell_under(x, y, u.k, t))
@@ -212,7 +279,7 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
             q = select_all(touches, landed[8:15], nothing)
             give(u, consecutive(voxel, 3) + slots, q[:3] + p[6:8] + q[3:])
             if ti.static(t.medium.granular):
-                give(u, (stage.print_slot(v, t),), (select(touches, landed[15], 0.0),))
+                give(u, (print_slot(v, t),), (select(touches, landed[15], 0.0),))
                 turning = select_all(touches, landed[16:20], (zero, zero, zero, zero))
                 give(u, consecutive(voxel + memory.ORIENTATION, 4), turning)
             if ti.static(t.medium.water):
@@ -220,7 +287,7 @@ def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), se
             give_force(u, v, g, t, p[:6])
         else:
             if ti.static(t.medium.granular):
-                store_all(u.a, u.k, (stage.print_slot(v, t),), (zero,))
+                store_all(u.a, u.k, (print_slot(v, t),), (zero,))
             if ti.static(t.medium.water):
                 slowed_adjoint(u, v, g, t, above[3:6], dt)
             give(u, slots[:2], above[6:8])
@@ -247,9 +314,9 @@ def land_adjoint(u: Undo, v: Any, inputs: Any, fixed: Any, seeds: Any, t: Any) -
     """Reverse :func:`pushed_on_relief` by inputs and, where the ground yields, by its print and the orientation."""
     if not t.medium.granular:
         return pull_back(pushed_on_relief, (*inputs, 0.0 * inputs[0]), (*fixed, False), (*seeds, None))
-    slot = (emit(stage.print_slot(v, t)),)
+    slot = (emit(print_slot(v, t)),)
     pressed, seed, limit = before(u, slot), take_all(u, slot), relief.yield_of(u.k, t)
-    turn, sides = before(u, consecutive(stage.voxel_slot(v, t) + memory.ORIENTATION, 4)), stage.wet_sides(v, t)
+    turn, sides = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
     return pull_back(pushed_on_relief, (*inputs, *pressed, *turn), (*sides, *fixed, limit), (*seeds, *seed))
 
 
@@ -271,12 +338,12 @@ def force_sideways(
     """
     nx, ny, nz, factor = plane
     inverse_mass, drag, size, stiffness, _, friction = values
-    (pressed,) = before(u, (stage.print_slot(v, t),))
+    (pressed,) = before(u, (print_slot(v, t),))
     limit = relief.yield_of(u.k, t)
-    turn, sides = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), stage.wet_sides(v, t)
+    turn, sides = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
     below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
     bears, _, _ = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
-    ax, ay = after(u, consecutive(stage.print_slot(v, t) + 1, 2))
+    ax, ay = after(u, consecutive(print_slot(v, t) + 1, 2))
     ahead = uneven.leading_share(ax, ay, *turn, nx, ny, nz, *sides)
     holds = uneven.granular_hold(factor * friction * bears, size, depth, limit, ahead)
     qx, qy = uneven.without_friction(ax, ay, holds * dt)
@@ -296,8 +363,8 @@ def slowed_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seed
     x, y, z = before(u, slots)
     px, py, pz = after(u, slots)
     seed = (seeds[0] * (px - x) + seeds[1] * (py - y) + seeds[2] * (pz - z)) / (dt * dt)
-    around = stage.volume_in_water(v, u.k, t) + (t.time_step,)
-    reverse(u, fluid.slowed_step, (voxel_slot(v, t) + 2,), stage.volume_slots(g), around, (seed,))
+    around = volume_in_water(v, u.k, t) + (t.time_step,)
+    reverse(u, fluid.slowed_step, (voxel_slot(v, t) + 2,), volume_slots(g), around, (seed,))
 
 
 @ti.func
@@ -306,40 +373,3 @@ def give_force(u: ti.template(), v, g: ti.template(), t: ti.template(), found: t
     store_all(u.a, u.k, consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3), found[:3])
     store_all(u.a, u.k, force_slots(v, t), found[3:])
     give(u, consecutive(g.current + memory.PUSH, 3), found[3:])
-
-
-@ti.func
-def gauge_adjoint(u: ti.template(), v, t: ti.template()):
-    """Reverse a voxel's gauges: takes the cotangents of its new strains to those of its links' new memory."""
-    gx, gy, gz = strain_cotangents(u, v, t)
-    axis_adjoint(u, v, 0, gx, t)
-    axis_adjoint(u, v, 1, gy, t)
-    axis_adjoint(u, v, 2, gz, t)
-
-
-@ti.func
-def strain_cotangents(u: ti.template(), v, t: ti.template()):
-    """Cotangents of a voxel's new strains, those with Poisson's effect included."""
-    gauge = consecutive(stage.gauge_slot(v, t), 3)
-    gx, gy, gz = take_all(u, gauge)
-    if t.plan[memory.POISSON_ON] != 0:
-        nu = ti.static(stage.group_of(v, t)).constant + materials.NU
-        inputs = after(u, gauge) + parameters_of(u, (nu,))
-        seeds = take_all(u, consecutive(gauge[0] + 3, 3))
-        found = ti.static(pull_back(motion.poisson_strains, inputs, gauges.tensions(u.m, u.k, v, t), seeds))
-        gx, gy, gz = gx + found[0], gy + found[1], gz + found[2]
-        give(u, (nu,), found[3:])
-    return gx, gy, gz
-
-
-@ti.func
-def axis_adjoint(u: ti.template(), v, axis: ti.template(), seed, t: ti.template()):
-    """Reverse :func:`gauges.axis_strain`."""
-    if stage.link_count(v, axis, t) == 2:
-        seed = 0.5 * seed
-    now = ti.static(u._replace(old=u.new))  # the links are done
-    for side in ti.static(range(2)):
-        l = t.voxel[v * columns.VOXEL_COLUMNS + columns.SIDE_LINK + 2 * axis + side]
-        if l >= 0:
-            extension = t.plan[memory.LINK] + l * memory.LINK_WIDTH
-            reverse(now, beams.shared_strain, (extension,), gauges.share_slots(l, side, t), (), (seed,))
