@@ -5,18 +5,28 @@ linearly, but on ground that yields, where they are found from its momenta. Whet
 See ``groups`` for what the arguments hold.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from taichi_sim.autodiff.lanes import any_lane, consecutive, load, load_all, select_all, store, store_all
-from taichi_sim.autodiff.tracing import primitive, pull_back, select
+from taichi_sim.autodiff.lanes import (
+    any_lane,
+    consecutive,
+    load,
+    load_all,
+    select_all,
+    store,
+    store_all,
+    variables,
+)
+from taichi_sim.autodiff.tracing import primitive, select
 from taichi_sim.ground import laws as uneven
 from taichi_sim.lattice.laws import floor, fluid, motion
 from taichi_sim.lattice.stages import columns, memory, relief
-from taichi_sim.lattice.stages.undo import Undo, after, before, give, parameters_of, reverse, take_all
+from taichi_sim.lattice.stages.ground import Sand, borne, ploughed, slid, slide
+from taichi_sim.lattice.stages.undo import Undo, after, before, give, parameters_of, pull_back_parts, reverse, take_all
 from taichi_sim.lattice.stages.voxel_slots import (
     Group,
+    bearing_slots,
     displaced_volume,
-    floor_slots,
     momentum_slots,
     print_slot,
     volume_slots,
@@ -104,6 +114,16 @@ def push_on_relief(
     return px, py, pz
 
 
+@primitive
+def sand_under(m: Any, k: Any, v: Any, normal: Any, t: Any) -> Any:
+    """The :class:`Sand` under voxel v; empty where the ground does not yield."""
+    if not t.medium.granular:
+        return ()
+    pressed = emit(load(m, k, print_slot(v, t)))
+    turn = tuple(variables(load_all(m, k, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4))))
+    return Sand(relief.yield_of(k, t), pressed, turn, tuple(variables(wet_sides(v, t))), normal)
+
+
 @ti.func
 def touch(
     m: ti.template(),
@@ -123,37 +143,20 @@ def touch(
     ``plane`` is the factor of both coefficients of friction, and the normal.
     """
     factor, nx, ny, nz = plane
-    px, py, pz = p
-    fx, fy, fz = f
-    size, stiffness, damping, friction = load_all(m, k, floor_slots(g))
-    vx, vy, vz = px * inverse_mass, py * inverse_mass, pz * inverse_mass
+    size, stiffness, damping, friction = load_all(m, k, bearing_slots(g))
     sticks = load(m, k, voxel_slot(v, t) + memory.STICKS)
     holds = factor * load(m, k, g.channels + columns.STATIC_FRICTION)
-    friction = factor * friction
-    normal = 0.0 * depth
-    qx, qy = px, py
-    if ti.static(t.medium.granular):
-        pressed, limit = load(m, k, print_slot(v, t)), relief.yield_of(k, t)
-        turn, sides = load_all(m, k, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
-        below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
-        normal, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
-        fz = fz + select(depth >= 0.0, uneven.granular_push(normal, most, vz, damping, limit), 0.0)
-        store(m, k, print_slot(v, t), select(depth >= 0.0, pressed, 0.0))
-        holds = holds * normal
-        qx, qy = qx + fx * dt, qy + fy * dt
-        ahead = uneven.leading_share(qx, qy, *turn, nx, ny, nz, *sides)
-        friction = uneven.granular_hold(friction * normal, size, depth, limit, ahead)
-        normal = 1.0 + 0.0 * normal
-    else:
-        fz, normal = floor.floor_force(fz, vz, depth, stiffness, damping)
-    loose = floor.breaks_loose(fx, fy, holds, normal)
-    rx, ry = floor.slip_friction(vx, vy, friction, normal, depth, sticks)
-    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
+    bearing = ti.static((size, stiffness, damping, emit(factor * friction)))
+    sand = ti.static(sand_under(m, k, v, (nx, ny, nz), t))
+    found = ti.static(slide(p, f, inverse_mass, depth, bearing, sticks, dt, sand))
+    loose = floor.breaks_loose(*found.pull, holds, found.bears)
+    px, py, pz = found.momentum
     step = dt * inverse_mass
-    rests = floor.comes_to_rest(px, py, rx, ry, px * step, py * step, inverse_mass)
+    rests = floor.comes_to_rest(px, py, *found.friction, px * step, py * step, inverse_mass)
     stuck = select(rests, 1.0, select(loose, 0.0, sticks))
+    px, py, stuck = slid(found, stuck, sand)
     if ti.static(t.medium.granular):
-        px, py, stuck = uneven.slid(px, py, stuck, qx, qy, friction * dt, relief.yield_of(k, t))
+        store(m, k, print_slot(v, t), select(depth >= 0.0, found.pressed, 0.0))
         # For the way back: a hold may take it from the voxel's momentum.
         store(m, k, print_slot(v, t) + 1, select(depth >= 0.0, px, 0.0))
         store(m, k, print_slot(v, t) + 2, select(depth >= 0.0, py, 0.0))
@@ -168,189 +171,190 @@ def force_slots(v, t: ti.template()):
     return consecutive(t.plan[memory.FORCE] + 6 * v, 3)
 
 
-@primitive
-def pushed(*given: Any) -> Any:
-    """New momentum, from the old one, the force of all but floor and drag, and what else that depends on.
+class Pushed(NamedTuple):
+    """What a voxel's momentum after a step depends on, all but what is fixed.
 
-    ``given`` are momentum (3), force (3), inverse mass, drag; with a floor height, mean size, stiffness, damping and
-    kinetic friction; then time step, edge, sticking before and after, and whether there is a floor.
+    Attributes:
+        momentum: that before.
+        force: on it, of all but the ground and drag.
+        slowing: its inverse mass and drag.
+        place: on level ground its height, on uneven ground its position; in the air empty, as what follows.
+        bearing: its size, stiffness and damping of contact, and kinetic friction.
+        pressed: how deep it had pressed ground that yields; on other ground empty, as what follows.
+        turn: its orientation.
     """
-    px, py, pz, fx, fy, fz, inverse_mass, drag = given[:8]
-    dt, edge, sticks, stuck, on_floor = given[-5:]
-    fx, fy, fz = motion.damped_force(fx, fy, fz, px, py, pz, inverse_mass, drag, 0.0, 0.0, 0.0)
-    if on_floor:
-        z, size, *contact = given[8:13]
-        depth = floor.penetration(size, edge, z)
-        return touched((px, py, pz), (fx, fy, fz), inverse_mass, depth, contact, (sticks, stuck), dt)
-    px, py, pz = motion.accelerated(px, py, pz, fx, fy, fz, dt)
-    return *floor.stopped(px, py, stuck), pz
+
+    momentum: Any
+    force: Any
+    slowing: Any
+    place: Any = ()
+    bearing: Any = ()
+    pressed: Any = ()
+    turn: Any = ()
 
 
-@primitive
-def pushed_on_relief(*given: Any) -> Any:
-    """:func:`pushed` of a voxel that touches uneven ground, and how deep it has pressed that now, if it yields.
+class Fixed(NamedTuple):
+    """What its momentum depends on besides, and what is not differentiated by.
 
-    Its place (3) is given instead of its height; after the friction comes how deep it had pressed the ground, and of
-    ground that yields the orientation (4) and the wet sides (6). Before the time step come the corner and table of the
-    cell below, and the inverse width of a cell; at the end, the stress per depth at which the ground yields, or False.
+    Attributes:
+        step: time step and edge.
+        sticking: whether it stuck before, and does now.
+        cell: of uneven ground the corner and table of the cell below, and the inverse width of a cell; else empty.
+        sand: stress per depth at which the ground yields, and the wet sides; of other ground empty.
     """
-    *momentum, fx, fy, fz, inverse_mass, drag = given[:8]
-    x, y, z, size, stiffness, damping, friction, pressed = given[8:16]
-    dt, edge, sticks, stuck, limit = given[-5:]
-    force = motion.damped_force(fx, fy, fz, *momentum, inverse_mass, drag, 0.0, 0.0, 0.0)
-    turn, sides, cell = ((), (), given[16:-5]) if limit is False else (given[16:20], given[20:26], given[26:-5])
-    height, *normal, factor = uneven.ground(x, y, *cell)
-    depth = uneven.penetration(size, edge, z, height, normal[2])
-    momentum, force = uneven.into_plane(*momentum, *normal), uneven.into_plane(*force, *normal)
-    contact: Any = (stiffness, damping, factor * friction)
-    yields: Any = ()
-    if limit is not False:
-        below = uneven.outer_share(*turn, *(0.0 - n for n in normal), *sides)
-        bears, most, pressed = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
-        yields = bears, most, size, limit, (*turn, *normal, *sides)
-    found = touched(momentum, force, inverse_mass, depth, contact, (sticks, stuck), dt, yields)
-    return *uneven.out_of_plane(*found, *normal), pressed
+
+    step: Any
+    sticking: Any
+    cell: Any = ()
+    sand: Any = ()
 
 
 @primitive
-def touched(
-    momentum: Any,
-    force: Any,
-    inverse_mass: Any,
-    depth: Any,
-    contact: Any,
-    stuck: Any,
-    dt: Any,
-    yields: Any = (),
-) -> Any:
-    """New momentum of a voxel on the ground, in its axes.
+def damped(given: Pushed) -> Any:
+    """Force on a voxel, drag included."""
+    return variables(motion.damped_force(*given.force, *given.momentum, *given.slowing, 0.0, 0.0, 0.0))
 
-    ``contact`` is its stiffness, damping and kinetic friction; ``stuck`` whether it stuck before and after; ``yields``
-    of granular ground what it bears, at most, the voxel's size, the stress per depth, and how the voxel lies on it:
-    its orientation, the normal of the ground and the wet sides.
-    """
-    px, py, pz = momentum
-    fx, fy, fz = force
-    stiffness, damping, friction = contact
-    qx, qy = px + fx * dt, py + fy * dt
-    if yields:
-        bears, most, size, limit, lies = yields
-        fz = fz + uneven.granular_push(bears, most, pz * inverse_mass, damping, limit)
-        ahead = uneven.leading_share(qx, qy, *lies)
-        friction = uneven.granular_hold(friction * bears, size, depth, limit, ahead)
-        normal = 1.0 + 0.0 * bears
-    else:
-        fz, normal = floor.floor_force(fz, pz * inverse_mass, depth, stiffness, damping)
-    rx, ry = floor.slip_friction(px * inverse_mass, py * inverse_mass, friction, normal, depth, stuck[0])
-    px, py, pz = motion.accelerated(px, py, pz, fx + rx, fy + ry, fz, dt)
-    if yields:
-        px, py, _ = uneven.slid(px, py, stuck[1], qx, qy, friction * dt, limit)
-    return *floor.stopped(px, py, stuck[1]), pz
+
+@primitive
+def moved_in_the_air(given: Pushed, fixed: Fixed) -> Any:
+    """New momentum of a voxel that touches nothing."""
+    px, py, pz = motion.accelerated(*given.momentum, *damped(given), fixed.step[0])
+    return *floor.stopped(px, py, fixed.sticking[1]), pz
+
+
+@primitive
+def moved_on_the_floor(given: Pushed, fixed: Fixed) -> Any:
+    """New momentum of a voxel that touches level ground."""
+    depth = floor.penetration(given.bearing[0], fixed.step[1], *given.place)
+    return moved_on(given.momentum, damped(given), given, fixed, depth)[:3]
+
+
+@primitive
+def moved_on_relief(given: Pushed, fixed: Fixed) -> Any:
+    """New momentum of a voxel that touches uneven ground, and how deep it has pressed that now, if it yields."""
+    (x, y, z), force = given.place, damped(given)
+    height, *normal, factor = uneven.ground(x, y, *fixed.cell)
+    depth = uneven.penetration(given.bearing[0], fixed.step[1], z, height, normal[2])
+    momentum, force = uneven.into_plane(*given.momentum, *normal), uneven.into_plane(*force, *normal)
+    *bearing, friction = given.bearing
+    given = given._replace(bearing=(*bearing, factor * friction))
+    sand = Sand(fixed.sand[0], given.pressed[0], given.turn, fixed.sand[1:], normal) if fixed.sand else ()
+    *found, pressed = moved_on(momentum, force, given, fixed, depth, sand)
+    moves = uneven.out_of_plane(*found, *normal)
+    return (*moves, pressed) if sand else moves
+
+
+@primitive
+def moved_on(momentum: Any, force: Any, given: Pushed, fixed: Fixed, depth: Any, sand: Any = ()) -> Any:
+    """New momentum of a voxel on the ground, in its axes, and how deep it has pressed that."""
+    sticks, stuck = fixed.sticking
+    found = slide(momentum, force, given.slowing[0], depth, given.bearing, sticks, fixed.step[0], sand)
+    px, py, _ = slid(found, stuck, sand)
+    return *floor.stopped(px, py, stuck), found.momentum[2], found.pressed
 
 
 @ti.func
 def momentum_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seeds: ti.template()):
-    """Reverse the change of momentum, floor and friction included; gives the cotangents of the force."""
+    """Reverse the change of momentum, ground and friction included; gives the cotangents of the force."""
     voxel = voxel_slot(v, t)
     x, y, z, sticks = before(u, (voxel, voxel + 1, voxel + 2, voxel + memory.STICKS))
     (stuck,) = after(u, (voxel + memory.STICKS,))
-    slots = momentum_slots(g) + floor_slots(g)
-    values = parameters_of(u, slots)
+    bearing = parameters_of(u, bearing_slots(g))
     zero = 0.0 * z
     momentum = before(u, consecutive(voxel + memory.MOMENTUM, 3))
-    moving = momentum + (zero, zero, zero) + values[:2]
+    moving = ti.static(Pushed(momentum, (zero, zero, zero), parameters_of(u, momentum_slots(g))))
     dt = step_for(u.m, u.k, v, z, g, t)
-    above = ti.static(pull_back(pushed, moving, (dt, t.edge, sticks, stuck, False), seeds))
+    fixed = ti.static(Fixed((dt, t.edge), (sticks, stuck)))
+    above = ti.static(pull_back_parts(moved_in_the_air, moving, fixed, seeds))
     if ti.static(t.medium.relief):
-        cell = ti.static(relief.cell_under(x, y, u.k, t))
-        inverse = relief.per_cell(t)
+        cell, inverse = ti.static(relief.cell_under(x, y, u.k, t)), relief.per_cell(t)
         height, nx, ny, nz, factor = uneven.ground(x, y, *cell, inverse)
-        depth = uneven.penetration(values[2], t.edge, z, height, nz)
+        depth = uneven.penetration(bearing[0], t.edge, z, height, nz)
         touches = depth >= 0.0
         if any_lane(touches):
-            fx, fy, fz = zero, zero, zero
-            if ti.static(t.medium.granular):
-                fx, fy, fz = force_sideways(u, v, momentum, values, depth, (nx, ny, nz, factor), dt, t)
-            pushing = momentum + (fx, fy, fz) + values[:2]
-            inputs, fixed = pushing + (x, y, z) + values[2:], cell + (inverse, dt, t.edge, sticks, stuck)
-            landed = ti.static(land_adjoint(u, v, inputs, fixed, seeds, t))
-            p = select_all(touches, landed[:8], above)
-            nothing = (zero, zero, zero, zero, zero, zero, zero)
-            q = select_all(touches, landed[8:15], nothing)
-            give(u, consecutive(voxel, 3) + slots, q[:3] + p[6:8] + q[3:])
-            if ti.static(t.medium.granular):
-                give(u, (print_slot(v, t),), (select(touches, landed[15], 0.0),))
-                turning = select_all(touches, landed[16:20], (zero, zero, zero, zero))
-                give(u, consecutive(voxel + memory.ORIENTATION, 4), turning)
-            if ti.static(t.medium.water):
-                slowed_adjoint(u, v, g, t, p[3:6], dt)
-            give_force(u, v, g, t, p[:6])
+            landing = ti.static(moving._replace(place=(x, y, z), bearing=bearing))
+            below = ti.static(fixed._replace(cell=cell + (inverse,)))
+            landed = ti.static(land_adjoint(u, v, landing, below, (depth, nx, ny, nz, factor), seeds, t))
+            give_pushed(u, v, g, chosen(touches, landed, above), dt, t)
         else:
             if ti.static(t.medium.granular):
                 store_all(u.a, u.k, (print_slot(v, t),), (zero,))
-            if ti.static(t.medium.water):
-                slowed_adjoint(u, v, g, t, above[3:6], dt)
-            give(u, slots[:2], above[6:8])
-            give_force(u, v, g, t, above[:6])
+            give_pushed(u, v, g, above, dt, t)
     else:
-        touches = floor.penetration(values[2], t.edge, z) >= 0.0
+        touches = floor.penetration(bearing[0], t.edge, z) >= 0.0
         on_floor = t.plan[memory.FLOOR_ON] != 0
         if on_floor:
             on_floor = any_lane(touches)
         if on_floor:  # on the floor terms add in another order, so lanes above it keep their own
-            inputs = moving + (z,) + values[2:]
-            landed = ti.static(pull_back(pushed, inputs, (t.time_step, t.edge, sticks, stuck, True), seeds))
-            whole = above + (zero, zero, zero, zero, zero)
-            p = select_all(touches, landed, whole)
-            give(u, (voxel + 2,) + slots, p[8:9] + p[6:8] + p[9:])
-            give_force(u, v, g, t, p[:6])
+            landing = ti.static(moving._replace(place=(z,), bearing=bearing))
+            landed = ti.static(pull_back_parts(moved_on_the_floor, landing, fixed, seeds))
+            give_pushed(u, v, g, chosen(touches, landed, above), dt, t)
         else:
-            give(u, slots[:2], above[6:8])
-            give_force(u, v, g, t, above[:6])
+            give_pushed(u, v, g, above, dt, t)
 
 
 @primitive
-def land_adjoint(u: Undo, v: Any, inputs: Any, fixed: Any, seeds: Any, t: Any) -> Any:
-    """Reverse :func:`pushed_on_relief` by inputs and, where the ground yields, by its print and the orientation."""
-    if not t.medium.granular:
-        return pull_back(pushed_on_relief, (*inputs, 0.0 * inputs[0]), (*fixed, False), (*seeds, None))
-    slot = (emit(print_slot(v, t)),)
-    pressed, seed, limit = before(u, slot), take_all(u, slot), relief.yield_of(u.k, t)
-    turn, sides = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
-    return pull_back(pushed_on_relief, (*inputs, *pressed, *turn), (*sides, *fixed, limit), (*seeds, *seed))
+def land_adjoint(u: Undo, v: Any, given: Pushed, fixed: Fixed, ground: Any, seeds: Any, t: Any) -> Pushed:
+    """Cotangents of what the momentum of a voxel on uneven ground depends on.
 
-
-@ti.func
-def force_sideways(
-    u: ti.template(),
-    v,
-    momentum: ti.template(),
-    values: ti.template(),
-    depth,
-    plane: ti.template(),
-    dt,
-    t: ti.template(),
-):
-    """Force along ground that yields [N] of all but it and drag, from the momentum before the step and what it left.
-
-    ``values`` are inverse mass, drag, size, stiffness, damping and friction; ``plane`` is the normal of the ground and
-    its factor of friction. Of what came to rest it is that which would have stopped it without the ground.
+    ``ground`` is the voxel's depth, and the normal of the ground and its factor of friction.
     """
-    nx, ny, nz, factor = plane
-    inverse_mass, drag, size, stiffness, _, friction = values
-    (pressed,) = before(u, (print_slot(v, t),))
-    limit = relief.yield_of(u.k, t)
-    turn, sides = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4)), wet_sides(v, t)
-    below = uneven.outer_share(*turn, 0.0 - nx, 0.0 - ny, 0.0 - nz, *sides)
-    bears, _, _ = uneven.giving_way(size, depth, pressed, stiffness, limit, below)
-    ax, ay = after(u, consecutive(print_slot(v, t) + 1, 2))
-    ahead = uneven.leading_share(ax, ay, *turn, nx, ny, nz, *sides)
-    holds = uneven.granular_hold(factor * friction * bears, size, depth, limit, ahead)
-    qx, qy = uneven.without_friction(ax, ay, holds * dt)
-    px, py, _ = uneven.into_plane(*momentum, nx, ny, nz)
-    slowing = drag * inverse_mass
-    fx, fy = (qx - px) / dt + slowing * px, (qy - py) / dt + slowing * py
-    return uneven.out_of_plane(fx, fy, 0.0 * depth, nx, ny, nz)
+    if not t.medium.granular:
+        return pull_back_parts(moved_on_relief, given, fixed, seeds)
+    slot = (emit(print_slot(v, t)),)
+    turn = before(u, consecutive(voxel_slot(v, t) + memory.ORIENTATION, 4))
+    limit, sides = relief.yield_of(u.k, t), wet_sides(v, t)
+    (pressed,), left = before(u, slot), after(u, consecutive(slot[0] + 1, 2))
+    depth, *normal, factor = ground
+    sand = Sand(limit, pressed, turn, sides, normal)
+    force = force_sideways(given, left, depth, factor, fixed, sand)
+    given = given._replace(force=force, pressed=(pressed,), turn=turn)
+    return pull_back_parts(moved_on_relief, given, fixed._replace(sand=(limit, *sides)), (*seeds, *take_all(u, slot)))
+
+
+@primitive
+def force_sideways(given: Pushed, left: Any, depth: Any, factor: Any, fixed: Fixed, sand: Sand) -> Any:
+    """Force along sand [N] of all but it and drag, from the momentum along it before the step and that it ``left``.
+
+    ``factor`` is that of the ground's friction. Of what came to rest it is that which would have stopped it without
+    the ground.
+    """
+    dt = fixed.step[0]
+    inverse_mass, drag = given.slowing
+    size, stiffness, _, friction = given.bearing
+    bears, _, _ = borne(depth, size, stiffness, sand)
+    hold = ploughed(*left, emit(factor * friction * bears), depth, size, sand)
+    qx, qy = variables(uneven.without_friction(*left, hold * dt))
+    px, py, _ = variables(uneven.into_plane(*given.momentum, *sand.normal))
+    slowing = emit(drag * inverse_mass)
+    fx, fy = variables(((qx - px) / dt + slowing * px, (qy - py) / dt + slowing * py))
+    return tuple(variables(uneven.out_of_plane(fx, fy, 0.0 * depth, *sand.normal)))
+
+
+@primitive
+def chosen(touches: Any, landed: Pushed, above: Pushed) -> Pushed:
+    """Cotangents of lanes that touch the ground, and of those that do not."""
+    zero = emit(0.0 * above.momentum[0])
+    pairs = zip(landed, above, strict=True)
+    return Pushed(*(select_all(touches, there, away or [zero] * len(there)) for there, away in pairs))
+
+
+@primitive
+def give_pushed(u: Undo, v: Any, g: Group, found: Pushed, dt: Any, t: Any) -> None:
+    """Store the cotangents of momentum and force, add the others, and those of a push to its group's."""
+    voxel = emit(voxel_slot(v, t))
+    give(u, momentum_slots(g), found.slowing)
+    if found.place:
+        give(u, consecutive(voxel, 3)[-len(found.place) :], found.place)
+        give(u, bearing_slots(g), found.bearing)
+    if found.turn:
+        give(u, (print_slot(v, t),), found.pressed)
+        give(u, consecutive(voxel + memory.ORIENTATION, 4), found.turn)
+    if t.medium.water:
+        slowed_adjoint(u, v, g, t, found.force, dt)
+    store_all(u.a, u.k, consecutive(voxel + memory.MOMENTUM, 3), found.momentum)
+    store_all(u.a, u.k, force_slots(v, t), found.force)
+    give(u, consecutive(g.current + memory.PUSH, 3), found.force)
 
 
 @ti.func
@@ -365,11 +369,3 @@ def slowed_adjoint(u: ti.template(), v, g: ti.template(), t: ti.template(), seed
     seed = (seeds[0] * (px - x) + seeds[1] * (py - y) + seeds[2] * (pz - z)) / (dt * dt)
     around = volume_in_water(v, u.k, t) + (t.time_step,)
     reverse(u, fluid.slowed_step, (voxel_slot(v, t) + 2,), volume_slots(g), around, (seed,))
-
-
-@ti.func
-def give_force(u: ti.template(), v, g: ti.template(), t: ti.template(), found: ti.template()):
-    """Store the cotangents of momentum and force; those of the external force add to its group's."""
-    store_all(u.a, u.k, consecutive(voxel_slot(v, t) + memory.MOMENTUM, 3), found[:3])
-    store_all(u.a, u.k, force_slots(v, t), found[3:])
-    give(u, consecutive(g.current + memory.PUSH, 3), found[3:])

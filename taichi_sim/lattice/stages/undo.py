@@ -20,6 +20,22 @@ def in_parts(widths: Parts, flat: Sequence[Any]) -> Parts:
     return type(widths)(*(tuple(flat[end - width : end]) for width, end in zip(widths, ends, strict=True)))
 
 
+def _widths(parts: Any) -> Any:
+    return type(parts)(*[len(part) for part in parts])
+
+
+@primitive
+def pull_back_parts(function: Any, inputs: Parts, constants: tuple[Any, ...], seeds: Sequence[Any]) -> Parts:
+    """:func:`pull_back` of a function of two named tuples of tuples, the second constant: cotangents of the first."""
+    widths, fixed = _widths(inputs), _widths(constants)
+    flat, rest = (tuple(x for part in each for x in part) for each in (inputs, constants))
+
+    def parted(*given: Any) -> Any:
+        return function(in_parts(widths, given[: len(flat)]), in_parts(fixed, given[len(flat) :]))
+
+    return in_parts(widths, pull_back(parted, flat, rest, seeds))
+
+
 class Undo(NamedTuple):
     """The memories that the reverse of a step works on.
 

@@ -54,7 +54,7 @@ def rotation_slots(g: ti.template()):
 
 
 @ti.func
-def floor_slots(g: ti.template()):
+def bearing_slots(g: ti.template()):
     """Slots of mean size, stiffness and damping of contact, and kinetic friction."""
     contact = slots_at(g.constant, (materials.STIFFNESS, materials.CONTACT_DAMPING))
     return (g.current + memory.MEAN_SIZE,) + contact + (g.channels + columns.KINETIC_FRICTION,)

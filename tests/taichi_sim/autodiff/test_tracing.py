@@ -15,6 +15,7 @@ from taichi_sim.lattice.laws import contact, enclosure, floor, fluid, group, mot
 from taichi_sim.lattice.laws import link as beams
 from taichi_sim.lattice.stages import momentum, voxel
 from taichi_sim.lattice.stages.link import whole_link
+from taichi_sim.lattice.stages.undo import in_parts
 from taichi_sim.runtime import ti
 
 EDGE, DT = 0.01, 1e-4
@@ -90,6 +91,19 @@ def ahead_on_sand(*given):
     return (uneven.leading_share(*given),)
 
 
+def by_parts(function, place: int = 0, bearing: int = 0, cell: int = 0, sand: bool = False):
+    """A function of the parts that a voxel's momentum depends on, as one of all their numbers."""
+    given = momentum.Pushed(3, 3, 2, place, bearing, int(sand), 4 * sand)
+    fixed = momentum.Fixed(2, 2, cell, 7 * sand)
+
+    @primitive
+    def flat(*numbers):
+        return function(in_parts(given, numbers[: sum(given)]), in_parts(fixed, numbers[sum(given) :]))
+
+    return flat
+
+
+ON_SAND = by_parts(momentum.moved_on_relief, 3, 4, len(CELL), sand=True)
 LAWS = {
     "straight link": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, False), 18),
     "large link": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, False, True), 18),
@@ -97,9 +111,9 @@ LAWS = {
     "link that switches": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.SMALL, False, True), 18),
     "straight link in a fluid": (whole_link, (*POSE, *NEXT, *MEMORY, *BEAM), (EDGE, beams.SMALL, True, False), 18),
     "large link in a fluid": (whole_link, (*POSE, *FAR, *MEMORY, *BEAM), (EDGE, beams.LARGE, True, True), 18),
-    "pushing in the air": (momentum.pushed, (*PUSHED[:8],), (DT, EDGE, 0.0, 0.0, False), 3),
-    "pushing on the floor": (momentum.pushed, PUSHED, (DT, EDGE, 0.0, 0.0, True), 3),
-    "pushing of a voxel that sticks": (momentum.pushed, PUSHED, (DT, EDGE, 1.0, 1.0, True), 3),
+    "pushing in the air": (by_parts(momentum.moved_in_the_air), (*PUSHED[:8],), (DT, EDGE, 0.0, 0.0), 3),
+    "pushing on the floor": (by_parts(momentum.moved_on_the_floor, 1, 4), PUSHED, (DT, EDGE, 0.0, 0.0), 3),
+    "pushing of a voxel that sticks": (by_parts(momentum.moved_on_the_floor, 1, 4), PUSHED, (DT, EDGE, 1.0, 1.0), 3),
     "turning": (voxel.turned, (1e-4, 2e-4, -1e-4, 1e-3, -2e-3, 1e-3, 2e7, 1e-6), (DT,), 3),
     "placing": (motion.placed, (*NEXT, 0.1, -0.2, 0.3, 1e-4, 2e-4, -1e-4, 300.0, 2e7), (DT,), 7),
     "pressure": (
@@ -110,10 +124,15 @@ LAWS = {
     ),
     "held rotation": (motion.held_rotation, (*NEXT[3:], 0.1, 0.2, 0.3), (1.0, 0.0, 0.0), 4),
     "drag": (fluid.drag, (*POSE[3:], 2e-4, -3e-4, 1e-4, 300.0, 0.01, 0.011, 0.009, 500.0, 20.0), (1.0, 2.0, 0.0), 3),
-    "pushing on uneven ground": (momentum.pushed_on_relief, LANDED, (*CELL, DT, EDGE, 0.0, 0.0, False), 4),
-    "pushing on sand": (momentum.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e5), 4),
-    "pushing on sand that bears": (momentum.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 0.0, 0.0, 3e9), 4),
-    "sticking to sand": (momentum.pushed_on_relief, LYING, (*SIDES, *CELL, DT, EDGE, 1.0, 1.0, 3e5), 4),
+    "pushing on uneven ground": (
+        by_parts(momentum.moved_on_relief, 3, 4, len(CELL)),
+        LANDED[:-1],
+        (DT, EDGE, 0.0, 0.0, *CELL),
+        3,
+    ),
+    "pushing on sand": (ON_SAND, LYING, (DT, EDGE, 0.0, 0.0, *CELL, 3e5, *SIDES), 4),
+    "pushing on sand that bears": (ON_SAND, LYING, (DT, EDGE, 0.0, 0.0, *CELL, 3e9, *SIDES), 4),
+    "sticking to sand": (ON_SAND, LYING, (DT, EDGE, 1.0, 1.0, *CELL, 3e5, *SIDES), 4),
     "ploughing by what is all below": (held_by_sand, BURIED, (3e5,), 1),
     "ahead on sand": (ahead_on_sand, (3e-5, -2e-5, *POSE[3:], 0.05, -0.03, 0.998), SIDES, 1),
     "slipping on sand": (uneven.slid, (1e-5, 2e-5, 0.0, 3e-5, -2e-5, 1e-5), (3e5,), 3),
