@@ -8,6 +8,7 @@ array of NumPy, which has to be copied there and back.
 """
 
 import weakref
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +24,7 @@ class _Place:
         real: whether it is a real number; None of arrays.
         inner: dimensions of an array's elements, which its shape does not count; None of arrays on a GPU.
         like: type and dimensions of an array, for which the kernel was compiled.
-        last: the array, weakly: an engine's memory goes when the engine does.
+        last: the number, or the array, weakly: an engine's memory goes when the engine does.
     """
 
     number: int
@@ -42,12 +43,28 @@ def forget_all() -> None:
         each.forget()
 
 
+def _nothing() -> None:
+    """What there is before the first call."""
+
+
+class Handed:
+    """What a kernel was called with. Whoever keeps it saves the kernel from looking at the same bundles again."""
+
+    def __init__(self, bundles: tuple[Any, ...]) -> None:
+        """Hold the bundles, so that no other can have their identity."""
+        self.bundles = bundles
+
+
 class Relauncher:
     """Calls one kernel; remembers the argument block of the last call."""
 
-    def __init__(self, ti: Any, kernel: Any) -> None:
-        """For a kernel of a compiler, ``ti``, that returns nothing."""
-        self._ti, self._kernel = ti, kernel
+    def __init__(self, ti: Any, kernel: Any, places: Sequence[tuple[int, int | None]] | None = None) -> None:
+        """For a kernel of a compiler, ``ti``, that returns nothing.
+
+        ``places`` tell where each argument is among what a call is given: in which bundle, and where in that, or None
+        for one that is no bundle; without them there are no bundles.
+        """
+        self._ti, self._kernel, self._bundles = ti, kernel, places
         self._primal: Any = getattr(kernel, "_primal", None)
         self.forget()
         _ALL.add(self)
@@ -59,32 +76,61 @@ class Relauncher:
         self._new_block: Any = None
         self._program: Any = None
         self._compiled: Any = None
+        self._groups: list[list[tuple[_Place, int | None]]] = []  # places in each bundle
+        self._handed: Callable[[], Handed | None] = _nothing  # weakly what the last call was given
 
-    def __call__(self, *arguments: Any) -> None:
-        """Launch the kernel."""
-        if self._block is not None and self._set(arguments):
+    def __call__(self, *bundles: Any) -> Handed:
+        """Launch the kernel. While what is returned is kept, bundles that are the same again are not looked at."""
+        handed, self._handed = self._handed(), _nothing
+        if handed is not None:
+            new = [a is not b for a, b in zip(bundles, handed.bundles, strict=True)]
+        else:
+            new = [True] * len(bundles)
+        if handed is None or True in new:
+            handed = Handed(bundles)
+        if self._block is not None and self._set(bundles, new):
             self._program.launch_kernel(self._compiled, self._block)
-            return
+            self._handed = weakref.ref(handed)
+        else:
+            self._call(bundles)  # whose block is still empty
+        return handed
+
+    def _call(self, bundles: tuple[Any, ...]) -> None:
+        """Launch the kernel as Taichi does."""
+        places = self._bundles or [(number, None) for number in range(len(bundles))]
+        arguments = tuple(bundles[i] if j is None else bundles[i][j] for i, j in places)
         self._kernel(*arguments)
         self._remember(arguments)
+        if self._block is not None:
+            pairs = list(zip(self._places, places, strict=True))
+            self._groups = [[(place, j) for place, (i, j) in pairs if i == n] for n in range(len(bundles))]
 
-    def _set(self, arguments: tuple[Any, ...]) -> bool:
+    def _set(self, bundles: tuple[Any, ...], new: list[bool]) -> bool:
         """Set what differs from the last call; False if Taichi has begun anew, or an array is of another type."""
         if self._ti.lang.impl.get_runtime().prog is not self._program:
             return False
         if self._new_block is not None:
-            self._block = self._new_block()
-        for place, given in zip(self._places, arguments, strict=True):
+            self._block, new = self._new_block(), [True] * len(bundles)
+        for bundle, places, other in zip(bundles, self._groups, new, strict=True):
+            if other and not self._set_bundle(bundle, places):
+                return False
+        return True
+
+    def _set_bundle(self, bundle: Any, places: list[tuple[_Place, int | None]]) -> bool:
+        for place, j in places:
+            given = bundle if j is None else bundle[j]
             if place.real is None:
                 if place.inner is None:
                     if not self._set_array_of_device(place, given):
                         return False
                 elif place.last() is not given and not self._set_array(place, given):
                     return False
-            elif place.real:
-                self._block.set_arg_float((place.number,), float(given))
-            else:
-                self._block.set_arg_int((place.number,), int(given))
+            elif self._new_block is not None or place.last != given:
+                if place.real:
+                    self._block.set_arg_float((place.number,), float(given))
+                else:
+                    self._block.set_arg_int((place.number,), int(given))
+                place.last = given
         return True
 
     def _set_array(self, place: _Place, given: Any) -> bool:

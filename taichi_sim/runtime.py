@@ -333,7 +333,7 @@ def element(array: Any, *indices: Any) -> Any:
     return ti.lang.impl.subscript(None, array, *indices)
 
 
-def kernel_of(body: Any, *types: Any) -> Callable[..., None]:
+def kernel_of(body: Any, *types: Any) -> Relauncher:
     """Make a kernel that takes arrays and numbers in bundles, which Taichi's own kernels take one by one.
 
     Args:
@@ -370,9 +370,4 @@ def kernel_of(body: Any, *types: Any) -> Callable[..., None]:
     kinds = [types[i] if j is None else types[i][j] for i, j in places]
     scope = {"kinds": kinds, "bundled": bundled, "inner": body, "ti": ti}
     exec(compile(source, file, "exec"), scope)
-    kernel = Relauncher(ti, ti.kernel(scope[body.__name__]))
-
-    def launch(*arguments: Any) -> None:
-        kernel(*[arguments[i] if j is None else arguments[i][j] for i, j in places])
-
-    return launch
+    return Relauncher(ti, ti.kernel(scope[body.__name__]), places)

@@ -127,13 +127,14 @@ class Course:
         assert self._feedback is not None
         run, driver = self._run, self._run.driver
         slot = self._feedback.decisions[number].snapshot
-        poses = np.take(driver.snapshot(run.marks.poses, slot), self._place, axis=1).astype(float, copy=False)
+        poses = driver.snapshot(run.marks.poses, slot).take(self._place, axis=1, mode="clip").astype(float, copy=False)
         strains = driver.snapshot(run.marks.strains, slot)[:, : self._links].astype(float)
         values, rates = self._feedback.decide(number, Felt(poses[..., :3], poses[..., 3:], strains))
         rows, source = self._rows[number]
-        told = np.stack([np.asarray(values), np.asarray(rates)], axis=1)
+        told = np.empty((len(source), 2))
+        told[:, 0], told[:, 1] = values[source], rates[source]
         told[np.isnan(told)] = 0  # of robots that diverged nothing is known, and nothing depends on it
-        run.decide(rows, told[source], self._sizes[number])
+        run.decide(rows, told, self._sizes[number])
 
     def take_back(self, reverse: "Reverse") -> None:
         """Have the way back stop after each decision's events."""

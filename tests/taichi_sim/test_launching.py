@@ -80,3 +80,42 @@ def test_arrays_are_not_kept(add):
     del array
     gc.collect()
     assert gone() is None
+
+
+class Counted(tuple):
+    """A bundle that counts how often it is looked into."""
+
+    looks = 0
+
+    def __getitem__(self, place):
+        self.looks += 1
+        return super().__getitem__(place)
+
+
+def test_bundles_are_looked_at_again_only_if_they_are_others_or_nobody_kept_them(add):
+    """The array and how often its number is added are in a bundle here, the number is not."""
+    bundled = Relauncher(ti, add._kernel, [(0, 0), (1, None), (0, 1)])
+    array, other = np.zeros(3), np.zeros(2)
+    one, two = Counted((array, 2)), Counted((other, 3))
+    kept = [bundled(one, 1.0), bundled(one, 2.0)]  # by Taichi itself; filling its block
+    looks = one.looks
+    for number in (3.0, 4.0):
+        kept.append(bundled(one, number))
+    assert one.looks == looks and array.tolist() == [20.0] * 3
+    kept.append(bundled(two, 5.0))
+    assert other.tolist() == [15.0] * 2
+    bundled(one, 6.0)
+    assert one.looks > looks and array.tolist() == [32.0] * 3
+    looks = one.looks
+    bundled(one, 7.0)  # nobody kept what the last call returned
+    assert one.looks > looks and array.tolist() == [46.0] * 3
+
+
+def test_a_call_that_fails_midway_leaves_nothing_half_set(add):
+    bundled = Relauncher(ti, add._kernel, [(0, 0), (1, None), (0, 1)])
+    one, wrong = (np.zeros(3), 2), (np.ones(3), "twice")
+    kept = [bundled(one, 1.0), bundled(one, 1.0)]
+    with pytest.raises(ValueError, match="twice"):
+        bundled(wrong, 1.0)
+    kept.append(bundled(one, 1.0))
+    assert one[0].tolist() == [6.0] * 3 and wrong[0].tolist() == [1.0] * 3

@@ -197,7 +197,8 @@ class Run(NeverCopied, ABC):
         driver, (chosen, places, steps) = self.driver, sizes
         decided = driver.host(self.marks.value)
         decided[rows] = values
-        self.marks = self.marks._replace(value=driver.put(decided))
+        if (put := driver.put(decided)) is not self.marks.value:
+            self.marks = self.marks._replace(value=put)
         if not (driver.lists_grow and len(chosen) and self._extremes.include(places, values[chosen], steps)):
             return
         if (radius := driver.radius_for(self._extremes)) > driver.radius:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -105,6 +106,7 @@ class PackedRun(Run):
         self._memories = kernel.Memories(self.memory, self.memory.reshape(-1), *driver.views(driver.groups))
         self._unrecorded = Record()
         self._record: Record | None = None
+        self._handed: Any = None
 
     def advance(
         self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Record | None = None
@@ -114,10 +116,10 @@ class PackedRun(Run):
         last = NOWHERE if until is None else until
         if record is not None:
             info[:, contacts.LOGGED], info[:, contacts.KEPT] = 0, -1
-        while ((info[:, contacts.STATE] != contacts.FINISHED) & (info[:, contacts.STEP] < last)).any():
+        while np.count_nonzero((info[:, contacts.STATE] != contacts.FINISHED) & (info[:, contacts.STEP] < last)):
             self._launch(last, record)
             full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
-            if full.any():
+            if np.count_nonzero(full):
                 driver.reserve(3 * driver.pairs.listed.shape[2] // 2)
                 info = driver.pairs.info
                 info[full, contacts.STATE] = contacts.RUNNING
@@ -128,7 +130,8 @@ class PackedRun(Run):
         driver, edge = self.driver, self.edge
         steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
         distance = contact.REBUILD_DISTANCE * edge
-        kernel.packed_kernel(driver.real, record is not None, driver.tables.medium)(
+        # What it returns is kept, so that the next launch does not look at the same arrays again.
+        self._handed = kernel.packed_kernel(driver.real, record is not None, driver.tables.medium)(
             kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, distance),
             self._memories,
             self.shared,

@@ -219,8 +219,9 @@ def record_snapshot(r: ti.template(), e, robot, marks: ti.template()):
     snapshot = 0 - marks.event[e, 1] - 1
     marking.record_sizes(g2, h, 0, e, robot, snapshot, tg, marks)
     for v in range(tg.plan[memory.VOXELS]):
-        for c in range(7):
-            marks.poses[robot, snapshot, v, c] = ms[(k + t.plan[memory.VOXEL] + c) * w + t.lanes.voxel[v]]
+        voxel = (k + t.plan[memory.VOXEL]) * w + t.lanes.voxel[v]
+        for c in ti.static(range(7)):
+            marks.poses[robot, snapshot, v, c] = ms[voxel + c * w]
     for l in range(tg.plan[memory.LINKS]):
         extension = ms[(k + t.plan[memory.LINK]) * w + t.lanes.link[l]]
         slot, lane = inverse_rest(l, tg)

@@ -6,6 +6,7 @@ large, and would else travel between the device and NumPy at every decision.
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 from taichi_sim.autodiff.lanes import Real
 from taichi_sim.runtime import kernel_of, ti
@@ -40,7 +41,7 @@ def add_strains(slot: ti.template(), whole: ti.template(), part: ti.template()):
 
 
 @lru_cache
-def snapshot_kernels(real: Real, dimensions: int) -> tuple[Callable[..., None], Callable[..., None]]:
+def snapshot_kernels(real: Real, dimensions: int) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Kernels that take a snapshot out of an array of so many dimensions, poses or strains, and that add to one."""
     bodies = {4: (take_poses, add_poses), 3: (take_strains, add_strains)}[dimensions]
     types = ti.i32, real.scalars(dimensions), real.scalars(dimensions - 1)
