@@ -26,8 +26,9 @@ venv := .venv
 python := $(venv)/bin/python
 install := $(python) -m pip install --quiet -c constraints.txt $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 
-# Libraries of linear algebra would start as many threads as there are cores in each of the processes.
-test := OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
+# Libraries of linear algebra would start as many threads as there are cores in each of the processes. Images of
+# containers often forbid Python to keep what it compiles: then each of the many processes would compile all modules.
+test := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(python) -m pytest -q -p no:nbmake -n auto --maxprocesses 4 --dist loadfile
 
 .PHONY: demo fuzz fuzz-physics test test-fast test-device test-browser coverage validate validate-quadrants notebooks same-bits bench-history lint site wheel clean
 
