@@ -98,7 +98,7 @@ def test_a_run_that_was_moved_needs_no_other_file(morpholab, tmp_path, monkeypat
     assert morpholab(f"{MORE} --out a")[::2] == (0, "")
     assert Path("a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()
     written(Path(), 0.001)
-    assert morpholab("view a --frames 3 --strip a.png --quiet")[::2] == (0, "")
+    assert morpholab("view a --frames 3 --precision f64 --strip a.png --quiet")[::2] == (0, "")
     assert morpholab("report a --out a.html --frames 3 --quiet")[::2] == (0, "")
     code, _, error = morpholab(f"{MORE} --terrain {HILLS} --out a")
     assert code == 2 and "terrain: hills.npy is not the file of the run in a (" in error
@@ -114,7 +114,7 @@ def test_a_run_is_seen_on_its_own_ground_or_on_another_that_is_named(morpholab, 
     np.save(KEPT, np.full((40, 40), 0.001))
     code, _, error = morpholab("view a --frames 3 --strip a.png")
     assert code == 2 and error.startswith(f"morpholab view: error: terrain: {KEPT} is not the file of the run in a (")
-    assert morpholab("view a --terrain flat --frames 3 --strip flat.png --quiet")[::2] == (0, "")
+    assert morpholab("view a --terrain flat --frames 3 --precision f64 --strip flat.png --quiet")[::2] == (0, "")
     assert (tmp_path / "flat.png").exists() and not (tmp_path / "a.png").exists()
 
 

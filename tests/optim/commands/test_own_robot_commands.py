@@ -45,7 +45,8 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert code == 0 and out.startswith("best speed: ")
     config = tomllib.loads((tmp_path / "runs/x/config.toml").read_text())
     assert config["problem"]["worlds"] == [{"slope": 3.0}] and "drives" in json.loads(config["problem"]["robot"])
-    code, out, _ = morpholab(f"view runs/x runs/x/best.json gone.py --frames 20 --out page.html {QUICK}")
+    shown = "view runs/x runs/x/best.json gone.py --frames 20 --precision f64 --out page.html"
+    code, out, _ = morpholab(f"{shown} {QUICK}")
     assert code == 0 and [line.partition(":")[0] for line in out.splitlines()[:3]] == [
         "x on hill",
         "best on flat",
@@ -136,7 +137,7 @@ def test_a_mesh_is_designed_and_leaves_as_parts_table_and_voxels(morpholab, tmp_
     assert read_channels("a/gait.csv").pressures.tolist() == read_channels("t.csv").pressures.tolist()
     assert morpholab("export a/best.json --parts mould --mould draft=3,wall=5 --voxels best.vxa")[0] == 0
     assert {path.name for path in Path("mould").iterdir()} == {"mould_lower.stl", "mould_upper.stl"}
-    assert morpholab(f"view best.vxa --frames 5 --out v.html {QUICK}")[0] == 0
+    assert morpholab(f"view best.vxa --frames 5 --precision f64 --out v.html {QUICK}")[0] == 0
     (tmp_path / "fast.toml").write_text("[channels.bladder]\nslew_kpa_per_s = 1e5\n")
     assert morpholab("export a --csv fast.csv --rig fast.toml --full-scale 0.5:1.5")[0] == 0
     simulations = [f"simulate --robot a/best.json --threads 1 --json{more}" for more in ("", " --channels fast.csv")]

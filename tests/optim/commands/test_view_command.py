@@ -47,7 +47,7 @@ def test_of_a_run_in_several_worlds_it_says_which_it_shows(morpholab, tmp_path):
         "codesign --robot soft-quadruped --terrain flat --terrain hill:5 --method random --climbers 1 --generations 1"
     )
     assert morpholab(f"{line} --threads 1 --quiet --out a")[0] == 0
-    shown = "view a --frames 9 --threads 1 --quiet --out"
+    shown = "view a --frames 9 --precision f64 --threads 1 --quiet --out"
     assert "; its run has hill:5, too: --terrain shows another" in morpholab(f"{shown} a.html")[1]
     assert "its run" not in morpholab(f"{shown} b.html --terrain hill:5")[1]
     assert "its run" not in morpholab("view vehicle --controller 1,1 --frames 9 --threads 1 --quiet --out c.html")[1]
