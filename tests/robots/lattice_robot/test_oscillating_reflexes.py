@@ -45,7 +45,7 @@ def errors(robot: LatticeRobot, terrain: Terrain, steps) -> np.ndarray:
     directions[:2, : -robot.weights_of(point[None]).shape[1]] = 0
     differ = []
     for step in steps:
-        run = simulate(robot, point + step * np.concatenate([directions, -directions]), terrain, threads=2)
+        run = simulate(robot, point + step * np.concatenate([directions, -directions]), terrain, threads=1)
         expected = (run.distance[:4] - run.distance[4:]) / (2 * step)
         differ.append(np.abs(directions @ found.gradient[0] - expected) / np.abs(expected))
     assert found.distance[0] == simulate(robot, point[None], terrain, threads=1).distance[0]

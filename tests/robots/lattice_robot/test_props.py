@@ -174,7 +174,7 @@ def test_the_gradient_is_that_of_central_differences(ground, sense):
     errors = {name: [] for name in names}
     for step in (1e-7, 1e-8, 1e-9):
         run = robot.simulate(
-            point + step * np.concatenate([directions, -directions]), terrain, compute=Compute(threads=2)
+            point + step * np.concatenate([directions, -directions]), terrain, compute=Compute(threads=1)
         )
         for name in names:
             plus, minus = np.split(run.measures[name], 2)
