@@ -23,7 +23,7 @@ COMMANDS = {
     "export": ("", "export inching --csv gait.csv", ""),
     "export a mould": ("", "export starfish.py --parts parts --mould draft=2,wall=3", ""),
     "view": ("", "view vehicle --out page.html --picture still.png --glb motion.glb --quiet", ""),
-    "paraview": ("", "view vehicle --paraview frames --quiet", ""),
+    "paraview": ("", "view vehicle --paraview frames --frames 20 --quiet", ""),
     "simulate": ("", "simulate --robot vehicle --out a", ""),
     "check gradients": ("", "gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out a", ""),
     "codesign": ("", f"{RUN} a", "codesign --resume --quiet --out a"),
