@@ -141,7 +141,8 @@ IN_PROCESSES_OF_THEIR_OWN = """
 import gymnasium
 import robots.gym
 
-many = gymnasium.make_vec("morpholab/Push-v0", num_envs=2, vectorization_mode="async")
+one = gymnasium.make("morpholab/Push-v0")
+many = gymnasium.make_vec("morpholab/LeggedQuadruped-v0", num_envs=2, vectorization_mode="async")
 many.reset(seed=0)
 print(many.step(many.action_space.sample())[1].shape)
 many.close()
@@ -150,6 +151,7 @@ many.close()
 
 @pytest.mark.kernels
 def test_environments_may_be_made_before_processes_are_forked():
+    """Also others than those of the processes, whose kernels compile in less time."""
     command = [sys.executable, "-c", IN_PROCESSES_OF_THEIR_OWN]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert (done.returncode, done.stdout.strip()) == (0, "(2,)"), done.stderr
