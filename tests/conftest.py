@@ -8,7 +8,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from computing import place
+from computing import kernels_of, next_scope, place
 from hypothesis import settings
 from stand_in import Simulator
 
@@ -80,12 +80,24 @@ def pytest_collection_modifyitems(items):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """Processes take a file's tests that compute alike at a time, in the order above."""
+    """Processes take a file's tests that compute alike at a time, and stay with what they have compiled."""
     from xdist.scheduler import LoadFileScheduling
 
     class ByComputing(LoadFileScheduling):
+        def __init__(self, *given):
+            super().__init__(*given)
+            self.last = {}  # which kernels each process launched last
+
         def _split_scope(self, nodeid):
             return " ".join(map(str, (super()._split_scope(nodeid), *place(nodeid))))
+
+        def _assign_work_unit(self, node):
+            kernels = {scope: kernels_of(next(iter(unit))) for scope, unit in self.workqueue.items()}
+            of_others = {kind for other, kind in self.last.items() if other is not node}
+            scope = next_scope(kernels, self.last.get(node), of_others)
+            self.last[node] = kernels[scope] or self.last.get(node)
+            self.workqueue.move_to_end(scope, last=False)
+            super()._assign_work_unit(node)
 
     config.option.loadscopereorder = False
     return ByComputing(config, log)

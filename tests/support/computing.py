@@ -2,7 +2,14 @@
 
 For another one Taichi starts again and loads all kernels anew, so tests go in an order in which it seldom has to. The
 default is double precision on one thread. What differs is told here by parts of a test's name.
+
+Each process compiles the kernels that it launches. So those of an engine in a precision are, as far as that goes, one
+process's: it stays with them, and files without kernels fill the time of whoever has none left.
 """
+
+from collections import Counter
+from functools import cache
+from pathlib import Path
 
 SINGLE = (
     # Files that are so for the most part.
@@ -105,6 +112,11 @@ TWO_THREADS = (
     "test_vehicle_studies.py::test_the_curve_of_co_optimisation",
     "test_walker.py::test_results_depend",
 )
+# Files that compile more for rigid robots than for lattices.
+RIGID = ("/rigid/", "/articulated/", "/quadruped/", "every_kind_of_robot", "kinds_of_packages", "test_light_seekers")
+
+ROOT = Path(__file__).parents[2]
+Kernels = tuple[str, str]
 
 
 def precision(test: str) -> str:
@@ -115,6 +127,32 @@ def precision(test: str) -> str:
 def place(test: str) -> tuple[str, bool]:
     """Where a test belongs in the order: double precision first, and what needs several threads behind the rest."""
     return "double" if precision(test) == "f64" else "single", _in(test, TWO_THREADS)
+
+
+def kernels_of(test: str) -> Kernels | None:
+    """Whose kernels a test launches for the most part, and in which precision; None if its file launches none."""
+    return ("rigid" if _in(test, RIGID) else "lattice", precision(test)) if _launches(test.split("::")[0]) else None
+
+
+def next_scope(kernels: dict[str, Kernels | None], last: Kernels | None, of_others: set[Kernels]) -> str:
+    """Which of the waiting groups of tests, in their order, a process takes next.
+
+    Args:
+        kernels: that each of them launches.
+        last: that the process launched last.
+        of_others: that the other processes launched last.
+
+    Returns:
+        The first that launches the same; or what no other does; or nothing; or what there is most of.
+    """
+    count = Counter(kernels.values())
+    ranks = {kind: (kind is None or kind != last, kind in of_others, kind is None, -n) for kind, n in count.items()}
+    return min(kernels, key=lambda scope: ranks[kernels[scope]])
+
+
+@cache
+def _launches(file: str) -> bool:
+    return "mark.kernels" in (ROOT / file).read_text()
 
 
 def _in(test: str, parts: tuple[str, ...]) -> bool:
