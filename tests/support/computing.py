@@ -58,7 +58,6 @@ SINGLE = (
     "test_copies.py::test_a_copy_goes_on_with_the_same_bits[Pancake",
     "test_copies.py::test_a_copy_goes_on_with_the_same_bits[Push",
     "test_copies.py::test_a_copy_goes_on_with_the_same_bits[Walk",
-    "test_lattice_engine.py::test_every_driver",
     "test_lattice_engine.py::test_nothing_compiles_again",
     "test_minibatches.py::test_gaits_of_the_inflatable",
     "test_task_problems.py::test_it_is_the_problem_of_the_command",
@@ -113,7 +112,7 @@ TWO_THREADS = (
     "test_walker.py::test_results_depend",
 )
 # Files that compile more for rigid robots than for lattices.
-RIGID = ("/rigid/", "/articulated/", "/quadruped/", "every_kind_of_robot", "kinds_of_packages", "test_light_seekers")
+RIGID = ("/rigid/", "/articulated/", "/quadruped/", "every_kind_of_robot", "test_light_seekers")
 
 ROOT = Path(__file__).parents[2]
 Kernels = tuple[str, str]

@@ -1,4 +1,4 @@
-"""A kind of robot and an objective of installed packages, by the command line of a process of its own."""
+"""A kind of robot and an objective of installed packages, by the command lines of processes of their own."""
 
 import json
 import os
@@ -31,6 +31,21 @@ pytestmark = pytest.mark.long
 SEARCH = "codesign --robot hopper --climbers 4 --quiet"
 
 
+# A process that imports once and takes one command line after the other.
+COMMANDS = """
+import contextlib, io, json, sys
+from optim.cli import main
+for line in sys.stdin:
+    out, error = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+        try:
+            code = main(line.split())
+        except SystemExit as stop:
+            code = stop.code
+    print(json.dumps([code, out.getvalue(), error.getvalue()]), flush=True)
+"""
+
+
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory):
     """Runs a command line in a folder, with two packages installed: (exit code, stdout, stderr)."""
@@ -38,17 +53,27 @@ def lab(tmp_path_factory):
     install(folder / "site", "hopper-kit", "morpholab.robots", {"hopper": "hopper_kit:HopperKind"})
     install(folder / "site", "economy-kit", "morpholab.objectives", {"economy": "economy_kit:Economy"}, OBJECTIVE)
     shutil.copy(HOPPER, folder / "site/hopper_kit.py")
+    processes = {}
 
-    def run(line, installed=True):
+    def run(line, installed=True, fresh=False):
         path = os.pathsep.join([str(ROOT), *([str(folder / "site")] if installed else [])])
-        command = [sys.executable, "-m", "optim.cli", *line.split()]
-        done = subprocess.run(
-            command, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
-        )
-        return done.returncode, done.stdout, done.stderr
+        options = {"cwd": folder, "env": {**os.environ, "PYTHONPATH": path}, "text": True}
+        if fresh:
+            command = [sys.executable, "-m", "optim.cli", *line.split()]
+            done = subprocess.run(command, **options, capture_output=True, check=False)
+            return done.returncode, done.stdout, done.stderr
+        if installed not in processes:
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+            processes[installed] = subprocess.Popen([sys.executable, "-c", COMMANDS], **options, **pipes)
+        process = processes[installed]
+        process.stdin.write(f"{line}\n")
+        process.stdin.flush()
+        return tuple(json.loads(process.stdout.readline()))
 
     run.folder = folder
-    return run
+    yield run
+    for process in processes.values():
+        process.communicate(timeout=60)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +92,7 @@ def test_a_hopper_takes_sixty_lines():
 def test_a_hopper_is_designed_and_the_run_goes_on_to_the_same_bits(lab, searched):
     assert set(searched["best_point"]) == {"stiffness", "stroke"} and searched["best"] > 0
     assert lab(f"{SEARCH} --mass 0.5 --generations 1 --out runs/b")[0] == 0
-    code, out, _ = lab("codesign --resume --generations 3 --quiet --out runs/b")
+    code, out, _ = lab("codesign --resume --generations 3 --quiet --out runs/b", fresh=True)
     assert code == 0 and out.startswith("best height: ") and " m (energy " in out
     logs = [(lab.folder / f"runs/{name}/log.jsonl").read_bytes() for name in "ab"]
     assert logs[0] == logs[1]
@@ -122,10 +147,10 @@ def test_without_the_package_runs_are_refused_in_one_line(lab, searched):
 
 
 def test_help_names_options_of_a_kind_and_runs_no_package(lab):
-    code, out, _ = lab("codesign --robot hopper --help")
+    code, out, _ = lab("codesign --robot hopper --help", fresh=True)
     assert code == 0 and "--mass" in out and "--encoding" not in out
     (lab.folder / "site/economy_kit.py").rename(lab.folder / "site/broken.py")
-    code, out, _ = lab("codesign --help")
+    code, out, _ = lab("codesign --help", fresh=True)
     (lab.folder / "site/broken.py").rename(lab.folder / "site/economy_kit.py")
     assert code == 0 and "--encoding" in out and "--mass" not in out
 
