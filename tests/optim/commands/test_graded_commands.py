@@ -22,6 +22,7 @@ from robots.world import Terrain
 
 SEARCH = "--terrain flat --encoding graded --columns 2 --climbers 3 --generations 3 --geometry small --seed 2 --quiet"
 SMALL = "--geometry small"
+SINGLE = f"{SMALL} --precision f32"  # as pictures are made in
 REAL = f"{SMALL} --columns 1 --repeats 1 --threads 1"
 BRIEF = settling(np.repeat([[0.05, 0.1], [0.0, 0.02]], 5, axis=0), [40, 0], 2)
 
@@ -82,7 +83,7 @@ def test_options_that_do_not_fit_are_one_line(morpholab, brief, options, message
 
 @pytest.mark.kernels
 def test_simulate_takes_files_and_rows_and_writes_what_it_writes_of_others(morpholab, tmp_path, brief):
-    code, out, err = morpholab(f"simulate --gait brief.json --slope 5 --out a --record-every 200 --json {SMALL}")
+    code, out, err = morpholab(f"simulate --gait brief.json --slope 5 --out a --record-every 200 --json {SINGLE}")
     assert code == 0, err
     document = json.loads(out)
     assert code == 0 and document["status"] == "ok" and document["repeats"] == 2
@@ -93,9 +94,9 @@ def test_simulate_takes_files_and_rows_and_writes_what_it_writes_of_others(morph
     assert names == {"design.json", "result.json", "gait.csv", "robot.png", "frames.npz"}
     assert load_design(tmp_path / "a/design.json") == load_design(brief)
     for option in ("", "--from-rows"):
-        again = json.loads(morpholab(f"simulate --gait a/gait.csv {option} --slope 5 --json {SMALL}")[1])
+        again = json.loads(morpholab(f"simulate --gait a/gait.csv {option} --slope 5 --json {SINGLE}")[1])
         assert again | {"gait": 0} == document | {"gait": 0}
-    code, out, _ = morpholab(f"simulate --gait brief.json --pressure 500 --json {REAL}")
+    code, out, _ = morpholab(f"simulate --gait brief.json --pressure 500 --json {REAL} {SINGLE}")
     cut = json.loads(out)
     assert (cut["pressure"], cut["orientation"], cut["repeats"]) == (500.0, 90.0, 1) and cut["steps"] < 500
     assert len(json.loads(cut["schedule"])["settle_steps"]) == 1
