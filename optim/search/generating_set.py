@@ -89,7 +89,7 @@ class GeneratingSetSearch(IndependentSearches):
 
     def _asked(self) -> list[Floats]:
         """The points asked for, of each search."""
-        starts = iter(self._starts())
+        starts = iter(self._starts() if self.waiting.any() else ())
         return [
             next(starts)[None] if waiting else poll[judged : judged + self.polled]
             for waiting, poll, judged in zip(self.waiting, self.polls, self.judged, strict=True)
