@@ -12,7 +12,7 @@ from optim.search import SeparableNES
 from optim.search.nes import OFF, _utilities
 from optim.space import Space, Variable
 
-SEEDS = range(5)
+SEEDS = range(3)
 
 
 def ellipsoid(points):
