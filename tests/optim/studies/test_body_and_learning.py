@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from optim.experiments.tables import read_records
+from optim.measures.statistics import spearman
 from optim.studies.beyond.body_and_learning import pouches, universal
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
 from optim.studies.beyond.body_and_learning.pouches import pouch
-from optim.studies.beyond.body_and_learning.report import correlations, foretold
+from optim.studies.beyond.body_and_learning.report import correlations, foretold, possible, write_report
 from optim.studies.beyond.body_and_learning.study import LEARNERS, STUDY, BodyAndLearning
 from optim.studies.beyond.body_and_learning.universal import Controller
 
@@ -45,6 +46,43 @@ def test_what_metrics_foretell():
     found = correlations(rows, ("evolution",))
     assert found["M_L", "evolution"].r == pytest.approx(-1.0)
     assert abs(found["voxels", "evolution"].r) < 0.3 and found["felt", "evolution"].r is None
+
+
+def made_up(bodies: int, unknown: int) -> list[dict]:
+    """Bodies that need the more evaluations the greater their distance is, which those that need most do not know."""
+    return [
+        {"M_L": 0.01 * (30 - n), "M_CI": 0.02 * (30 - n), "all": 30 - n, "any": 50, "voxels": n % 5}
+        | {"felt": np.nan if n >= bodies - unknown else 1.0 + n}
+        | dict.fromkeys(LEARNERS, 10.0 + n)
+        | dict.fromkeys((f"{name}_solved" for name in LEARNERS), 2)
+        for n in range(bodies)
+    ]
+
+
+def test_each_row_tells_of_how_many_bodies_it_is(tmp_path):
+    """Three of twenty have no distance: its row is of 17, that of bodies held out of ten, others of all."""
+    write_report(tmp_path, made_up(20, 3), {name: each.title for name, each in LEARNERS.items()}, {"repetitions": 2})
+    table = (tmp_path / "table.md").read_text()
+    lines = [line.split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    told = {cells[0].strip("| "): cells[1] for cells in lines}
+    assert told["M_L"] == told["M_CI"] == told["voxels"] == "20" and told["distance (homeostasis)"] == "17"
+    assert told["foretold by M_L and M_CI, held-out bodies"] == "10"
+    assert "each other 1.00 (1.00 to 1.00), n = 20;" in table and "distance -1.00 (-1.00 to -1.00), n = 17." in table
+    assert "unknown in 3 of 20 bodies" in table
+    assert told["evolution"] == "19.5 (16.7 to 22.3)" and table.count("40 of 40") == len(LEARNERS)
+    write_report(tmp_path, made_up(20, 0), {name: each.title for name, each in LEARNERS.items()}, {"repetitions": 2})
+    assert "unknown" not in (tmp_path / "table.md").read_text()
+
+
+def test_what_bodies_that_are_left_out_could_change():
+    """Three of the slowest without a distance: the greatest keeps the order, the least turns it for them."""
+    rows = made_up(20, 3)
+    low, high = possible(rows, "felt", "evolution")
+    assert correlations(rows, ("evolution",))["felt", "evolution"].r == pytest.approx(1.0)
+    ends = [[value] * 3 + [1.0 + n for n in range(17)] for value in (0.0, 99.0)]
+    order = [row["evolution"] for row in rows[17:] + rows[:17]]
+    assert [low, high] == pytest.approx([spearman(values, order, "two-sided").r for values in ends])
+    assert low < 0.5 < 0.99 < high and possible(made_up(20, 0), "felt", "evolution") is None
 
 
 @pytest.mark.slow

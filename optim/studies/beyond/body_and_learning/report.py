@@ -9,24 +9,40 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, markdown, page
-from optim.measures.statistics import Correlation, spearman
+from optim.experiments.tables import Record, column, markdown, page
+from optim.measures.statistics import Correlation, mean_interval, spearman
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
-METRICS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$", "felt": "homeostasis", "voxels": "voxels"}
+METRICS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$", "felt": "distance (homeostasis)", "voxels": "voxels"}
 LEAST = 10  # bodies of which a correlation says something
 
 
 def correlations(rows: Sequence[Record], learners: Sequence[str]) -> dict[tuple[str, str], Correlation]:
     """Rank correlation of every metric with the mean evaluations of every kind of learning, over bodies."""
-    found = {}
-    for metric in METRICS:
-        for learner in learners:
-            x, y = column(rows, metric), column(rows, learner)
-            known = np.isfinite(x) & np.isfinite(y)
-            found[metric, learner] = spearman(x[known], y[known], "two-sided")
-    return found
+    return {(metric, learner): between(rows, metric, learner) for metric in METRICS for learner in learners}
+
+
+def between(rows: Sequence[Record], one: str, other: str) -> Correlation:
+    """Rank correlation of two columns, over the bodies in which both are known."""
+    x, y = column(rows, one), column(rows, other)
+    known = np.isfinite(x) & np.isfinite(y)
+    return spearman(x[known], y[known], "two-sided")
+
+
+def possible(rows: Sequence[Record], metric: str, learner: str) -> tuple[float, float] | None:
+    """Least and greatest rank correlation that a metric could have if bodies without it had it.
+
+    Each of them has the least or the greatest value of all. None if no body lacks it, or only one has it.
+    """
+    x, y = column(rows, metric), column(rows, learner)
+    known = np.isfinite(x)
+    if known.all() or known.sum() < 2:
+        return None
+    least, greatest, slow = np.min(x[known]) - 1, np.max(x[known]) + 1, y > np.median(y)
+    ends = (np.where(known, x, np.where(slow == rising, greatest, least)) for rising in (False, True))
+    low, high = (spearman(values, y, "two-sided").r for values in ends)
+    return None if low is None or high is None else (low, high)
 
 
 def foretold(rows: Sequence[Record], learner: str) -> Correlation:
@@ -51,36 +67,64 @@ def write_report(
     """Write ``table.md``, ``summary.json`` and ``evaluations.png``."""
     found = correlations(rows, tuple(learners))
     held = {name: foretold(rows, name) for name in learners}
+    runs = settings["repetitions"] * len(rows)
     pairs = [
-        [METRICS[metric].strip("$").replace("{CI}", "CI"), *(_told(found[metric, name]) for name in learners)]
+        _line(METRICS[metric].strip("$").replace("{CI}", "CI"), [found[metric, name] for name in learners])
         for metric in METRICS
     ]
-    pairs.append(["foretold by M_L and M_CI, held-out bodies", *(_told(held[name]) for name in learners)])
+    pairs.append(_line("foretold by M_L and M_CI, held-out bodies", list(held.values())))
     needs = [
-        [title, cell(float(column(rows, name).mean()), ".1f"), int(column(rows, f"{name}_solved").sum())]
+        [title, _mean(column(rows, name)), f"{int(column(rows, f'{name}_solved').sum())} of {runs}"]
         for name, title in learners.items()
     ]
-    metrics = spearman(column(rows, "M_L"), column(rows, "M_CI"), "two-sided")
-    count = len(rows)
+    metrics, alike = between(rows, "M_L", "M_CI"), between(rows, "M_L", "felt")
     write_text(
         folder / "table.md",
         page(
-            f"Rank correlations over {count} bodies of metrics with the mean evaluations that learning needs, with "
-            f"95 % intervals; of M_L and M_CI with each other {_told(metrics)}.",
-            markdown(["metric", *learners.values()], "l" + "r" * len(learners), pairs),
-            f"Evaluations until one succeeded in all worlds, {settings['repetitions']} repetitions in each body:",
+            "Rank correlations over n bodies of metrics with the mean evaluations that learning needs, with 95 % "
+            f"intervals; of M_L and M_CI with each other {_told(metrics)}, n = {metrics.n}; of M_L and the distance "
+            f"{_told(alike)}, n = {alike.n}.",
+            markdown(["metric", "n", *learners.values()], "lr" + "r" * len(learners), pairs),
+            _left_out(rows, learners),
+            f"Evaluations until one succeeded in all worlds, {settings['repetitions']} repetitions in each of "
+            f"{len(rows)} bodies, means with 95 % intervals over bodies:",
             markdown(["learning", "mean evaluations", "runs that succeeded"], "lrr", needs),
         ),
     )
     summary = {
         "settings": dict(settings),
-        "bodies": count,
+        "bodies": len(rows),
         "metrics": asdict(metrics),
         "correlations": {f"{metric} {name}": asdict(one) for (metric, name), one in found.items()},
         "held_out": {name: asdict(one) for name, one in held.items()},
     }
     write_json(folder / "summary.json", summary)
     _draw(folder / "evaluations.png", rows, learners, found)
+
+
+def _line(title: str, over: Sequence[Correlation]) -> list[str]:
+    """The cells of a metric: its title, of how many bodies its correlations are, and these."""
+    least, most = min(one.n for one in over), max(one.n for one in over)
+    return [title, f"{least}" if least == most else f"{least} to {most}", *map(_told, over)]
+
+
+def _left_out(rows: Sequence[Record], learners: Mapping[str, str]) -> str:
+    """Which bodies the row of homeostasis lacks, and what they could change of it; empty if it lacks none."""
+    missing = int(np.isnan(column(rows, "felt")).sum())
+    found = {title: possible(rows, "felt", name) for name, title in learners.items()}
+    ranges = ", ".join(f"{each[0]:.2f} to {each[1]:.2f} ({title})" for title, each in found.items() if each)
+    told = [
+        f"The distance (homeostasis) is unknown in {missing} of {len(rows)} bodies, as fewer than two of their drawn "
+        "controllers succeed in all worlds; they are left out of its row.",
+        f"Were it the least or the greatest of all in each of them, correlations could be {ranges}.",
+    ]
+    return " ".join(told[: bool(missing) + bool(ranges)])
+
+
+def _mean(values: Floats) -> str:
+    """A mean with its interval over bodies."""
+    low, high = mean_interval(values)
+    return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
 
 
 def _told(found: Correlation) -> str:
@@ -105,8 +149,8 @@ def _draw(
                 known = np.isfinite(x) & np.isfinite(y)
                 axes.scatter(x[known], y[known], s=9, color=COLOURS[0], alpha=0.6, linewidths=0)
                 axes.set_xlabel(METRICS[metric])
-                if (one := found[metric, name]).r is not None and len(rows) >= LEAST:
-                    note(axes, f"$r_s = {one.r:.2f}$", 0.95)
+                if (one := found[metric, name]).r is not None and one.n >= LEAST:
+                    note(axes, f"$r_s = {one.r:.2f}$, n = {one.n}", 0.95)
             axes_row[0].set_ylabel("mean evaluations")
         for axes, title in zip(panels[0], learners.values(), strict=True):
             caption(axes, title)
