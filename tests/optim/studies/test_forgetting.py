@@ -1,19 +1,32 @@
 """Forgetting: methods on tasks whose answers are known, levels of bodies, and the study itself on vehicles."""
 
 import json
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from optim.experiments.tables import read_records
+from optim import cli
+from optim.experiments.tables import read_records, write_records
 from optim.measures.factorial import two_way
 from optim.studies.beyond.forgetting import methods
+from optim.studies.beyond.forgetting import study as of_study
 from optim.studies.beyond.forgetting.families import FAMILIES, Learning
 from optim.studies.beyond.forgetting.methods import METHODS, Recipe, shortened, train
 from optim.studies.beyond.forgetting.report import analyse, contrasts, verdict
-from optim.studies.beyond.forgetting.study import STUDY, Effort, Forgetting, levels_of
+from optim.studies.beyond.forgetting.study import (
+    MEASURES,
+    NEEDED,
+    STUDY,
+    Effort,
+    Forgetting,
+    levels_of,
+    means_over_starts,
+)
 
+DATA = Path(__file__).parents[3] / "docs/data/forgetting"
 RECIPE = Recipe(steps=60, rate=0.1, strength=10.0, replay=2)
 
 
@@ -122,6 +135,35 @@ def test_what_is_said_follows_from_the_values():
     assert mixed.interaction.omega_low > 0.2 and verdict(mixed, mixed.interaction.p).endswith("methods differ by body")
 
 
+def with_starts(row):
+    """Three starts whose mean is that of a row, as far as it is written."""
+    apart = dict.fromkeys((*MEASURES, *NEEDED), 0.25)
+    return [
+        {**row, "start": start}
+        | {name: row[name] + (start - 1) * by for name, by in apart.items() if row[name] is not None}
+        for start in range(3)
+    ]
+
+
+def test_starts_are_kept_and_told_by_their_means():
+    """Means of starts; a table of an earlier version, which has no starts, stays as it is."""
+    older = read_records(DATA / "runs.csv")
+    assert "start" not in older[0] and means_over_starts(older) == older
+    newer = [{**one, "failed": one["start"]} for row in older for one in with_starts(row)]
+    assert len(newer) == 3 * len(older) and newer[0]["final_a"] < newer[2]["final_a"] - 0.4
+    assert means_over_starts(newer) == [{**row, "failed": 3} for row in older]
+
+
+@pytest.mark.long
+def test_a_table_with_starts_is_told_from_data(tmp_path):
+    """As that of their means is, which is committed."""
+    folder = tmp_path / "forgetting"
+    shutil.copytree(DATA, folder)
+    write_records(folder / "runs.csv", [one for row in read_records(DATA / "runs.csv") for one in with_starts(row)])
+    assert cli.main(["reproduce", "forgetting", "--from-data", str(tmp_path), "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out/table.md").read_bytes() == (DATA / "table.md").read_bytes()
+
+
 @pytest.mark.kernels
 def test_gradients_are_those_of_the_share_that_is_covered():
     """By central differences, in a vehicle; what is covered is 1 at the light and 0 at the start."""
@@ -141,7 +183,7 @@ def test_gradients_are_those_of_the_share_that_is_covered():
 
 
 @pytest.mark.kernels
-def test_the_study_goes_on_where_it_was(tmp_path):
+def test_the_study_goes_on_where_it_was(tmp_path, monkeypatch):
     """To the same tables; a study of other settings is refused."""
     out = Effort(0)
     settings = Forgetting(Effort(2, measured=2, controllers=32, starts=2, steps=3), out, out)
@@ -154,8 +196,11 @@ def test_the_study_goes_on_where_it_was(tmp_path):
     STUDY.run(tmp_path / "a", settings)
     assert {name: (tmp_path / "a" / name).read_bytes() for name in first} == first
     rows = read_records(tmp_path / "a/runs.csv")
-    assert len(rows) == 4 * len(METHODS) and all(row["failed"] == 0 for row in rows)
+    assert len(rows) == 4 * 2 * len(METHODS) and all(row["failed"] == 0 for row in rows)
+    assert [row["start"] for row in rows] == 4 * len(METHODS) * [0, 1]
     assert all(row["learned_a"] >= row["start_a"] for row in rows)
+    assert all(row["worse"] == min(row["final_a"], row["final_b"]) for row in rows)
+    rows = means_over_starts(rows)
     assert all((tmp_path / "a" / name).stat().st_size for name in STUDY.writes)
     summary = json.loads((tmp_path / "a/summary.json").read_text())
     by_hand = [
@@ -163,5 +208,9 @@ def test_the_study_goes_on_where_it_was(tmp_path):
         for level in ("high", "low")
     ]
     assert summary["analyses"]["vehicle worse"]["rows"]["omega"] == pytest.approx(two_way(by_hand, True).rows.omega)
+    write_records(tmp_path / "a/runs.csv", rows)  # as folders of earlier versions have it, beside what was trained
+    monkeypatch.setattr(of_study, "train", None)
+    STUDY.run(tmp_path / "a", settings)
+    assert {name: (tmp_path / "a" / name).read_bytes() for name in first} == first
     with pytest.raises(ValueError, match="of other settings"):
         STUDY.run(tmp_path / "a", replace(settings, vehicle=replace(settings.vehicle, starts=1)))

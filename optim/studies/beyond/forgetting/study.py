@@ -17,7 +17,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
 from optim.experiments.study import Count, Settings, Several, Study, Whole
-from optim.experiments.tables import Record, write_records
+from optim.experiments.tables import Record, column, write_records
 from optim.measures.sampled import sampled_metrics
 from optim.space import Space
 from optim.studies.beyond.forgetting.families import FAMILIES, LOST, Learning
@@ -29,7 +29,7 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 NAME, MEASURED = "forgetting", "bodies.csv"
 STRENGTH, REPLAY = 10.0, 2  # of elastic weights; every second step in B is one in A
-DIGITS = 6  # of shares of the way in the table, from which all else follows
+DIGITS = 6  # of means over starts, from which all else follows
 MEASURING = 1 / 4  # part of the time, for progress
 
 
@@ -91,7 +91,7 @@ def study(folder: Path, settings: Forgetting, progress: Progress = None, jobs: i
             body = known[row["body"]]
             rows.append({**row, "level": level_of[row["body"]], "M_CI": body["M_CI"], "M_L": body["M_L"]})
         write_records(folder / TABLE, rows)
-        write_report(folder, rows, measured, settings.describe())
+        write_report(folder, means_over_starts(rows), measured, settings.describe())
 
 
 # Of a training, in both environments.
@@ -101,7 +101,7 @@ NEEDED = ("first", "again")
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write what explains what bodies forgot, and the picture, from both tables."""
+    """Write what explains what bodies forgot, and the picture, from both tables; that of runs may lack starts."""
     metrics = dict.fromkeys(("M_CI", "M_L"), float)
     texts: dict[str, Kind] = {"robot": tuple(FAMILIES), "method": tuple(METHODS), "level": tuple(LEVELS)}
     told: dict[str, Kind] = {"body": int, **texts, **metrics, **dict.fromkeys(MEASURES, float)}
@@ -109,7 +109,25 @@ def tell(data: Data, folder: Path) -> None:
     rows = data.records(TABLE, told, "level", "method")
     measured = data.records(MEASURED, {"robot": tuple(FAMILIES), "body": int, **metrics})
     settings = data.from_summary(lambda summary: checks.table("settings", summary["settings"]))
-    write_report(folder, rows, measured, settings)
+    write_report(folder, means_over_starts(rows), measured, settings)
+
+
+def means_over_starts(rows: Sequence[Record]) -> list[Record]:
+    """One row for each body and method, from rows of their starts; those of older tables are such means already."""
+    if "start" not in rows[0]:
+        return list(rows)
+    groups: dict[tuple[Any, ...], list[Record]] = {}
+    for row in rows:
+        groups.setdefault((row["robot"], row["body"], row["method"]), []).append(row)
+    return [_mean(some) for some in groups.values()]
+
+
+def _mean(some: Sequence[Record]) -> Record:
+    """The mean of rows of starts, with what is the same in all of them, and how many of all failed."""
+    names = [name for name in (*MEASURES, *NEEDED) if some[0][name] is not None]
+    means = {name: round(float(column(some, name).mean()), DIGITS) for name in names}
+    same = {name: value for name, value in some[0].items() if name != "start"}
+    return {**same, **means, "failed": sum(row["failed"] for row in some)}
 
 
 def _within(progress: Progress, first: float, last: float) -> Progress:
@@ -161,29 +179,25 @@ def measure(
 def learn(
     folder: Path, name: str, effort: Effort, number: int, _: Mapping[str, Any], progress: Progress
 ) -> list[dict[str, Any]]:
-    """What controllers of a body learn and forget, means over starts, a row for each method; unless it is known."""
+    """What controllers of a body learn and forget, a row for each method and start; unless it is known.
+
+    Numbers are written in full, so that only their means over starts are rounded, as in tables that have no starts.
+    """
     known = {"starts": effort.starts, "steps": effort.steps}
     kept = ResultsFolder(folder / "learned" / f"{name}-{number}", "body", known)
     found = cached(kept, "trained", partial(_learned, name, effort, number))
     if progress:
         progress(1.0)
-    start, learned = found["start"].mean(axis=0), found["learned"].mean(axis=0)
-    first, again = found["first"].mean(), found["again"].mean(axis=1)
-    needed = {way: {"first": first, "again": share} for way, share in zip(SEQUENTIAL, again, strict=True)}
+    again = dict(zip(SEQUENTIAL, found["again"], strict=True))
     rows: list[dict[str, Any]] = []
     for method, final in zip(METHODS, found["final"], strict=True):
-        shares = {
-            "start_a": start[0],
-            "start_b": start[1],
-            "learned_a": learned[0],
-            "learned_b": learned[1],
-            "final_a": final[:, 0].mean(),
-            "final_b": final[:, 1].mean(),
-            "worse": final.min(axis=1).mean(),
-        }
-        shares |= needed.get(method, {})
-        told = {key: round(float(shares[key]), DIGITS) if key in shares else None for key in (*MEASURES, *NEEDED)}
-        rows.append({"robot": name, "body": number, "method": method, **told, "failed": int((final == LOST).sum())})
+        shares = [*found["start"].T, *found["learned"].T, *final.T, final.min(axis=1)]
+        needed = [found["first"], again[method]] if method in again else []
+        told = dict(zip((*MEASURES, *NEEDED), [*shares, *needed], strict=False))
+        for start in range(len(final)):
+            one = {key: float(told[key][start]) if key in told else None for key in (*MEASURES, *NEEDED)}
+            failed = int((final[start] == LOST).sum())
+            rows.append({"robot": name, "body": number, "method": method, "start": start, **one, "failed": failed})
     return rows
 
 
