@@ -73,7 +73,12 @@ def test_what_was_found_is_told_with_intervals(tmp_path):
         for seed in range(5)
     ]
     runs = [
-        {"search": arm, "seed": seed, "nearer": None if seed == 4 else 0.01, "evaluations": 10 * seed}
+        {
+            "search": arm,
+            "seed": seed,
+            "nearer": None if seed == 4 else 0.005 if arm == "fixed" else 0.01,
+            "evaluations": 10 * seed,
+        }
         for arm in LOOPS
         for seed in range(5)
     ]
@@ -81,12 +86,13 @@ def test_what_was_found_is_told_with_intervals(tmp_path):
     table = (tmp_path / "table.md").read_text()
     difference = next(line for line in table.splitlines() if line.startswith("| for speed and M_CI less those"))
     assert all(1.0 < float(each) < 3.0 for each in re.findall(r"\| \+([\d.]+) ", difference)[1:])
-    assert f"| {LOOPS['flat'].label} | 0.80 (0.24 to 1.36) | 20 |" in table
+    assert f"| {LOOPS['flat'].label} | 0.80 (0.24 to 1.36) | - | 20 |" in table
+    assert f"| {LOOPS['fixed'].label} | 0.40 (0.12 to 0.68) | -0.40 (-0.68 to -0.12) | 20 |" in table
     assert json.loads((tmp_path / "summary.json").read_text())["loops"]["flat"] == pytest.approx(0.008)
     assert (tmp_path / "evolving.png").stat().st_size > 5000
     # Searches of seeds that have not ended are not told.
     write_report(tmp_path, bodies, [run for run in runs if run["seed"] < 3][:-1], EvolvingBodies().describe())
-    assert f"| {LOOPS['flat'].label} | 1.00 (1.00 to 1.00) | 5 |" in (tmp_path / "table.md").read_text()
+    assert f"| {LOOPS['flat'].label} | 1.00 (1.00 to 1.00) | - | 5 |" in (tmp_path / "table.md").read_text()
     write_report(tmp_path, bodies, runs[:1], EvolvingBodies().describe())
     assert "Searches" not in (tmp_path / "table.md").read_text()
     assert json.loads((tmp_path / "summary.json").read_text())["loops"] == {}
