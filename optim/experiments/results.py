@@ -17,6 +17,7 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None  # called with the fraction done
 Part = Callable[[Progress], Arrays]
+Check = Callable[[Arrays], object] | None  # refuses the arrays of a part that is damaged, by a ValueError
 Key = TypeVar("Key", str, int)
 RAW = "runs"  # folder of raw results
 
@@ -58,12 +59,13 @@ def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progr
     return progress and (lambda fraction: progress((done + length * fraction) / total))
 
 
-def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays]) -> Arrays:
+def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays], check: Check = None) -> Arrays:
     """Load the arrays of a part of a study from the folder, or compute and keep them there; without one, just compute.
 
-    What is damaged is computed again. Names have no hyphens, which end names in a folder.
+    What is damaged is computed again, and so is what ``check`` refuses by a ValueError, with a warning. Names have no
+    hyphens, which end names in a folder.
     """
-    for arrays in folder.load(name) if folder else ():
+    for arrays in folder.load(name, check) if folder else ():
         return arrays
     found = compute()
     if folder:
@@ -72,7 +74,11 @@ def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays
 
 
 def computed(
-    folder: ResultsFolder | None, parts: Mapping[Key, Part], progress: Progress = None, name: str = "{}"
+    folder: ResultsFolder | None,
+    parts: Mapping[Key, Part],
+    progress: Progress = None,
+    name: str = "{}",
+    check: Check = None,
 ) -> dict[Key, Arrays]:
     """Load or compute the parts of a study one after the other; a kill loses at most one; see :func:`cached`.
 
@@ -80,7 +86,7 @@ def computed(
     """
     found = {}
     for number, (key, compute) in enumerate(parts.items()):
-        found[key] = cached(folder, name.format(key), partial(compute, part_of(progress, number, len(parts))))
+        found[key] = cached(folder, name.format(key), partial(compute, part_of(progress, number, len(parts))), check)
         if progress:
             progress((number + 1) / len(parts))
     return found

@@ -15,8 +15,10 @@ from optim.search import build_method
 from optim.search.epsilon_archive import EpsilonArchive
 from optim.search.method import check_fit
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.checks import within
 from taichi_sim.base.results_folder import ResultsFolder
 
+MOST_ENVIRONMENTS = 4  # that points of a trial can solve
 NOTHING = -1  # where a trial has ended, or has found nothing yet
 
 
@@ -115,6 +117,14 @@ def record_trials(
     return Trials(points, objectives[0], solved, with_gradient)
 
 
+def _check(arrays: Arrays) -> None:
+    """Refuse trials of a file that no search can have made."""
+    for name, axes in {"points": 3, "objectives": 3, "solved": 2, "with_gradient": 2}.items():
+        if arrays[name].ndim != axes or arrays[name].shape[:2] != arrays["solved"].shape:
+            raise ValueError(f"{name}: shape {arrays[name].shape} does not fit {arrays['solved'].shape} of solved")
+    within("solved", arrays["solved"], NOTHING, MOST_ENVIRONMENTS)
+
+
 def computed_trials(
     folder: ResultsFolder | None, arms: Mapping[str, Callable[..., Trials]], progress: Progress
 ) -> dict[str, Trials]:
@@ -123,5 +133,6 @@ def computed_trials(
     def arrays(run: Callable[..., Trials], progress: Progress) -> Arrays:
         return run(progress=progress).arrays
 
-    found = computed(folder, {name: partial(arrays, run) for name, run in arms.items()}, progress, "trials_{}")
+    parts = {name: partial(arrays, run) for name, run in arms.items()}
+    found = computed(folder, parts, progress, "trials_{}", _check)
     return {name: Trials(**arrays) for name, arrays in found.items()}

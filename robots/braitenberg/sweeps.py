@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from robots.braitenberg.body import VehicleBody
+from robots.braitenberg.body import HALF_SIDE, VehicleBody
 from robots.braitenberg.experiment import PUBLISHED, batch_of, check_bodies, contralateral, weight_grid
 from taichi_sim.base.arrays import Arrays, Bytes
-from taichi_sim.base.checks import choice, whole_number
+from taichi_sim.base.checks import choice, whole_number, within
 from taichi_sim.base.compute import PRECISIONS
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
 from taichi_sim.vehicle import VehicleTask, rollout
@@ -169,6 +169,10 @@ def _load(folder: ResultsFolder, settings: Sweep) -> dict[VehicleBody, Overlap]:
     def check(arrays: Arrays) -> None:
         if (found := arrays["overlaps"].shape[1:]) != grid:
             raise ValueError(f"overlaps: a grid of {found[0]} x {found[1]} weights is not allowed; give {grid[0]} each")
+        within("overlaps", arrays["overlaps"], 0, len(settings.task.starts))  # environments
+        if (places := arrays["sites"].shape[1:]) != (2, 2):
+            raise ValueError(f"sites: {places[0]} x {places[1]} numbers of a body are not allowed; give 2 x 2")
+        within("sites", arrays["sites"], -HALF_SIDE, HALF_SIDE)  # inside the body [m]
 
     known: dict[VehicleBody, Overlap] = {}
     for arrays in folder.load(OVERLAPS, check, sites="f3", overlaps="u3"):

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats
 
@@ -146,6 +147,18 @@ def numbers(field: str, value: object, *shape: int | str) -> Floats:
     if not np.isfinite(found).all():
         raise ValueError(f"{field}: {found[~np.isfinite(found)][0]} is not allowed; give finite numbers")
     return found
+
+
+def within(field: str, found: NDArray[Any], low: float, high: float) -> None:
+    """Check that every number of an array is from ``low`` to ``high``, so none is NaN.
+
+    Raises:
+        ValueError: if one is not; the message shows the first such number.
+    """
+    outside = ~((found >= low) & (found <= high))
+    if outside.any():
+        allowed = f"whole numbers from {low:g} to {high:g}" if found.dtype.kind in "iu" else f"{low:g} to {high:g}"
+        raise ValueError(f"{field}: {found[outside][0]} is not allowed; give {allowed}")
 
 
 # Types of fields for :func:`check_fields`.

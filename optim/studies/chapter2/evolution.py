@@ -152,9 +152,8 @@ def evolve(
     goal = generations + 1
     members = [Climbers(settings, each, run, goal) for each in chosen for run in range(runs)]
     for climbers in members:
-        for state in folder.load(climbers.treatment.file(climbers.run)) if folder else ():
-            if "climber" in state:
-                climbers.restore(state)
+        for state in folder.load(climbers.treatment.file(climbers.run), settings.check) if folder else ():
+            climbers.restore(state)
     if (reached := max(each.turns for each in members)) > goal:
         raise ValueError(f"generations: {generations} is not allowed; {out} holds {reached - 1}")
     written = time.monotonic()

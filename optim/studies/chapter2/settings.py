@@ -28,7 +28,7 @@ from robots.quadruped import (
     simulate,
 )
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.compute import Device
 
 Lights = tuple[tuple[float, float], ...]
@@ -89,6 +89,25 @@ class Interference(Settings):
     variant: Annotated[str, partial(checks.choice, names=tuple(VARIANTS))] = "as-run"
     precision: Literal["f64", "f32"] = "f64"  # ``"f64"`` or ``"f32"``: the same distributions, not the same robots
     device: Device = "cpu"  # ``"cpu"`` or one of Taichi's
+
+    def check(self, state: Arrays) -> None:
+        """Refuse climbers of a file that no run with these settings leaves, by a ValueError."""
+        kept, environments = len(state["climber"]), len(self.lights)
+        shapes = {
+            "weights": (self.population, SENSORS, MOTORS),
+            "scores": (self.population,),
+            "born": (kept,),
+            **dict.fromkeys(("light", "distance"), (kept, environments)),
+        }
+        for name, shape in shapes.items():
+            if state[name].shape != shape:
+                raise ValueError(f"{name}: shape {state[name].shape} is not allowed; give {shape}")
+        checks.within("climber", state["climber"], 0, self.population - 1)
+        checks.within("born", state["born"], 0, int(state["generation"]))
+        largest = np.finfo(float).max
+        checks.within("weights", state["weights"], -largest, largest)
+        for name in ("light", "distance"):
+            checks.within(name, np.where(np.isnan(state[name]), 0, state[name]), 0, largest)  # NaN if it failed
 
     def method(self, trainer: str, run: int) -> Method:
         """The climbers of a run; the same run of another treatment draws the same numbers.

@@ -31,6 +31,7 @@ from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table, sam
 from optim.wording import counted
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, Sweep, VehicleBody, VehicleTask
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.checks import within
 from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
 
@@ -120,6 +121,14 @@ class Training(Settings):
         methods = {name: dict(settings) for name, settings in BLACK_BOX_OPTIM.items()}
         return {**numbers, "methods": methods, "problem": self.problem().describe()}
 
+    def check(self, arrays: Arrays) -> None:
+        """Refuse outcomes of a file that no run with these settings has, by a ValueError."""
+        for name in ("evaluations", "solved"):
+            if (runs := arrays[name].shape[1]) != self.repetitions:
+                raise ValueError(f"{name}: {runs} runs of a body are not allowed; give {self.repetitions}")
+        within("designs", arrays["designs"], 1, DESIGNS)
+        within("evaluations", arrays["evaluations"], 1, self.budget)
+
 
 def train(
     designs: Iterable[int],
@@ -154,7 +163,8 @@ def train(
     known: dict[str, dict[int, _Outcome]] = {method: {} for method in methods}
     chunks = []
     for method in methods:
-        for arrays in folder.load(f"runs-{method}", designs="i1", evaluations="i2", solved="b2") if folder else ():
+        kinds = {"designs": "i1", "evaluations": "i2", "solved": "b2"}
+        for arrays in folder.load(f"runs-{method}", settings.check, **kinds) if folder else ():
             known[method] |= _by_design(arrays)
         missing = [design for design in bodies if design not in known[method]]
         chunks += [(method, missing[n : n + BODIES_PER_FILE]) for n in range(0, len(missing), BODIES_PER_FILE)]

@@ -139,3 +139,17 @@ def test_trials_without_success_come_after_all_others():
 def test_summaries_hold_no_numbers_that_are_none(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "a.json", {"x": float("nan")})
+
+
+def test_trials_that_no_search_can_have_made_are_run_again(tmp_path):
+    """Files of earlier commits hold the same arrays, and are taken as they are."""
+    run = partial(record_trials, Hill(), "random", {"climbers": 4}, [3, 5], 10)
+    folder, made = ResultsFolder(tmp_path, "study", {}), run()
+    for changed, why in (
+        ({"solved": np.full((2, 10), 5, np.int8)}, "solved: 5 is not allowed; give whole numbers from -1 to 4"),
+        ({"points": made.points[:, :3]}, "points: shape .* does not fit"),
+    ):
+        folder.add("trials_one", b"trials_one", **made.arrays | changed)
+        with pytest.warns(UserWarning, match=rf"trials_one-.*npz: is damaged, and as good as missing \({why}"):
+            found = computed_trials(folder, {"one": run}, None)["one"]
+        assert np.array_equal(found.solved, made.solved) and np.array_equal(found.points, made.points)

@@ -2,17 +2,19 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from optim.experiments.tables import read_records
+from optim.measures.sampled import sampled_metrics
 from optim.measures.statistics import spearman
-from optim.studies.beyond.body_and_learning import pouches, universal
+from optim.studies.beyond.body_and_learning import pouches, study, universal
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
 from optim.studies.beyond.body_and_learning.pouches import pouch
 from optim.studies.beyond.body_and_learning.report import correlations, foretold, possible, write_report
-from optim.studies.beyond.body_and_learning.study import LEARNERS, STUDY, BodyAndLearning
+from optim.studies.beyond.body_and_learning.study import LEARNERS, STUDY, BodyAndLearning, body_part
 from optim.studies.beyond.body_and_learning.universal import Controller
 
 
@@ -32,6 +34,26 @@ def test_pouches_differ_in_their_bodies_and_share_their_controllers():
     assert len({tuple(p.name for p in robot.parameters) for robot in robots}) == 1
     assert all(0 < robot.drives[-1].mean < 12e3 and robot.felt_regions == tuple(range(5, 13)) for robot in robots)
     assert pouches.STUDY.scales["medium"].robot(3).describe() == robots[3].describe()
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"evaluations": np.array([3, 999])}, "evaluations: 999 is not allowed; give whole numbers from 1 to 16"),
+        ({"solved": np.array([True])}, r"solved: shape \(1,\) is not allowed; give \(2,\)"),
+    ],
+)
+def test_learning_that_no_search_can_have_done_is_done_again(tmp_path, monkeypatch, changed, why):
+    settings = STUDY.scales["small"]
+    measured = SimpleNamespace(sampled=sampled_metrics(np.zeros((4, 2), bool)), felt=None)
+    monkeypatch.setattr(study, "measure_body", lambda *_: measured)
+    possible = {"evaluations": np.array([2, 4]), "solved": np.array([True, True])}
+    monkeypatch.setattr(study, "learn", lambda *_: possible)
+    row = body_part(tmp_path, settings, 0, {}, None)
+    (part,) = tmp_path.glob("parts/000/learned_evolution-*.npz")
+    np.savez(part, **possible | changed)
+    with pytest.warns(UserWarning, match=rf"learned_evolution-.*: is damaged, and as good as missing \({why}"):
+        assert body_part(tmp_path, settings, 0, {}, None)["evolution"] == row["evolution"] == 3.0
 
 
 def test_what_metrics_foretell():

@@ -2,7 +2,7 @@
 
 import json
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from optim.studies.chapter2 import evolution, settings
 from optim.studies.chapter2.evolution import Climbers, evolve
 from optim.studies.chapter2.settings import FITNESS, Interference, Treatment, treatments
 from optim.studies.chapter2.study import train
+from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.runtime import ti
 
 BRIEF = Interference(population=4, steps=60)
@@ -88,6 +89,33 @@ def test_a_run_whose_file_is_cut_or_that_was_interrupted_goes_on_with_the_same_b
     assert all(same(found[run], whole[run]) for run in whole)
     monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
     assert all(same(state, whole[run]) for run, state in evolve(BRIEF, CHOSEN, 2, 6, tmp_path).items())
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    ("field", "value", "why"),
+    [
+        ("climber", 2, "climber: 2 is not allowed; give whole numbers from 0 to 1"),
+        ("born", 99, "born: 99 is not allowed; give whole numbers from 0 to 1"),
+        ("weights", np.nan, "weights: nan is not allowed"),
+        ("distance", -1.0, "distance: -1.0 is not allowed"),
+        ("light", np.inf, "light: inf is not allowed"),
+    ],
+)
+def test_climbers_that_no_run_leaves_are_as_good_as_missing(tmp_path, monkeypatch, field, value, why):
+    settings, kept = replace(BRIEF, population=2), Climbers(replace(BRIEF, population=2), CHOSEN[0], 0, 1)
+    told(kept, kept.ask(), [[0.1, 0.1], [np.nan, np.nan]], [[9.0, 9.0], [np.nan, np.nan]])  # a failure is possible
+    folder, name = ResultsFolder(tmp_path, "interference", asdict(settings)), CHOSEN[0].file(0)
+    folder.add(name, name.encode(), **kept.state())
+    monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
+    (found,) = evolve(settings, CHOSEN[:1], 1, 0, tmp_path).values()
+    assert found["climber"].tolist() == [0, 1]
+    state = kept.state()
+    state[field].flat[0] = value
+    folder.add(name, name.encode(), **state)
+    warned = pytest.warns(UserWarning, match=rf"{name}-.*: is damaged, and as good as missing \({why}")
+    with warned, pytest.raises(TypeError, match="not callable"):  # it is judged again
+        evolve(settings, CHOSEN[:1], 1, 0, tmp_path)
 
 
 def told(climbers, request, light, distance):

@@ -28,6 +28,7 @@ from optim.studies.chapter4.training import (
     train,
 )
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, sweep
+from taichi_sim.base.results_folder import ResultsFolder
 
 BRIEF = Training(repetitions=2, budget=12, seed=3, task=replace(PUBLISHED, radius=1.0, time_step=0.5, steps=1000))
 DESIGNS = (80, 162, 2000, 6553)
@@ -90,6 +91,34 @@ def test_a_damaged_file_is_as_good_as_missing(tmp_path):
     with pytest.warns(UserWarning, match="is damaged, and as good as missing"):
         again = train(DESIGNS[:1], ["random"], BRIEF, out=tmp_path)
     assert outcomes(again) == outcomes(whole)
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"designs": np.array([6562])}, "designs: 6562 is not allowed; give whole numbers from 1 to 6561"),
+        ({"evaluations": np.array([[501, 1]])}, "evaluations: 501 is not allowed; give whole numbers from 1 to 500"),
+        ({"evaluations": np.array([[0, 1]])}, "evaluations: 0 is not allowed"),
+        ({"solved": np.array([[True]])}, "solved: 1 runs of a body are not allowed; give 2"),
+    ],
+)
+def test_outcomes_that_no_run_has_are_as_good_as_missing(tmp_path, monkeypatch, changed, why):
+    class Recomputed(Exception):
+        """Ends the study before any work."""
+
+    def run(*_):
+        raise Recomputed
+
+    monkeypatch.setattr(training, "_run", run)
+    settings = training.Training(repetitions=2, budget=500)
+    folder = ResultsFolder(tmp_path, "training", settings.describe())
+    arrays = {"designs": np.array([80]), "evaluations": np.array([[500, 3]]), "solved": np.array([[False, True]])}
+    folder.add("runs-random", b"", **arrays)
+    assert outcomes(train([80], ["random"], settings, out=tmp_path)) == ([[[500, 3]]], [[[False, True]]])
+    folder.add("runs-random", b"", **arrays | changed)
+    warned = pytest.warns(UserWarning, match=rf"runs-random-.*npz: is damaged, and as good as missing \({why}")
+    with warned, pytest.raises(Recomputed):
+        train([80], ["random"], settings, out=tmp_path)
 
 
 KILLED = """

@@ -210,6 +210,26 @@ def test_parts_of_another_sweep_are_as_good_as_missing(tmp_path):
             assert read_sweep(tmp_path / "fine")[1] == []
 
 
+@pytest.mark.parametrize(
+    ("field", "values", "why"),
+    [
+        ("overlaps", np.full((1, 9, 9), 200, np.uint8), "overlaps: 200 is not allowed; give whole numbers from 0 to 4"),
+        ("overlaps", np.full((1, 9, 9), 5, np.uint8), "overlaps: 5 is not allowed; give whole numbers from 0 to 4"),
+        ("sites", np.full((1, 2, 2), np.nan), r"sites: nan is not allowed; give -0\.5 to 0\.5"),
+        ("sites", np.full((1, 2, 2), 0.75), r"sites: 0\.75 is not allowed; give -0\.5 to 0\.5"),
+        ("sites", np.zeros((1, 3, 2)), "sites: 3 x 2 numbers of a body are not allowed; give 2 x 2"),
+    ],
+)
+def test_parts_of_impossible_numbers_are_as_good_as_missing(tmp_path, field, values, why):
+    folder = ResultsFolder(tmp_path, "sweep", asdict(Sweep(**BRIEF)))
+    possible = {"sites": np.array([BASELINE.sensors]), "overlaps": np.full((1, 9, 9), 4, np.uint8)}
+    folder.add("overlaps", b"", **possible)
+    assert len(read_sweep(tmp_path)[1]) > 0
+    folder.add("overlaps", b"", **possible | {field: values})
+    with pytest.warns(UserWarning, match=rf"overlaps-.*npz: is damaged, and as good as missing \({why}\)"):
+        assert read_sweep(tmp_path)[1] == []
+
+
 @pytest.mark.kernels
 def test_a_killed_sweep_repeats_no_file(tmp_path):
     """SIGKILL after the first file; what goes on leaves that file alone and comes to the same."""

@@ -28,7 +28,7 @@ from optim.studies.beyond.body_and_learning.report import write_report
 from robots.lattice_robot import LatticeRobot
 from robots.tasks import Success
 from taichi_sim.base.arrays import Arrays, Floats
-from taichi_sim.base.checks import positive
+from taichi_sim.base.checks import positive, within
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -148,7 +148,8 @@ def body_part(folder: Path, settings: BodyAndLearning, number: int, _: Mapping[s
     for count, name in enumerate(LEARNERS, 1):
         told = part_of(progress, count, share)
         learn_here = partial(learn, settings, robot, number, name, told)
-        learned = cached(parts, f"learned {name}".replace(" ", "_"), learn_here)
+        check = partial(check_learned, settings.repetitions, settings.budget_of(name))
+        learned = cached(parts, f"learned {name}".replace(" ", "_"), learn_here, check)
         row[name] = float(learned["evaluations"].mean())
         row[f"{name}_solved"] = int(learned["solved"].sum())
     return row
@@ -187,6 +188,15 @@ def learn_until(
     methods = [build_method(learner.method, problem.space, {**learner.settings, "seed": seed}) for seed in seeds]
     run_with_budget(methods, budget, evaluate, observe, progress)
     return {"evaluations": evaluations, "solved": solved}
+
+
+def check_learned(repetitions: int, budget: int, arrays: Arrays) -> None:
+    """Refuse outcomes of a file that :func:`learn_until` cannot have found, by a ValueError."""
+    for name in ("evaluations", "solved"):
+        if (shape := arrays[name].shape) != (repetitions,):
+            raise ValueError(f"{name}: shape {shape} is not allowed; give ({repetitions},)")
+    within("evaluations", arrays["evaluations"], 1, budget)
+    within("solved", arrays["solved"], 0, 1)
 
 
 STUDY = Study(
