@@ -29,7 +29,8 @@ from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
 from optim.space import Space
 from optim.studies.chapter4.co_optimisation import BORG, CoOptimisation
-from optim.studies.chapter4.reality_gap import PERTURBATIONS, survival
+from optim.studies.chapter4.perturbations import PERTURBATIONS
+from optim.studies.chapter4.reality_gap import survival
 from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import VehicleBody, sweep
 from taichi_sim.base import checks

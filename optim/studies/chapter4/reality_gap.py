@@ -1,4 +1,7 @@
-"""The reality gap: how many controllers that solve all environments still do when vehicle or world are changed.
+"""The reality gap: which controllers that solve all environments still do when vehicle or world are changed.
+
+It is asked of single controllers, how many changes they survive, and of all of a body, how far its weight manifold
+shifts and how much of it is left.
 
 Source: dissertation, chapter 6 (figure of the two weight manifolds), which expects that bodies with more such
 controllers lose fewer of them. Bodies are the baseline, and those with the highest metrics of the published sweep.
@@ -6,86 +9,33 @@ The model knows no noise over time; a reading that is wrong by a constant factor
 that are wrongly calibrated are among what is tried, and sensors that flicker are not.
 """
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from optim.experiments.comparison import compare
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Progress, computed, write_json
+from optim.experiments.results import Progress, computed, part_of, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, distinct, where, write_records
 from optim.measures.statistics import mean_band
 from optim.studies.chapter3.sensor_placement import some_solving_controllers
 from optim.studies.chapter3.sweep_table import overlaps_of
+from optim.studies.chapter4 import weight_manifolds
+from optim.studies.chapter4.perturbations import PERTURBATIONS, Perturbation
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
+from robots.braitenberg.sweeps import MOST_WEIGHTS
 from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.checks import whole_number
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, rollout
-
-Vehicles = tuple[Floats, Floats, VehicleTask]  # sites (N, S, 2), controllers (N, 2, S), and their task
-
-
-@dataclass(frozen=True)
-class Perturbation:
-    """A kind of perturbation, of some strength."""
-
-    name: str  # of the kind
-    strength: float  # in the unit that the kind has
-    # sites, controllers, task, random numbers and the strength to what they become
-    change: Callable[[Floats, Floats, VehicleTask, Generator, float], Vehicles]
-    random: bool  # whether it is drawn anew again and again, or always the same
-
-
-def _gain(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
-    return sites, controllers * factor, task
-
-
-def _sensitivity(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
-    shape = len(controllers), 1, controllers.shape[2]
-    return sites, controllers * (1 + deviation * rng.standard_normal(shape)), task
-
-
-def _sites(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
-    return sites + deviation * rng.standard_normal(sites.shape), controllers, task
-
-
-def _radius(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
-    return sites, controllers, replace(task, radius=task.radius * factor)
-
-
-def _start(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
-    change = rng.standard_normal(task.starts.shape) * (deviation, deviation, 0.0)
-    return sites, controllers, replace(task, starts=task.starts + change)
-
-
-def _heading(sites: Floats, controllers: Floats, task: VehicleTask, rng: Generator, deviation: float) -> Vehicles:
-    change = rng.standard_normal(task.starts.shape) * (0.0, 0.0, deviation)
-    return sites, controllers, replace(task, starts=task.starts + change)
-
-
-def _step(sites: Floats, controllers: Floats, task: VehicleTask, _: Generator, factor: float) -> Vehicles:
-    steps = math.ceil(task.steps / factor)
-    return sites, controllers, replace(task, time_step=task.time_step * factor, steps=steps)
-
-
-PERTURBATIONS = (
-    *(Perturbation("gain of both motors [factor]", f, _gain, False) for f in (0.8, 0.9, 1.1, 1.2)),
-    *(Perturbation("sensitivity of sensors [sd, share]", d, _sensitivity, True) for d in (0.02, 0.05, 0.1, 0.2)),
-    *(Perturbation("places of sensors [sd, m]", d, _sites, True) for d in (0.005, 0.01, 0.02, 0.05)),
-    *(Perturbation("radius of the light [factor]", f, _radius, False) for f in (0.9, 0.75, 0.5)),
-    *(Perturbation("place of the start [sd, m]", d, _start, True) for d in (0.05, 0.1, 0.2, 0.4)),
-    *(Perturbation("heading at the start [sd, rad]", d, _heading, True) for d in (0.05, 0.1, 0.2, 0.4)),
-    *(Perturbation("time step [factor]", f, _step, False) for f in (0.25, 0.5, 2.0)),
-)
 
 
 def survival(
@@ -130,10 +80,13 @@ class RealityGap(Settings):
     seed: Whole = 1  # of all draws
     sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep in which controllers are found
     threads: int | None = None  # CPU threads, all available if None; changes no result
+    manifold: Annotated[int, partial(whole_number, low=2, high=MOST_WEIGHTS)] = 121  # values of a weight in manifolds
+    manifold_draws: Count = 3  # as ``draws``, of manifolds
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values."""
-        return {**super().describe(), "perturbations": [[p.name, p.strength] for p in PERTURBATIONS]}
+        """All that results depend on; parts of manifolds tell by name how they are measured, so older folders go on."""
+        own = {name: value for name, value in super().describe().items() if not name.startswith("manifold")}
+        return {**own, "perturbations": [[p.name, p.strength] for p in PERTURBATIONS]}
 
 
 def measure(settings: RealityGap, design: int, sweep_folder: Path, _: Progress) -> Arrays:
@@ -148,11 +101,11 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path, _: Progress) 
 
 
 def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``summary.json``, tables as CSV and ``reality-gap.png``."""
+    """Write ``summary.json``, tables as CSV and ``reality-gap.png``; a folder without manifolds gets them, too."""
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     swept = sweep_folder or folder / "sweep"
     parts = {design: partial(measure, settings, design, swept) for design in DESIGNS}
-    found = computed(results, parts, progress, "design_{}")
+    found = computed(results, parts, part_of(progress, 0, 2), "design_{}")
     rows = [
         dict(zip(COLUMNS, (design, perturbation.name, perturbation.strength, *weights, share), strict=True))
         for design, arrays in found.items()
@@ -160,11 +113,34 @@ def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_f
         for weights, share in zip(arrays["weights"].tolist(), shares.tolist(), strict=True)
     ]
     write_records(folder / TABLE, rows)
-    _report(folder, rows)
+    manifolds = _manifolds(results, settings, part_of(progress, 1, 2))
+    write_records(folder / weight_manifolds.TABLE, manifolds)
+    _report(folder, rows, manifolds)
+
+
+def _manifolds(results: ResultsFolder, settings: RealityGap, progress: Progress) -> list[Record]:
+    """What changes do to the weight manifold of each body: a row for each change of each."""
+    effort = settings.manifold, settings.manifold_draws
+
+    def measured(design: int, progress: Progress) -> Arrays:
+        body, task, (weights, draws) = VehicleBody.published(design), settings.sweep.task, effort
+        return weight_manifolds.measure(body, task, weights, draws, settings.seed, settings.threads, progress)
+
+    parts = {design: partial(measured, design) for design in DESIGNS}
+    name, check = (
+        f"manifold_{settings.manifold}_{settings.manifold_draws}_{{}}",
+        partial(weight_manifolds.check, *effort),
+    )
+    found = computed(results, parts, progress, name, check)
+    rows = (weight_manifolds.rows_of(design, settings.manifold_draws, arrays) for design, arrays in found.items())
+    return list(chain.from_iterable(rows))
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write ``summary.json``, ``survival.csv`` and the figure from the table of controllers."""
+    """Write ``summary.json``, ``survival.csv`` and the figure from the table of controllers, and that of manifolds.
+
+    Data of earlier versions have no manifolds.
+    """
     rows = data.records(TABLE, COLUMNS)
     for design in distinct(rows, "design"):
         if len(counts := set(map(len, _survival(rows, design)))) > 1 or 0 in counts:
@@ -172,7 +148,17 @@ def tell(data: Data, folder: Path) -> None:
                 f"{data.path(TABLE)}: design {design} has {sorted(counts)} controllers in the perturbations of the "
                 "study; give as many in each, at least 1"
             )
-    _report(folder, rows)
+    _report(folder, rows, _kept_manifolds(data))
+
+
+def _kept_manifolds(data: Data) -> list[Record]:
+    """The rows of the table of manifolds, if there is one."""
+    name = weight_manifolds.TABLE
+    rows = data.records(name, weight_manifolds.COLUMNS) if data.has(name) else []
+    for design in distinct(rows, "design"):
+        if len(sizes := set(distinct(where(rows, design=design), "before"))) > 1:
+            raise ValueError(f"{data.path(name)}: design {design} has {sorted(sizes)} as before; it must be one number")
+    return rows
 
 
 def _survival(rows: Sequence[Record], design: int) -> list[Floats]:
@@ -181,8 +167,8 @@ def _survival(rows: Sequence[Record], design: int) -> list[Floats]:
     return [column(where(own, perturbation=p.name, strength=p.strength), "survival") for p in PERTURBATIONS]
 
 
-def _report(folder: Path, rows: Sequence[Record]) -> None:
-    """Write ``summary.json``, ``survival.csv`` and the figure, which follow from the table of controllers."""
+def _report(folder: Path, rows: Sequence[Record], manifolds: Sequence[Record]) -> None:
+    """Write ``summary.json``, ``survival.csv`` and the figure, which follow from the tables."""
     found = {design: np.array(_survival(rows, design)) for design in distinct(rows, "design")}
     means: list[Record] = []
     for design, survivals in found.items():
@@ -191,7 +177,10 @@ def _report(folder: Path, rows: Sequence[Record]) -> None:
             about = {"design": design, "perturbation": perturbation.name, "strength": perturbation.strength}
             means.append({**about, "controllers": len(shares), "mean": mean, "low": low, "high": high})
     write_records(folder / "survival.csv", means)
-    write_json(folder / "summary.json", _tests({str(design): each.mean(axis=0) for design, each in found.items()}))
+    summary = _tests({str(design): each.mean(axis=0) for design, each in found.items()})
+    if manifolds:
+        summary["manifolds"] = weight_manifolds.summary(manifolds)
+    write_json(folder / "summary.json", summary)
     draw(means, folder / "reality-gap.png")
 
 
@@ -225,8 +214,8 @@ def draw(rows: Sequence[Record], path: Path) -> None:
 STUDY = Study(
     title="controllers that still succeed when vehicle or world are changed",
     source="chapter 6, figure of weight manifolds",
-    scales={"small": RealityGap(controllers=10, draws=2), "full": RealityGap()},
+    scales={"small": RealityGap(controllers=10, draws=2, manifold=41, manifold_draws=1), "full": RealityGap()},
     run=study,
     tell=tell,
-    writes=("summary.json", TABLE, "survival.csv", "reality-gap.png"),
+    writes=("summary.json", TABLE, weight_manifolds.TABLE, "survival.csv", "reality-gap.png"),
 )

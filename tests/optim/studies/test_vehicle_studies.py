@@ -17,7 +17,8 @@ from optim.studies.chapter4 import co_optimisation, homeostasis_objective, homeo
 from optim.studies.chapter4.co_optimisation import CoOptimisation, compare_first_and_last, first_and_last
 from optim.studies.chapter4.homeostasis_objective import HomeostasisObjective, HomeostasisProblem
 from optim.studies.chapter4.homeostasis_of_bodies import BodyHomeostasis
-from optim.studies.chapter4.reality_gap import PERTURBATIONS, RealityGap, survival
+from optim.studies.chapter4.perturbations import PERTURBATIONS
+from optim.studies.chapter4.reality_gap import RealityGap, survival
 from optim.studies.chapter4.sensor_homeostasis import decimation, sensor_distances
 from robots.braitenberg import PUBLISHED, STARTS, Sweep, VehicleTask
 from taichi_sim.signals import warping_distances
@@ -52,8 +53,8 @@ STUDIES = {
     ),
     "reality-gap": (
         reality_gap.study,
-        RealityGap(controllers=3, draws=2, sweep=SHORT),
-        RealityGap(controllers=3, draws=3, sweep=SHORT),
+        RealityGap(controllers=3, draws=2, sweep=SHORT, manifold=9, manifold_draws=2),
+        RealityGap(controllers=3, draws=3, sweep=SHORT, manifold=9),
     ),
     "homeostasis-objective": (
         homeostasis_objective.study,
