@@ -1,0 +1,66 @@
+"""The table of docs/reproduction.md: it is what the committed data says, and has every study of the dissertation."""
+
+import gzip
+import re
+import shutil
+
+import pytest
+import reproduction_rows
+import reproduction_table
+from reproduction_table import PAGE, rows, table, written
+
+from optim.cli import build_parser
+from optim.studies.catalogue import STUDIES
+
+OTHER_COMMANDS = {"sensor-placement": "sweep", "training": "train", "interference": "interference"}
+
+
+@pytest.mark.long
+def test_the_page_is_what_the_data_says():
+    """Mended by ``python docs/site/reproduction_table.py``."""
+    assert written(PAGE.read_text()) == PAGE.read_text()
+
+
+@pytest.mark.long
+def test_every_row_tells_everything_and_every_command_is_one():
+    for chapter, row in rows():
+        assert chapter in "23456" and all(vars(row).values()), row
+        assert "|" not in "".join(vars(row).values()), row
+        if row.command.startswith("morpholab "):
+            build_parser().parse_args([*row.command.split()[1:], "--out", "runs/a"])
+
+
+@pytest.mark.long
+def test_every_study_of_the_dissertation_is_in_the_table():
+    commands = [row.command.split() for _, row in rows()]
+    told = {words[2] if words[1] == "reproduce" else words[1] for words in commands}
+    published = [name for name in STUDIES if re.search(r"studies\.chapter\d", STUDIES[name].run.__module__)]
+    assert len(published) > 12
+    assert {OTHER_COMMANDS.get(name, name) for name in published} <= told
+
+
+@pytest.mark.long
+def test_numbers_follow_the_data(tmp_path, monkeypatch):
+    """Of other data, another table: intervals, counts and correlations are read, not written down."""
+    shutil.copytree(reproduction_rows.DOCS / "data", tmp_path / "data")
+    monkeypatch.setattr(reproduction_rows, "DOCS", tmp_path)
+    assert table() in PAGE.read_text()
+    path = tmp_path / "data/interference/two/tables.csv"
+    text = path.read_text()
+    told, count = re.subn(r"(defined,M1,sum,legged,5,)[\d.]+", r"\g<1>1.25", text)
+    assert count == 1
+    path.write_text(told)
+    assert "| 1.25 [6.17, 7.48], " in table()
+    path.write_text(text)
+    sweep = tmp_path / "data/vehicle-sweep.csv.gz"
+    told = gzip.decompress(sweep.read_bytes()).decode().replace("\n6553,26,1830\n", "\n6553,27,1830\n")
+    sweep.write_bytes(gzip.compress(told.encode()))
+    assert "| 0.0018, 0.0148 |" in table()
+
+
+def test_a_page_without_its_marks_is_refused():
+    for text in ("", reproduction_table.BEGIN, reproduction_table.END + reproduction_table.BEGIN):
+        with pytest.raises(
+            ValueError, match=r"reproduction.md: it does not have <!-- made by .* once each, in this order"
+        ):
+            written(text)
