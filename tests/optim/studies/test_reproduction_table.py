@@ -1,6 +1,7 @@
 """The table of docs/reproduction.md: it is what the committed data says, and has every study of the dissertation."""
 
 import gzip
+import json
 import re
 import shutil
 
@@ -31,6 +32,14 @@ def test_every_row_tells_everything_and_every_command_is_one():
 
 
 @pytest.mark.long
+def test_what_has_no_data_has_none():
+    """A row that is written down must be read from the data as soon as that is kept."""
+    studies = {row.command.split()[2] for _, row in rows() if "no data is kept" in row.n}
+    assert "shape-change" in studies
+    assert [study for study in studies if (reproduction_rows.DOCS / "data" / study).exists()] == []
+
+
+@pytest.mark.long
 def test_every_study_of_the_dissertation_is_in_the_table():
     commands = [row.command.split() for _, row in rows()]
     told = {words[2] if words[1] == "reproduce" else words[1] for words in commands}
@@ -52,6 +61,14 @@ def test_numbers_follow_the_data(tmp_path, monkeypatch):
     path.write_text(told)
     assert "| 1.25 [6.17, 7.48], " in table()
     path.write_text(text)
+    (kept := tmp_path / "data/hand-gait-sensitivity").mkdir(exist_ok=True)
+    made = [(1.0, None), (0.5, True), (2.0, False), (2.0, True)]
+    names = ["unchanged", *["density"] * 3]
+    told = [
+        {"parameter": name, "factor": f, "survives": s, "copies": 3} for name, (f, s) in zip(names, made, strict=True)
+    ]
+    (kept / "summary.json").write_text(json.dumps({"rows": told}))
+    assert "| 2 of 3 | 3 copies | 9.5 %: 2 of 21 changes |" in table()
     sweep = tmp_path / "data/vehicle-sweep.csv.gz"
     told = gzip.decompress(sweep.read_bytes()).decode().replace("\n6553,26,1830\n", "\n6553,27,1830\n")
     sweep.write_bytes(gzip.compress(told.encode()))
