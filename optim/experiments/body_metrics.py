@@ -23,6 +23,7 @@ from optim.space import Space
 from robots.robot import Robot, Trial, World
 from robots.tasks import Success, check_success
 from taichi_sim.base.arrays import Arrays, Bools, Floats
+from taichi_sim.base.checks import within
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.signals import warping_distances
@@ -146,7 +147,9 @@ def measure_body(
     solved = []
     for number, points in enumerate(parts):
         told = part_of(progress, number, steps)
-        solved.append(cached(folder, f"controllers{number}", partial(tries.successes, points, told))["succeeded"])
+        check = partial(check_succeeded, len(points), len(environments.worlds))
+        part = cached(folder, f"controllers{number}", partial(tries.successes, points, told), check)
+        solved.append(part["succeeded"])
     succeeded = np.concatenate(solved).astype(bool)
     climbed = None
     if settings.climbers:
@@ -155,6 +158,13 @@ def measure_body(
     felt = cached(folder, "felt", partial(tries.felt, everywhere))["distance"]
     interval = (float(felt.mean()), *mean_interval(felt), len(felt)) if len(felt) > 1 else None
     return BodyMetrics(succeeded, sampled_metrics(succeeded), climbed, interval)
+
+
+def check_succeeded(controllers: int, environments: int, arrays: Arrays) -> None:
+    """Refuse a file that does not tell of each controller whether it succeeds in each environment, by a ValueError."""
+    if (shape := arrays["succeeded"].shape) != (controllers, environments):
+        raise ValueError(f"succeeded: shape {shape} is not allowed; give ({controllers}, {environments})")
+    within("succeeded", arrays["succeeded"], 0, 1)
 
 
 def check_bounds(robot: Robot, environments: Environments) -> None:

@@ -41,6 +41,11 @@ def test_it_goes_on_where_it_was(capsys, tmp_path):
         (lost,) = (tmp_path / "a").glob(f"{name}-*.npz")
         lost.unlink()
     assert measured(capsys, *words) == found == json.loads((tmp_path / "a" / "metrics.json").read_text())
+    (short,) = (tmp_path / "a").glob("controllers0-*.npz")
+    np.savez(short, succeeded=np.ones((3, 4), bool))  # of fewer controllers than were to be tried
+    assert cli.main(["measure", *words, "--threads", "1", "--quiet", "--json"]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out) == found and "as good as missing (succeeded: shape (3, 4) is not allowed" in told.err
     assert cli.main(["measure", *words, "--seed", "1", "--quiet"]) == 2
     assert "of other settings" in capsys.readouterr().err
 

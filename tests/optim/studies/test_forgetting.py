@@ -24,6 +24,7 @@ from optim.studies.beyond.forgetting.study import (
     Forgetting,
     levels_of,
     means_over_starts,
+    measure,
 )
 
 DATA = Path(__file__).parents[3] / "docs/data/forgetting"
@@ -103,6 +104,25 @@ def test_gradients_are_shortened_whatever_their_length():
     """To a length of one, where squares would overflow, too; short ones stay."""
     found = shortened(np.array([[3e200, 4e200], [0.3, 0.4], [0.0, 0.0]]))
     assert found == pytest.approx(np.array([[0.6, 0.8], [0.3, 0.4], [0.0, 0.0]]))
+
+
+@pytest.mark.parametrize(
+    ("succeeded", "why"),
+    [
+        (np.ones((3, 2), bool), r"succeeded: shape \(3, 2\) is not allowed; give \(4, 2\)"),
+        (np.full((4, 2), 7), "succeeded: 7 is not allowed; give whole numbers from 0 to 1"),
+    ],
+)
+def test_controllers_that_were_not_tried_so_are_tried_again(tmp_path, monkeypatch, succeeded, why):
+    tried = {"succeeded": np.array([[True, True], [True, False], [False, False], [False, True]])}
+    monkeypatch.setattr(of_study, "_tried", lambda *_: tried)
+    effort = Effort(1, controllers=4)
+    row = measure(tmp_path, "vehicle", effort, 0, {}, None)
+    assert (row["M_L"], row["any"]) == (0.25, 3)
+    (part,) = tmp_path.glob("measured/vehicle-0/tried-*.npz")
+    np.savez(part, succeeded=succeeded)
+    with pytest.warns(UserWarning, match=rf"tried-.*: is damaged, and as good as missing \({why}"):
+        assert measure(tmp_path, "vehicle", effort, 0, {}, None) == row
 
 
 def test_levels_are_the_ends_of_what_was_measured():

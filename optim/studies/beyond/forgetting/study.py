@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.body_metrics import Measuring, Tries, controllers_of
+from optim.experiments.body_metrics import Measuring, Tries, check_succeeded, controllers_of
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
@@ -160,7 +160,8 @@ def measure(
 ) -> dict[str, Any]:
     """M_L and M_CI of a body, unless they are known."""
     kept = ResultsFolder(folder / "measured" / f"{name}-{number}", "body", {"controllers": effort.controllers})
-    sampled = sampled_metrics(cached(kept, "tried", partial(_tried, name, effort, number))["succeeded"])
+    check = partial(check_succeeded, effort.controllers, 2)
+    sampled = sampled_metrics(cached(kept, "tried", partial(_tried, name, effort, number), check)["succeeded"])
     if progress:
         progress(1.0)
     some_a, some_b = (share.count for share in sampled.each)
