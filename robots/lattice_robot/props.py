@@ -21,7 +21,8 @@ FRICTION = 1.0, 0.8  # static and kinetic, where the terrain says nothing
 APART = 3  # voxels between bodies on the lattice, so that nothing links them
 TOUCH = 2 * SPHERE_RADIUS  # edges between centres of voxels that touch
 DIAGONAL = 1e-9  # difference of sine and cosine below which a heading is diagonal
-SLOWEST = 50.0  # by how much contact with props may shorten the time steps of a robot, at most
+SLOWEST = 50.0  # by how much props may shorten the time steps of a robot, at most
+SUNK = 1e-3  # edges in the ground at which a prop may start, as places are rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +99,25 @@ class Placed:
             raised[rows, 2] += base if lifted or group == 0 else relief.rise(centres[rows], edge)
         return raised
 
+    def check_above(self, props: Sequence[Prop], relief: Relief) -> None:
+        """Refuse loose props that start inside uneven ground, which would throw them out.
+
+        Raises:
+            ValueError: names the height of the first such prop, and the least that is allowed.
+        """
+        starts = self.body.start_positions + self.shift
+        base, edge = relief.rise(starts[self.of(0)], self.body.voxel_size), self.body.voxel_size
+        for group, prop in enumerate(props, start=1):
+            if prop.z is None or prop.held:
+                continue
+            depth = relief.rise(starts[self.of(group)], edge) - base
+            if depth > SUNK * edge:
+                least = math.ceil((prop.z + depth) * 1e4) / 1e4
+                raise ValueError(
+                    f"prop: {prop.name} is not allowed with Z = {prop.z:g} m, {depth:.3g} m deep in the ground; give a "
+                    f"Z of at least {least:.4f} m, or 'ground' to stand it on the ground below it"
+                )
+
 
 def placed(robot: LatticeBody, props: Sequence[Prop], heading: Floats, friction: tuple[float, float]) -> Placed:
     """The lattice of a robot and props.
@@ -167,7 +187,7 @@ def time_step_among(materials: Sequence[Material], props: Sequence[Prop], edge: 
 
 
 def check_weights(materials: Sequence[Material], props: Sequence[Prop], edge: float) -> None:
-    """Refuse props whose contact with a robot's materials would take time steps very much shorter than its own.
+    """Refuse props whose links or contact would take time steps very much shorter than a robot of materials alone.
 
     Raises:
         ValueError: names the density of the prop that differs most from the robot's, and what is allowed.
@@ -176,13 +196,19 @@ def check_weights(materials: Sequence[Material], props: Sequence[Prop], edge: fl
     own = min(time_steps.link_step(one, two, edge) for one, two in itertools.product(materials, repeat=2))
 
     def shortens(densities: Sequence[float]) -> float:
-        before = min(own, _links_step(props, densities, edge))
-        return before / _contact_step(materials, props, densities, edge)
+        return own / min(_links_step(props, densities, edge), _contact_step(materials, props, densities, edge))
 
     if not props or (times := shortens(densities)) <= SLOWEST:
         return
     usual = math.exp(float(np.mean([math.log(material.density) for material in materials])))
     worst = max(props, key=lambda prop: abs(math.log(prop.density / usual)))
+    told = f"take time steps {times:.3g} times as short, {SLOWEST:g} at most are allowed"
+    if shortens([usual] * len(props)) > SLOWEST:
+        softest = min(material.youngs_modulus for material in materials)
+        raise ValueError(
+            f"prop: {worst.name} is not allowed beside a robot as soft as {softest:g} Pa, as props of {MODULUS:g} Pa "
+            f"would {told}; leave props out"
+        )
     is_light = worst.density < usual
     bad, good = worst.density, usual
     for _ in range(50):  # bisection for the density at which all props that are worse would be allowed
@@ -192,9 +218,8 @@ def check_weights(materials: Sequence[Material], props: Sequence[Prop], edge: fl
     unit = 10.0 ** (math.floor(math.log10(good)) - 1)  # two digits, on the safe side
     digits = math.ceil(good / unit) if is_light else math.floor(good / unit)
     raise ValueError(
-        f"density: {worst.density:g} kg/m^3 of the prop {worst.name} is not allowed beside a robot of {usual:.4g}; its "
-        f"contact would take time steps {times:.3g} times as short, {SLOWEST:g} at most are allowed; give at "
-        f"{'least' if is_light else 'most'} {digits * unit:g} kg/m^3"
+        f"density: {worst.density:g} kg/m^3 of the prop {worst.name} is not allowed beside a robot of {usual:.4g}; it "
+        f"would {told}; give at {'least' if is_light else 'most'} {digits * unit:g} kg/m^3"
     )
 
 

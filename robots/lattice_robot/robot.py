@@ -274,7 +274,8 @@ class LatticeRobot(OutOfTheLab):
         """This robot with a terrain's friction, light, water and props, where it has any; a light is the usual target.
 
         Raises:
-            ValueError: if the terrain gives a friction for parts of the inflatable robot, or has no light to feel.
+            ValueError: if the terrain gives a friction for parts of the inflatable robot, has no light to feel, or
+                props that start where they cannot.
         """
         changed: dict[str, Any] = {}
         if friction := material_friction(terrain):
@@ -293,6 +294,8 @@ class LatticeRobot(OutOfTheLab):
         if terrain.props and self.placed is None:
             pair = friction.get("static_friction", FRICTION[0]), friction.get("kinetic_friction", FRICTION[1])
             among = placed(changed.get("body", self.body), terrain.props, self.direction, pair)
+            if terrain.uneven is not None and any(prop.z is not None for prop in terrain.props):
+                among.check_above(terrain.props, terrain.uneven.relief(self.heading, self.body.voxel_size))
             changed |= {"body": among.body, "placed": among, "reference_length": self.length}
         return dataclasses.replace(self, **changed) if changed else self
 

@@ -155,6 +155,45 @@ def test_props_whose_contact_takes_far_shorter_steps_are_refused():
         place(on("box:0.01,0.01,0.01,0.2,0,ground,4.7"))
 
 
+@pytest.mark.parametrize("density", [1, 3])
+def test_boxes_whose_links_take_far_shorter_steps_are_refused(density):
+    """A box of many voxels costs as much as one of a single voxel: against the steps of the robot alone."""
+    for place in (soft_quadruped().on, FreeformRobot().cycle_on):
+        with pytest.raises(ValueError, match=rf"^density: {density} kg/m\^3 .*50 at most.* give at least 4.7 kg/m\^3$"):
+            place(on(f"box:0.02,0.02,0.02,0.1,0,ground,{density}"))
+    robot = soft_quadruped()
+    there = robot.on(on("box:0.02,0.02,0.02,0.1,0,ground,4.7"))
+    assert 40 < robot.cycle.time_step / there.cycle.time_step < 52
+
+
+def test_beside_a_robot_that_is_far_softer_props_are_refused_at_any_density():
+    body = crawler().body
+    soft = dataclasses.replace(crawler(), body=body.with_materials([Material(10.0, 1e3)] * len(body.materials)))
+    with pytest.raises(ValueError, match=r"^prop: box:.* beside a robot as soft as 10 Pa, .* leave props out$"):
+        soft.on(on("box:0.02,0.02,0.02,0.1,0"))
+
+
+SLOPE = "ramp:30,0.1"
+
+
+def test_props_that_start_inside_the_ground_are_refused():
+    """They were thrown out, 10 m high; from the height that the message names they start on the slope."""
+    robot = soft_quadruped()
+    with pytest.raises(ValueError, match=r"^prop: box:.* Z = 0 m, .* in the ground; .* at least 0\.1971 m, or"):
+        robot.on(on("box:0.02,0.02,0.02,0.4,0,0", ground=SLOPE))
+    with pytest.raises(ValueError, match=r"at least 0\.1971 m"):
+        robot.on(on("ball:0.01,0.2,0,0.3", "box:0.02,0.02,0.02,0.4,0,0.196", ground=SLOPE))
+    for box in ("0.4,0,0.1971", "0.4,0", "0.4,0,ground", "0,0,0.05"):
+        robot.on(on(f"box:0.02,0.02,0.02,{box}", ground=SLOPE))
+    robot.on(on("wall:0.02,0.02,0.02,0.4,0,0", ground=SLOPE))  # nothing moves it
+
+
+@pytest.mark.kernels
+def test_a_prop_that_starts_as_low_as_is_allowed_is_not_thrown():
+    box = "box:0.02,0.02,0.02,0.4,0,0.1971"
+    assert simulate(crawler(), None, on(box, ground=SLOPE)).measures["prop_height"][0] < 0.21  # it slides down
+
+
 @pytest.mark.kernels
 @pytest.mark.parametrize(
     ("ground", "sense"), [pytest.param(None, False, marks=pytest.mark.slow), ("rough:0.004,0.03", True)]
