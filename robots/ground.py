@@ -4,10 +4,8 @@ A ground is a function of the place, the same everywhere and for every robot; ro
 ``Relief``). Its x axis is the direction of travel.
 """
 
-import io
 import math
 import re
-import warnings
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.ground_images import FORMATS, brightness_of, check_image
 from robots.ground_kinds import COVERS, LEVEL, Cover, GroundKind, ground_kind, read_numbers, ways
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
@@ -25,9 +24,7 @@ if TYPE_CHECKING:
 BEHIND, AHEAD, BESIDE = 1.0, 4.0, 1.5  # m of ground around the start of a robot; it goes on as at this edge
 MOST_NODES_ALONG = 1500
 SAMPLED, EVEN = 1e-3, 1e-9  # m along the way, and how much what is level differs, where that is asked
-MOST_PIXELS = 25_000_000  # of an image, however small it was packed
-IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
-FILES = (".npy", *IMAGES)
+FILES = (".npy", *FORMATS)
 _OF_FILE = re.compile(rf"(.*(?:{'|'.join(map(re.escape, FILES))}))(?::(.*))?", re.IGNORECASE | re.DOTALL)
 
 
@@ -120,14 +117,18 @@ class Ground:
         return copy if copy and copy.is_file() else Path(self.file)
 
     def check_file(self) -> None:
-        """Refuse a file that is missing, before any work; what only tells of a ground needs none.
+        """Refuse a file that is missing, or an image that may not be named; what only tells of a ground needs none.
+
+        Copies of images that a folder keeps are read as they were when they were named, by whichever version.
 
         Raises:
-            ValueError: if there is none.
+            ValueError: if there is none, or its image is not allowed.
         """
         if self.source is not None and not self.source.is_file():
             copy = "" if self.folder is None else f", and {self.folder} keeps no copy of it"
             raise ValueError(f"terrain: {self.file!r} is no file{copy}")
+        if self.source is not None and self.folder is None and self.source.suffix.lower() in FORMATS:
+            check_image(self.source, self.source.stat().st_mtime_ns)
 
     @property
     def content(self) -> bytes | None:
@@ -158,7 +159,7 @@ class Ground:
         return kind, kind.read(numbers, self.text)
 
     def _file_numbers(self, file: str, given: str) -> tuple[float, ...]:
-        image = Path(file).suffix.lower() in IMAGES
+        image = Path(file).suffix.lower() in FORMATS
         numbers = read_numbers(given, self.text, 2 if image else 1)
         if len(numbers) != (2 if image else 1) or min(numbers) <= 0:
             way = "FILE.png:HEIGHT,SPACING" if image else "FILE.npy:SPACING"
@@ -283,15 +284,7 @@ def _tables(file: str) -> tuple[Floats, Floats | None]:
         if Path(file).suffix.lower() == ".npy":
             table: Any = array_of(content)
         else:
-            from matplotlib.image import imread
-
-            _check_pixels(content)
-            raw = np.asarray(imread(io.BytesIO(content), format=Path(file).suffix[1:].lower() or None))
-            most = np.iinfo(raw.dtype).max if np.issubdtype(raw.dtype, np.integer) else 1
-            table = raw / most
-            if table.ndim == 3:  # grey, or colours and maybe how opaque they are
-                table = table[..., :3].mean(axis=2) if table.shape[2] >= 3 else table[..., 0]
-            table = table[::-1].T  # upwards is along y, to the right along x
+            table = brightness_of(content, Path(file).suffix)
     except UNREADABLE as failed:
         raise ValueError(f"terrain: {file!r} cannot be read as heights: {failed}") from None
     _check_table(file, table)
@@ -323,18 +316,3 @@ def level(edge: float) -> "Relief":
 def _spacing(edge: float) -> float:
     """Distance between nodes of the ground [m], for voxels of an edge [m]."""
     return max(edge / 2, (BEHIND + AHEAD) / MOST_NODES_ALONG)
-
-
-def _check_pixels(content: bytes) -> None:
-    """Raise a ValueError for an image that would take gigabytes when it is unpacked."""
-    from PIL import Image
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", Image.DecompressionBombWarning)
-        try:
-            with Image.open(io.BytesIO(content)) as image:
-                pixels = image.width * image.height
-        except (Image.DecompressionBombWarning, Image.DecompressionBombError) as failed:
-            raise ValueError(f"its pixels are not allowed, give at most {MOST_PIXELS}: {failed}") from None
-    if pixels > MOST_PIXELS:
-        raise ValueError(f"{pixels} pixels are not allowed, give at most {MOST_PIXELS}")

@@ -16,6 +16,7 @@ from optim.problems.inflatable.problem import GaitProblem
 from robots.batches import batch_key
 from robots.course import Course
 from robots.ground import Ground
+from robots.ground_files import kept_in
 from robots.ground_kinds import COVERS, GROUNDS, HEIGHT, Cover, GroundKind, Number, described, ways
 from robots.inflatable import ROLLING, simulate
 from robots.inflatable.body import NAMED_GEOMETRIES
@@ -23,6 +24,7 @@ from robots.inflatable.journeys import Leg, simulate_journey
 from robots.robot import KINDS
 from robots.view.uneven import node_tints
 from robots.world import Terrain, medium_of, one_each, standing
+from taichi_sim.base.files import copy_in, write_bytes
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Water
 
 EDGE = 0.01
@@ -255,11 +257,74 @@ def test_what_is_too_steep_or_no_table_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"^terrain: '.*map\.npy': friction: -0\.5 is not allowed; give .*at least 0$"):
         Ground(friction_map(tmp_path, np.full((3, 3), -0.5))).relief(0, EDGE)
     (tmp_path / "bad.png").write_text("no image")
-    with pytest.raises(ValueError, match="cannot be read as heights"):
+    with pytest.raises(ValueError, match=r"^terrain: '.*bad\.png' is no PNG image$"):
         Ground(f"{tmp_path / 'bad.png'}:0.1,0.1").relief(0, EDGE)
     (tmp_path / "bad.npy").write_bytes(b"\x93NUMPY\x01\x00\x08\x00{'descr(")
     with pytest.raises(ValueError, match="cannot be read as heights"):
         Ground(f"{tmp_path / 'bad.npy'}:0.1").relief(0, EDGE)
+
+
+def image_named(folder, image, name="hills.png", **saved) -> str:
+    """The name of ground of an image, 1 cm high and 10 cm apart."""
+    image.save(folder / name, **saved)
+    return f"{folder / name}:0.01,0.1"
+
+
+GREY = Image.fromarray(np.arange(12, dtype=np.uint8).reshape(3, 4) * 20)
+
+
+def palette_image() -> Image.Image:
+    """One of a palette, whose first colour may be clear."""
+    return GREY.convert("P")
+
+
+@pytest.mark.parametrize("name", ["hills.jpg", "hills.tif"])
+def test_images_of_other_formats_are_refused_but_in_folders_that_keep_them(name, tmp_path, monkeypatch):
+    """Runs of earlier versions go on, from the copy that their folder has."""
+    text = image_named(tmp_path, GREY, name)
+    for make in (lambda: Terrain.parse(text), lambda: Ground(text).relief(0, EDGE), lambda: Ground(text).content):
+        with pytest.raises(ValueError, match=rf"^terrain: '.*{name}' is no PNG image; give one"):
+            make()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "run").mkdir()
+    write_bytes(copy_in(tmp_path / "run", name), (tmp_path / name).read_bytes())
+    kept = kept_in(tmp_path / "run", Terrain(ground=f"{name}:0.01,0.1")).uneven.relief(0, EDGE)
+    assert kept.heights.max() == pytest.approx(0.01 * 220 / 255, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("image", "saved"),
+    [
+        (Image.merge("LA", [GREY, GREY.point(lambda value: 254 if value == 0 else 255)]), {}),
+        (Image.merge("RGBA", [GREY] * 3 + [GREY.point(lambda value: 0 if value == 0 else 255)]), {}),
+        (GREY, {"transparency": 0}),
+        (GREY.convert("I;16"), {"transparency": 0}),
+        (GREY.convert("RGB"), {"transparency": (0, 0, 0)}),
+        (palette_image(), {"transparency": palette_image().getpixel((0, 0))}),
+    ],
+)
+def test_images_with_pixels_that_are_not_opaque_are_refused(image, saved, tmp_path):
+    """Of the colours that they hide, nobody knows which height they mean."""
+    with pytest.raises(ValueError, match=r"^terrain: '.*hills\.png' has 1 pixels that are not opaque"):
+        Terrain.parse(image_named(tmp_path, image, **saved))
+
+
+def test_opaque_images_are_ground_with_and_without_transparency(tmp_path):
+    opaque = Image.new("L", GREY.size, 255)
+    reliefs = [
+        Terrain.parse(image_named(tmp_path, image, f"{number}.png", **saved)).uneven.relief(0, EDGE)
+        for number, (image, saved) in enumerate(
+            [(GREY, {}), (Image.merge("RGBA", [GREY] * 3 + [opaque]), {}), (GREY, {"transparency": 3})]
+        )
+    ]
+    for relief in reliefs:
+        assert relief.heights.max() == pytest.approx(0.01 * 220 / 255, rel=1e-6)
+
+
+def test_animated_images_are_refused(tmp_path):
+    text = image_named(tmp_path, GREY, save_all=True, append_images=[GREY.rotate(180)])
+    with pytest.raises(ValueError, match=r"^terrain: '.*hills\.png' has 2 frames; give a PNG image of one$"):
+        Terrain.parse(text)
 
 
 @pytest.mark.parametrize("side", [5100, 10_000, 14_000])
