@@ -32,7 +32,7 @@ COMMAND = Command(
     "much what helps in one environment harms in others (M1 to M4 of chapter 2); senses, how alike environments look "
     "to controllers that succeed everywhere. The same command goes on where an earlier one was.",
     (
-        options.robot("all that is free of it counts as its controller"),
+        options.robot("all that is free of it counts as its controller", "(required)"),
         Option(
             "environments",
             "a world of the robot, such as flat, hill:5 or the number of a light; repeat it (default: the robot's own)",
@@ -65,11 +65,13 @@ COMMAND = Command(
 @goes_on
 def run(args: argparse.Namespace) -> Report:
     """Measure, and write ``metrics.json``."""
-    from optim.experiments.body_metrics import Measuring, check_bounds, controllers_of, measure_body
+    from optim.experiments.body_metrics import MEASURABLE, Measuring, check_bounds, controllers_of, measure_body
     from optim.space import Space
     from taichi_sim.base.files import write_text
     from taichi_sim.base.results_folder import ResultsFolder
 
+    if args.robot is None:
+        raise ValueError(f"robot: measure needs one of which something is free; give --robot, such as {MEASURABLE}")
     if args.grid and args.controllers:
         raise ValueError(
             f"controllers: {args.controllers} is not allowed beside --grid, which tries all combinations; leave one out"

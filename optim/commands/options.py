@@ -82,12 +82,12 @@ def given_compute(args: argparse.Namespace) -> dict[str, Any]:
     return given((precision(""), DEVICE, THREADS), args)
 
 
-def robot(told: str) -> Option:
-    """The option that names the robot; ``told`` says what else to give."""
+def robot(told: str, default: str = "(default: inflatable)") -> Option:
+    """The option that names the robot; ``told`` says what else to give, ``default`` what it is unless it is given."""
     return Option(
         "robot",
         "a kind of robot (inflatable, pouch, lattice, freeform, walker, vehicle, quadruped, rover, articulated, or of "
-        f"an installed package) or the file of one (default: inflatable); {told}",
+        f"an installed package) or the file of one {default}; {told}",
         metavar="KIND|FILE",
     )
 

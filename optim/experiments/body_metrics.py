@@ -28,6 +28,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.signals import warping_distances
 
+MEASURABLE = "pouch, feeling-quadruped, legged or vehicle"  # robots of which something is free
 AT_ONCE = 256  # controllers that are tried together, and kept together
 GENERATIONS_AT_ONCE = 10
 MOST_ON_GRID = 2_000_000
@@ -176,7 +177,7 @@ def check_bounds(robot: Robot, environments: Environments) -> None:
     if not robot.parameters:
         raise ValueError(
             f"robot: nothing of {robot.name} is free, so it has no controllers to try; give one that has, such "
-            "as pouch, feeling-quadruped, legged or vehicle"
+            f"as {MEASURABLE}"
         )
     check_success(chain.from_iterable(environments.success), robot, environments.worlds)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from optim import cli
+from optim.commands.measure import COMMAND
 from optim.measures import learnability, resistance
 from robots.braitenberg import VehicleBody, sweep
 
@@ -124,3 +125,13 @@ def test_controllers_of_a_seed_are_always_the_same(tmp_path):
     space = Space(tuple(VehicleRobot(VehicleBody.published(162)).parameters))
     few, many = (np.concatenate(controllers_of(space, Measuring(count, seed=3))) for count in (256, 600))
     assert np.array_equal(few, many[:256]) and len(many) == 600
+
+
+def test_a_robot_is_required(capsys, tmp_path):
+    """The usual one has a gait, of which nothing is free."""
+    assert cli.main(["measure", "--success", "speed >= 0.1", "--out", str(tmp_path / "none")]) == 2
+    error = capsys.readouterr().err
+    assert "robot: measure needs one of which something is free; give --robot, such as pouch, feeling-quadr" in error
+    assert error.count("\n") == 1 and not (tmp_path / "none").exists()
+    told = next(option.help for option in COMMAND.options if option.name == "robot")
+    assert "(required)" in told and "default" not in told
