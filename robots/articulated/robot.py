@@ -23,7 +23,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_text
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid import Network, Senses
-from taichi_sim.rigid.model.assembly import Model
+from taichi_sim.rigid.model.assembly import Model, check_start
 from taichi_sim.rigid.model.files import parse_model
 
 if TYPE_CHECKING:
@@ -318,18 +318,20 @@ def _updated(record: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:
-    """The robot of an MJCF or URDF file, named after it.
+    """The robot of an MJCF or URDF file, named after it. Records of runs may have one that starts deep in the ground.
 
     Args:
         path: of the file.
         **settings: fields of :class:`ArticulatedRobot`.
 
     Raises:
-        ValueError: for a file that cannot be read, or is no such model; it names the file.
+        ValueError: for a file that cannot be read, is no such model, or starts deep in the ground; it names the file.
     """
     text = read_text(path)
     try:
-        return ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
+        robot = ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
+        check_start(robot.model.tree)
+        return robot
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

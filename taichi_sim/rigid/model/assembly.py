@@ -14,6 +14,7 @@ from taichi_sim.rigid.tables import Senses
 
 USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
 _STRAIGHT = 1e-6  # sines below it are rounding
+DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +187,27 @@ def depth_of(tree: Tree) -> float:
         return 0.0
     centres, radii = tree.balls()
     return max(0.0, float((radii - centres[:, 2]).max()))
+
+
+def check_start(tree: Tree) -> None:
+    """Refuse a free tree that starts so deep in the ground, z = 0, that the ground would throw it out.
+
+    What is less deep is pushed out at up to half a metre a second, in time steps of 2 ms.
+
+    Raises:
+        ValueError: says how deep it starts, and how much higher its base must start.
+    """
+    depth = 0.0 if tree.fixed else depth_of(tree)
+    if depth == 0.0:
+        return
+    centres, radii = tree.balls()
+    height = float((centres[:, 2] + radii).max()) + depth
+    allowed = min(DEEPEST, DEEPEST_SHARE * height)
+    if depth > allowed:
+        raise ValueError(
+            f"model: its start {1e3 * depth:.3g} mm deep in the ground, z = 0, is not allowed; give a base that starts "
+            f"at least {math.ceil(1e4 * (depth - 1e-9)) / 1e4:.4g} m higher, or angles at which it is not so deep"
+        )
 
 
 def raised(tree: Tree) -> Tree:

@@ -7,7 +7,7 @@ from pathlib import Path
 from taichi_sim.base.checks import positive
 from taichi_sim.base.files import read_text
 from taichi_sim.base.plain_xml import parse_xml
-from taichi_sim.rigid.model.assembly import Model
+from taichi_sim.rigid.model.assembly import Model, check_start
 from taichi_sim.rigid.model.mjcf import read_mjcf
 from taichi_sim.rigid.model.urdf import read_urdf
 
@@ -21,9 +21,11 @@ def load_model(
     fastest: float = 10.0,
     time_step: float | None = None,
 ) -> Model:
-    """Read a robot from a file, with the settings and errors of :func:`parse_model`."""
+    """Read a robot from a file, with the settings and errors of :func:`parse_model`, and of :func:`check_start`."""
     text = read_text(path)
-    return parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
+    model = parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
+    check_start(model.tree)
+    return model
 
 
 def parse_model(

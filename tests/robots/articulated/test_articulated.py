@@ -10,6 +10,7 @@ from articulated_files import CART as URDF
 from articulated_files import CRAWLER
 
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
+from robots.articulated.robot import robot_of_record
 from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
 from robots.robot import KINDS, Place, find_robot, load_design, make_robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain
@@ -266,6 +267,18 @@ def test_bad_input_is_told_in_one_line(make, message):
     with pytest.raises(ValueError) as raised:
         make()
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+def test_a_file_that_starts_deep_in_the_ground_is_refused_but_not_in_records(tmp_path):
+    """Records of earlier runs are read, and what they found comes out again."""
+    path = tmp_path / "deep.xml"
+    path.write_text(CRAWLER.replace('pos="0 0 0.1"', 'pos="0 0 0.01"'))
+    with pytest.warns(UserWarning, match="deep in the ground"):
+        robot = ArticulatedRobot(path.read_text())
+    told = r"deep\.xml: model: its start 80 mm deep in the ground, .* starts at least 0\.08 m higher"
+    with pytest.raises(ValueError, match=told), pytest.warns(UserWarning, match="deep in the ground"):
+        load_robot(path)
+    assert robot_of_record(robot.describe()).text == robot.text
 
 
 UNEVEN = Terrain(ground="rough:0.02,0.2")

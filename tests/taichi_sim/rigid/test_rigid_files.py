@@ -259,6 +259,31 @@ def test_a_start_in_the_ground_is_told():
     assert not parse_model(mjcf(BALL.replace('pos="1 2 3"', 'pos="1 2 0.5"'))).ignored
 
 
+def test_files_whose_robot_starts_deep_in_the_ground_are_refused(tmp_path):
+    """It was thrown out; from as high as the message says it is allowed, and a little deep it is told of."""
+    path = tmp_path / "ball.xml"
+
+    def at(height):
+        path.write_text(mjcf(BALL.replace('pos="1 2 3"', f'pos="1 2 {height}"')))
+        return load_model(path)
+
+    told = r"^model: its start 50 mm deep in the ground, .* starts at least 0\.05 m higher"
+    with pytest.raises(ValueError, match=told), pytest.warns(UserWarning, match="starts 50 mm deep"):
+        at(0.45)
+    with pytest.raises(ValueError, match=r"5\.1 mm deep"), pytest.warns(UserWarning):
+        at(0.4949)
+    with pytest.warns(UserWarning, match="that it starts 4.9 mm deep"):
+        at(0.4951)
+    assert not at(0.5).ignored
+    small = BALL.replace('size="0.5"', 'size="0.02"')
+    path.write_text(mjcf(small.replace('pos="1 2 3"', 'pos="1 2 0.0181"')))
+    with pytest.warns(UserWarning, match="that it starts 1.9 mm deep"):
+        load_model(path)
+    path.write_text(mjcf(small.replace('pos="1 2 3"', 'pos="1 2 0.0179"')))
+    with pytest.raises(ValueError, match=r"2\.1 mm deep"), pytest.warns(UserWarning):
+        load_model(path)
+
+
 @pytest.mark.parametrize(("kind", "bodies"), [("fixed", 4), ("continuous", 5)])
 def test_a_urdf_robot_on_a_link_named_world_is_fixed(kind, bodies):
     held = ARM.replace("base_link", "world").replace('name="root" type="fixed"', f'name="root" type="{kind}"')
