@@ -26,6 +26,7 @@ from optim.experiments.tables import Record, cell, column, distinct, markdown, p
 from optim.measures.statistics import mean_interval, ratio_of_means
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
+from optim.studies.beyond.freeform_kept import kept_speeds, kept_table
 from robots.freeform.grid import Grid
 from robots.freeform.palette import SILICONE, Palette, Tissue
 from robots.freeform.robot import FreeformRobot
@@ -181,15 +182,16 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
             write_records(folder / name, records)
         if progress:
             progress((number + 1) / len(tasks))
-    _report(folder, settings.share, known[0])
+    _report(folder, settings.share, known[0], known[2])
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write the tables of all problems, and ``summary.json``, from the table of runs."""
+    """Write the tables of all problems, and ``summary.json``, from the tables of runs and of trials."""
     share = data.from_summary(lambda summary: positive("share", summary["share"]))
-    columns: dict[str, Kind] = {"problem": tuple(PROBLEMS), "search": tuple(ARMS), "seed": int, "evaluations": int}
-    columns |= {**dict.fromkeys(("seconds", "speed"), float), "kept": float | None}
-    _report(folder, share, data.records(TABLES[0], columns))
+    about: dict[str, Kind] = {"problem": tuple(PROBLEMS), "search": tuple(ARMS), "seed": int}
+    about |= dict.fromkeys(("seconds", "speed"), float)
+    rows = data.records(TABLES[0], {**about, "evaluations": int, **dict.fromkeys(("score", "kept"), float | None)})
+    _report(folder, share, rows, data.records(TABLES[2], {**about, "trial": str}))
 
 
 def _kept(folder: Path, problem: str, arm: str, seed: int, what: str = "run") -> Path:
@@ -249,17 +251,19 @@ def _curve(contest: Contest, problem: str, name: str, seed: int) -> list[Record]
     return [{**about, "cpu_s": round(p["cpu"], 2), "evaluations": p["evaluations"], "best": p["best"]} for p in chosen]
 
 
-def _report(folder: Path, share: float, rows: Sequence[Record]) -> None:
-    """Write ``summary.json``, ``table.md`` and a figure, which follow from the table of runs."""
+def _report(folder: Path, share: float, rows: Sequence[Record], trials: Sequence[Record]) -> None:
+    """Write ``summary.json``, ``table.md`` and a figure, which follow from the tables of runs and of trials."""
     found = {
         f"{problem}-{seconds:g}": _summary(where(rows, problem=problem, seconds=seconds))
         for problem in distinct(rows, "problem")
         for seconds in distinct(where(rows, problem=problem), "seconds")
     }
-    write_json(folder / "summary.json", {"share": share, "problems": found})
+    kept = kept_speeds(rows, trials, of_kind(ARMS, ARMS, True))
+    write_json(folder / "summary.json", {"share": share, "problems": found, "kept": kept})
     advantages = sorted((each for each in found.values() if "ratio" in each), key=_size)
     parts = [_overview(advantages)] if len(advantages) > 1 else []
-    write_text(folder / "table.md", page(*parts, *(part for each in found.values() for part in _table(each))))
+    tables = (part for each in found.values() for part in _table(each))
+    write_text(folder / "table.md", page(*parts, *tables, *kept_table(kept)))
     _draw(advantages, folder / FIGURE)
 
 
@@ -354,9 +358,10 @@ def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
     parts: list[str | list[str]] = [told, markdown(header, "lrrrrr", lines)]
     if "ratio" in found:
         low, high = found["interval"]
+        best = [found["searches"][found[name]] for name in ("best_with_gradients", "best_without")]
         parts.append(
-            f"{ARMS[found['best_with_gradients']].label} over {ARMS[found['best_without']].label}: "
-            f"{found['ratio']:.2f} times, 95 % interval {low:.2f} to {high:.2f}."
+            f"{' over '.join(each['label'] for each in best)}: {found['ratio']:.2f} times, "
+            f"95 % interval {low:.2f} to {high:.2f}, of {' and '.join(str(each['seeds']) for each in best)} seeds."
         )
     return parts
 
