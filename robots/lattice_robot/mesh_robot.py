@@ -1,6 +1,7 @@
 """A lattice robot of meshes: one for the body, and others that mark its materials and muscles."""
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from taichi_sim.lattice.files.mesh import VoxelisedMesh
 
 MILLIMETRE = 1e-3  # unit of files of meshes, unless told otherwise [m]
+METRE = 1.0  # the other unit that files are in
+SMALLEST, LARGEST = 1e-3, 10.0  # robots whose longest side is beyond these are likely of another unit [m]
 SLIDING = 0.8  # kinetic friction, part of the static one
 AMPLITUDE = Free(0.0, 0.2)  # of muscles, unless told otherwise
 _MATERIAL, _WAVE = ("modulus", "density", "friction"), ("amplitude", "phase")
@@ -92,7 +95,8 @@ def robot_of_mesh(
 ) -> "LatticeRobot":
     """The robot whose body fills a mesh with voxels; its surfaces and moulds lie where the mesh does.
 
-    Where regions overlap, the last one counts, of materials and of muscles apart.
+    Where regions overlap, the last one counts, of materials and of muscles apart. A warning tells of a body below 1 mm
+    or above 10 m, whose file is likely in another unit.
 
     Args:
         path: a file of a mesh that trimesh reads.
@@ -125,6 +129,7 @@ def robot_of_mesh(
         name="body",
     )
     found = voxelise(path, pitch, scale=scale)
+    _note_size(path, max(found.filled.shape) * found.pitch, scale)
     materials, kinds, groups = [base], np.where(found.filled, 1, 0), np.zeros(found.filled.shape, int)
     for label, region in enumerate(regions, 1):
         marked = _marked(region, found, scale)
@@ -149,6 +154,16 @@ def robot_of_mesh(
     # Robots stand on the floor, so the body may be moved down.
     origin = (found.origin + found.pitch * body.voxels[:, 2].min() * np.array([0, 0, 1])).tolist()
     return LatticeRobot(body, tuple(drives), **{"name": Path(path).stem, "origin": tuple(origin), **settings})
+
+
+def _note_size(path: str | PathLike[str], longest: float, scale: float) -> None:
+    """Warn of a robot so small, or so large, that its mesh is likely in metres, or in millimetres, instead."""
+    if SMALLEST <= longest <= LARGEST:
+        return
+    unit, usual = ("metres", METRE) if longest < SMALLEST else ("millimetres", MILLIMETRE)
+    size = f"{1e3 * longest:.3g} mm" if longest < SMALLEST else f"{longest:.4g} m"
+    hint = "check the file" if scale == usual else f"if the file is in {unit}, give {usual:g}"
+    warnings.warn(f"scale: with {scale:g}, the robot of {path} is {size} long; {hint}", stacklevel=3)
 
 
 def _marked(region: MarkedRegion, body: "VoxelisedMesh", scale: float) -> Any:
