@@ -142,7 +142,7 @@ class FilteredCells(Cells):
     presence_kind: ClassVar[Kind] = "continuous"
 
     def __post_init__(self) -> None:
-        positive("radius", self.radius, float(max(self.grid.shape)))
+        positive("detail", self.radius, float(max(self.grid.shape)))  # what users call it
 
     @cached_property
     def _weights(self) -> sparse.csr_array:

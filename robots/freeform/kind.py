@@ -8,7 +8,7 @@ from typing import Any
 from robots.kind import choices
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
-from robots.robot import Option, Robot
+from robots.robot import Option, Robot, counted
 from taichi_sim.base.files import read_text
 from taichi_sim.base.options import checked, number, numbers, whole
 
@@ -48,6 +48,7 @@ class FreeformKind(LatticeGroundKind):
         from robots.freeform.grid import Grid
         from robots.freeform.palette import Palette, palette_of
         from robots.freeform.robot import FreeformActuation, FreeformRobot
+        from robots.freeform.solid import LEAST_CELLS
         from robots.lattice_robot.sources import robot_of_python
 
         if source is not None and source.lower().endswith(".py"):
@@ -58,10 +59,14 @@ class FreeformKind(LatticeGroundKind):
         def given(names: tuple[str, ...]) -> dict[str, Any]:
             return {name: options[name] for name in names if name in options}
 
+        grid = Grid(**given(GRID))
+        if grid.count < LEAST_CELLS:  # not refused by the grid itself: runs of earlier versions may have one
+            sides, cells = ",".join(map(str, grid.shape)), counted(grid.count, "cell")
+            raise ValueError(f"shape: {sides} is not allowed, as it has {cells}; give at least {LEAST_CELLS}")
         palette = Palette()
         if path := options.get("palette"):
             palette = palette_of(_records(Path(path)))
-        return FreeformRobot(Grid(**given(GRID)), palette, FreeformActuation(**given(ACTUATION)), **given(OWN))
+        return FreeformRobot(grid, palette, FreeformActuation(**given(ACTUATION)), **given(OWN))
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The grid that was described."""

@@ -127,7 +127,7 @@ class FreeformRobot(Robot):
         detail: dict[str, Any] = {}
         if self.detail is not None:
             name = DETAILS[self.fields]
-            detail[name] = self.detail if name == "radius" else whole_number(name, self.detail, 1)
+            detail[name] = self.detail if name == "radius" else whole_number("detail", self.detail, 1)
         basics = self.grid, len(self.palette), self.full, self.actuation.amplitude
         return PARAMETRISATIONS[self.fields](*basics, **detail)
 

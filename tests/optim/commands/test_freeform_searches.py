@@ -68,6 +68,26 @@ def test_descriptors_that_are_none_are_told_in_one_short_line(morpholab):
     assert code == 2 and "descriptors: enrgy is no variable (presence_1_1_1, " in error and " and 376 more" in error
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ("--shape 1,1,1", "shape: 1,1,1 is not allowed, as it has 1 cell; give at least 4"),
+        ("--shape 3,1,1 --full", "shape: 3,1,1 is not allowed, as it has 3 cells; give at least 4"),
+        ("--fields filtered --detail 9", "detail: 9.0 is not allowed; give a positive number, at most 4"),
+        ("--fields network --detail 2.5", "detail: 2.5 is not allowed; give a whole number, at least 1"),
+    ],
+)
+def test_grids_without_a_robot_and_other_details_are_refused_before_any_work(morpholab, tmp_path, options, message):
+    code, out, error = morpholab(f"{SMALL} {options} --out a")
+    assert (code, out, error) == (2, "", f"morpholab codesign: error: {message}\n")
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_run_of_an_earlier_version_with_too_few_cells_is_still_read():
+    description = RobotProblem(FreeformRobot(Grid((1, 1, 1)))).describe()
+    assert RobotProblem.from_description(description).robot.grid.shape == (1, 1, 1)
+
+
 def test_patches_need_fields_of_cells(morpholab):
     code, _, error = morpholab(f"{SMALL} --fields blobs --method genetic --set patches=0.5 --out a")
     assert code == 2 and "patches: only allowed where variables have places" in error

@@ -293,8 +293,11 @@ def test_descriptions_make_the_same_robot_again():
         (lambda: robot((5, 3, 2), feature=3), "feature: 3 cells are not allowed; the grid is 2 cells thin"),
         (lambda: robot(fields="wood"), "fields: 'wood' is unknown"),
         (lambda: robot(detail=2.0), "detail: 2.0 is not allowed with cells, which have none; leave it out"),
-        (lambda: robot(fields="blobs", detail=1.5), "balls: 1.5 is not allowed"),
-        (lambda: robot(fields="filtered", detail=99.0), "radius: 99.0 is not allowed"),
+        (lambda: robot(fields="blobs", detail=1.5), "detail: 1.5 is not allowed; give a whole number, at least 1"),
+        (
+            lambda: robot(fields="filtered", detail=99.0),
+            "detail: 99.0 is not allowed; give a positive number, at most ",
+        ),
         (lambda: robot(target=(1,)), r"target: \(1,\) is not allowed; give \(x, y\) in metres"),
         (lambda: robot(perturbation=0.5), "perturbation: 0.5 is not allowed"),
         (lambda: robot().simulate(np.zeros((1, 3)), Terrain()), r"points: shape \(1, 3\) is not allowed"),
