@@ -190,7 +190,21 @@ def _report(last: "Generation", folder: Path, written: list[str], planned: Plan)
     if ROBUST_FILE in written:
         document["robust"] = read_robust(folder)
         told[-1:-1] = lines_of(folder)
+    if without := _why_no_table(problem, last):
+        document["no_table"] = without
+        told.append(f"no {TABLE_FILE}: {without}")
     return Report(document, "\n".join(told))
+
+
+def _why_no_table(problem: "Problem", last: "Generation") -> str:
+    """Why the best design has no table, where others of its kind have one, and what helps; empty otherwise."""
+    from optim.problems.robot import JudgedRobot
+
+    if last.best_point is None or not isinstance(problem, JudgedRobot):
+        return ""
+    why = problem.robot_of(problem.space.from_dict(last.best_point)).untabled
+    option = problem.offered.tabled_by
+    return f"{why}; search with {option}" if why and option else why
 
 
 def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: str) -> list[str]:

@@ -217,6 +217,14 @@ class FreeformRobot(Robot):
         return Aim(0.0, self.length, self.target)
 
     @property
+    def tabled_by(self) -> str:  # type: ignore[override]
+        """The option with which a rig has a line for each wave of its designs; empty if it does."""
+        from robots.hardware.channel_table import LINES
+
+        channels, lines = self.actuation.channels, len(LINES)
+        return "" if channels is not None and channels <= lines else f"--channels {lines}"
+
+    @property
     def actuators(self) -> int:  # type: ignore[override]
         """Number of muscles that it can have at most: its cells."""
         return self.grid.count

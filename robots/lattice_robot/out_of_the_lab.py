@@ -24,9 +24,17 @@ class OutOfTheLab(Robot):
     @property
     def exportable(self) -> bool:  # type: ignore[override]
         """Whether a rig has lines for its channels, once nothing is free; reflexes decide on the way."""
+        return not self.untabled
+
+    @property
+    def untabled(self) -> str:  # type: ignore[override]
+        """Why no rig plays it; empty if one can."""
         from robots.lattice_robot.on_rig import unplayed
 
-        return self.fixed.reflexes is None and not unplayed(self.fixed)
+        robot = self.fixed
+        if robot.reflexes is not None:
+            return "one with reflexes has no table of channels; it decides while it moves"
+        return unplayed(robot)
 
     def table(self, *, rig: Any = None, full_scale: str | None = None, **settings: Any) -> Any:
         """Pressures of a rig's lines that play the channels.
@@ -42,7 +50,7 @@ class OutOfTheLab(Robot):
 
         rig, robot = rig or PneumaticRig(), self.fixed
         if robot.reflexes is not None:
-            raise ValueError("robot: one with reflexes has no table of channels; it decides while it moves")
+            raise ValueError(f"robot: {self.untabled}")
         scale = None if full_scale is None else full_scale_of(full_scale)
         return channel_table(self.fixed.name, waves_of(robot, rig, scale), rhythm_of(robot), rig, **settings)
 

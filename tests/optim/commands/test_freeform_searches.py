@@ -88,6 +88,21 @@ def test_a_run_of_an_earlier_version_with_too_few_cells_is_still_read():
     assert RobotProblem.from_description(description).robot.grid.shape == (1, 1, 1)
 
 
+@pytest.mark.kernels
+def test_a_run_says_why_it_has_no_table_for_a_rig_and_how_to_get_one(morpholab):
+    line = f"{SMALL} --method random --climbers 2 --generations 0 --full"
+    code, out, error = morpholab(f"{line} --out a")
+    assert (code, error) == (0, "") and out.splitlines()[-2:] == [
+        "a: best.json",
+        "no gait.csv: 24 channels are not allowed; a rig has 8 lines for them, so let regions share a wave; "
+        "search with --channels 8",
+    ]
+    told = json.loads(morpholab("codesign --resume --out a --quiet --threads 1 --json")[1])["no_table"]
+    assert told.endswith("; search with --channels 8")
+    code, out, _ = morpholab(f"{line} --channels 8 --out b")
+    assert code == 0 and "\nb: best.json, gait.csv\n" in f"{out}\n" and "no gait.csv" not in out
+
+
 def test_patches_need_fields_of_cells(morpholab):
     code, _, error = morpholab(f"{SMALL} --fields blobs --method genetic --set patches=0.5 --out a")
     assert code == 2 and "patches: only allowed where variables have places" in error

@@ -185,6 +185,8 @@ def test_robots_that_no_rig_plays_say_why():
     with pytest.raises(ValueError, match=r"^drives: 9 channels are not allowed; a rig has 8 lines for them"):
         many.table()
     assert not grip.exportable and not many.exportable
+    assert many.untabled == "9 channels are not allowed; a rig has 8 lines for them, so let regions share a wave"
+    assert robot((Drive("legs", (1,), amplitude=0.1),)).untabled == ""
 
 
 # --- files of other simulators
