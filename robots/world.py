@@ -175,7 +175,8 @@ class Terrain:
     def friction(self) -> str:
         """The friction that replaces the robot's own, such as ``"friction 0.56,0.7 (wood)"``; empty if none does."""
         feet = self.low_friction, self.high_friction
-        floor = next((f" ({name})" for name, pair in FLOORS.items() if pair == feet), "")
+        named = floor_of(feet)
+        floor = f" ({named})" if named else ""
         given = [f"{value:g}" for value in feet if value is not None]
         told = [f"friction {','.join(given)}{floor}"] if given else []
         if self.static_friction is not None:
@@ -294,6 +295,11 @@ def _prop(given: Any) -> Prop:
     if not isinstance(given, Prop):
         raise ValueError(f"props: {given!r} is not allowed; give a Prop, or its name")
     return given
+
+
+def floor_of(friction: tuple[float | None, float | None]) -> str | None:
+    """The name of the floor on which sliding and gripping feet have this friction; None if none of ``FLOORS`` does."""
+    return next((name for name, pair in FLOORS.items() if pair == friction), None)
 
 
 def friction_of_parts(described: Any, factor: float = 1.0) -> dict[str, Any]:

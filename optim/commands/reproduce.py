@@ -36,7 +36,11 @@ COMMAND = Command(
         ),
         path_to("sweep", "DIR", "folder of a sweep, of studies that read bodies from one"),
         count("jobs", 1, "runs that go on at the same time, of studies of many runs (default: one after the other)"),
-        Option("floor", "of gait-hunt and gait-climb, whose measured friction feet have", metavar="wood|acrylic"),
+        Option(
+            "floor",
+            "of gait-hunt, gait-climb and robust-gaits, whose measured friction feet have",
+            metavar="wood|acrylic",
+        ),
         Option("friction", "of them, of sliding and of gripping feet", numbers(2), "SLIDING,GRIPPING"),
         QUIET,
     ),

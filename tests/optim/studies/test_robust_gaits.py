@@ -2,6 +2,8 @@
 
 import json
 import shutil
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,8 +14,9 @@ from optim.experiments.data import Data
 from optim.experiments.tables import read_records, write_records
 from optim.studies.beyond.robust_gaits import judgement, report, search
 from optim.studies.beyond.robust_gaits.search import best_start, starts_of, waves
-from optim.studies.beyond.robust_gaits.settings import RobustGaits
+from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits
 from optim.studies.beyond.robust_gaits.study import study
+from optim.studies.catalogue import STUDIES
 from robots.inflatable.design import load_design
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -35,9 +38,67 @@ def test_settings_are_checked():
         ({"slopes": (0.0, 0.0)}, "slopes: "),
         ({"floor": "ice"}, "floor: 'ice'"),
         ({"most_full": 9}, "most_full: 9"),
+        ({"friction": (0.7, 0.5)}, "friction: 0.7 of sliding feet is not allowed"),
     ):
         with pytest.raises(ValueError, match="^" + message):
             RobustGaits(**bad)
+
+
+def test_the_floor_is_one_of_the_settings(morpholab, monkeypatch, tmp_path):
+    """Named or by its friction; a folder goes on on its own floor only, and one of before is on wood."""
+    seen: list[RobustGaits] = []
+
+    def opened(folder, settings, progress, **options):
+        seen.append(settings)
+        ResultsFolder(folder, NAME, settings.describe())
+
+    monkeypatch.setitem(STUDIES._loaded, NAME, replace(STUDIES[NAME], run=opened))
+    run = f"reproduce {NAME} --quiet --out"
+    for folder, floor in (
+        ("wood", ""),
+        ("wood", "--floor wood"),
+        ("acrylic", "--floor acrylic"),
+        ("acrylic", "--friction 0.38,0.51"),
+        ("own", "--friction 0.3,0.5"),
+    ):
+        code, _, error = morpholab(f"{run} {folder} {floor}")
+        assert (code, error) == (0, ""), error
+    pairs = [(each.terrain(9.0).low_friction, each.terrain(9.0).high_friction) for each in seen]
+    assert pairs == [(0.56, 0.7), (0.56, 0.7), (0.38, 0.51), (0.38, 0.51), (0.3, 0.5)]
+    assert all(
+        each.problem(9.0, robust, 1).terrains == (each.terrain(9.0),) for each in seen for robust in (False, True)
+    )
+    for folder, floor, message in (
+        ("wood", "--floor acrylic", 'wood holds robust-gaits of other settings (floor: "wood", not "acrylic")'),
+        ("acrylic", "", 'acrylic holds robust-gaits of other settings (floor: "acrylic", not "wood")'),
+        ("own", "", "own holds robust-gaits of other settings"),
+        ("new", "--floor ice", "floor: 'ice' is unknown"),
+    ):
+        code, _, error = morpholab(f"{run} {folder} {floor}")
+        assert code == 2 and message in error and error.count("\n") == 1, error
+
+
+def test_folders_of_before_go_on():
+    """To the letter: settings that they do not know are described only where they are set."""
+    text = json.dumps(STUDIES[NAME].scales["medium"].describe())
+    assert sha256(text.encode()).hexdigest()[:16] == "50623be677f1be26"
+    assert RobustGaits(friction=(0.56, 0.7)).describe() == RobustGaits().describe()
+    own = RobustGaits(friction=(0.3, 0.5)).describe()
+    assert own.keys() - RobustGaits().describe().keys() == {"friction"} and "floor" not in own
+
+
+def test_the_page_names_the_floor():
+    """A named one by its name, another by its friction."""
+    rows = [{"n": 4, "gait": "robust 0°", "precision": "f64", "nominal": None, "mean": None, "worst": None}]
+    rows[0] |= {"forward": 1.0, "full": None}
+    for settings, told in (
+        (RobustGaits(floor="acrylic"), "Speeds on acrylic with bladders"),
+        (
+            RobustGaits(friction=(0.3, 0.5)),
+            "Speeds on a floor of friction 0.3 of sliding and 0.5 of gripping feet with",
+        ),
+    ):
+        assert report.text_of(settings.describe(), rows, [], []).startswith(told)
 
 
 def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(tmp_path):

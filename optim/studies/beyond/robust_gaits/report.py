@@ -119,6 +119,8 @@ def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[
     ]
     waved = [(f"{r['slope']:g}°", r["full"], r["levels"], f"{r['settling']:g}", cell(r["speed"])) for r in best]
     floor = f" on {settings['floor']}" if "floor" in settings else ""
+    if "friction" in settings:
+        floor = " on a floor of friction {:g} of sliding and {:g} of gripping feet".format(*settings["friction"])
     uncertain = f" of {settings['uncertain']}" if "uncertain" in settings else ""
     return page(
         f"Speeds{floor} with bladders that weigh, under {rows[0]['n']} draws{uncertain} that no search has seen "

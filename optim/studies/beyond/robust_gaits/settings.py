@@ -6,15 +6,17 @@ from typing import Annotated, Any
 
 from optim.experiments.study import Count, Settings, Whole
 from optim.problems.inflatable.problem import GaitProblem
+from optim.studies.beyond.gait_hunt.finalists import check_friction
 from robots.hardware.rig import PRESETS
 from robots.inflatable.schedule import BLADDERS
 from robots.uncertainty import Uncertainty
-from robots.world import FLOORS, STEEPEST, Terrain
+from robots.world import FLOORS, STEEPEST, Terrain, floor_of
 from taichi_sim.base import checks
 
 NAME = "robust-gaits"
 PRESSURE = 12e3  # of the core [Pa]
 BATCH = 8  # gaits, or draws, of a part whose results are kept
+DESCRIBED_IF_SET = ("friction",)  # which folders of before do not know
 
 
 def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
@@ -25,7 +27,7 @@ def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class RobustGaits(Settings):
-    """How large the study is."""
+    """How large the study is, and on which floor: a named one, or one of a given friction, which then has no name."""
 
     slopes: Annotated[tuple[float, ...], _slopes] = (0.0, 9.0, 11.0, 12.0, 13.0, 14.0)  # [degrees]
     floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
@@ -44,6 +46,21 @@ class RobustGaits(Settings):
     steeper: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)  # than the steepest slope, on which its gait is tried [degrees]
     precision: str = "f64"  # of the judgement
     rig: Annotated[str, partial(checks.choice, names=tuple(PRESETS))] = "dissertation-lag"  # that plays what is found
+    friction: Annotated[tuple[float, float], check_friction] | None = None  # of sliding and of gripping feet
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.friction is not None and (named := floor_of(self.friction)):  # however it is given, it is one study
+            object.__setattr__(self, "floor", named)
+            object.__setattr__(self, "friction", None)
+
+    def describe(self) -> dict[str, Any]:
+        """All that results depend on, as folders of before have it: a friction is told in place of a floor."""
+        unset = {name for name in DESCRIBED_IF_SET if getattr(self, name) is None}
+        told = {name: value for name, value in super().describe().items() if name not in unset}
+        if self.friction is not None:
+            del told["floor"]
+        return told
 
     @cached_property
     def uncertainty(self) -> Uncertainty:
@@ -52,7 +69,7 @@ class RobustGaits(Settings):
 
     def terrain(self, slope: float) -> Terrain:
         """The floor, tilted."""
-        low, high = FLOORS[self.floor]
+        low, high = self.friction or FLOORS[self.floor]
         return Terrain(slope, high, low)
 
     def problem(self, slope: float, robust: bool, threads: int | None = None, rolls: bool = True) -> GaitProblem:
