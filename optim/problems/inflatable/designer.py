@@ -25,7 +25,7 @@ HORIZONS = (1, 2)  # columns that ``gradient-check`` plays
 # Options that are fields of the problem by the same name.
 SETTINGS = (
     *("columns", "repeats", "geometry", "weight"),
-    *("steps", "warm_up", "stages", "ladder", "ahead", "hard", "effort"),
+    *("steps", "warm_up", "stages", "most_full", "ladder", "ahead", "hard", "effort"),
     *("window", "draws", "noise", "friction_spread", "gentle", "risk"),
 )
 WORDS = ("mean", "terrains")  # how the speeds on several terrains are judged
@@ -52,6 +52,13 @@ OPTIONS = (
     ),
     count("warm_up", 0, "first time steps of a graded gait, which do not count"),
     count("stages", 1, "equally long parts of a graded gait, of which the slowest tells its speed (default: 1)"),
+    Option(
+        "most_full",
+        "bladders of a graded gait that may be full at a time, the sum of a column's levels; those of a column with "
+        "more are scaled down (default: all)",
+        number(1.0, 8.0, "bladders"),
+        "N",
+    ),
     flag(
         "ladder",
         "of several terrains, the easiest first, a gait is tried on the next if it is faster than --ahead on the one "

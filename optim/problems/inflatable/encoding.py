@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from optim.problems.inflatable.body_genes import EMPTY_CORE
+from optim.problems.inflatable.full_bladders import limited, slopes_before
 from optim.problems.inflatable.gait_pattern import GAIT_WIRING, pattern
 from optim.space import Variable
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
@@ -154,6 +155,8 @@ class GradedGait(GaitEncoding):
         actuation: how the robot is driven, which tells how long strokes take.
         cores: rows of core pressures of the columns, one for each core of the body, or none.
         paced: whether every bladder has a pace of its own in every column.
+        most_full: bladders that may be full at a time, the sum of a column's levels; None is all. The levels of a
+            column with more are scaled down, so every genome has a gait within it.
     """
 
     steps: int = PUBLISHED_STEPS
@@ -161,6 +164,7 @@ class GradedGait(GaitEncoding):
     actuation: InflatableActuation = ACTUATION
     cores: int = 0
     paced: bool = False
+    most_full: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -210,11 +214,12 @@ class GradedGait(GaitEncoding):
     def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
         """Derivatives by the genes: by levels that are not clipped, by grip through the sharpening; zero for times."""
         inflation = self._tables(values)[0]
+        by_levels = slopes_before(np.clip(inflation, 0.0, 1.0), slopes[:BLADDERS], self.most_full)
         free = (inflation > 0) & (inflation < 1)
         sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
         return np.concatenate(
             [
-                (slopes[:BLADDERS] * free).ravel(),
+                (by_levels * free).ravel(),
                 (slopes[BLADDERS:] * sharpening).ravel(),
                 np.zeros(self.columns),
                 *((np.where(within, others[name], 0.0)).ravel() for name, within in self._inside(values).items()),
@@ -278,7 +283,7 @@ class GradedGait(GaitEncoding):
     def _graded(self, values: Floats) -> GaitSchedule:
         """Played once, its feet as the genes have them."""
         inflation, grip, genes = self._tables(values)
-        levels = np.concatenate([np.clip(inflation, 0.0, 1.0), grip])
+        levels = np.concatenate([limited(np.clip(inflation, 0.0, 1.0), self.most_full), grip])
         motion, settle = np.full(self.columns, LEAST_MOTION), np.rint(np.maximum(genes, 0.0)).astype(np.int64)
         most: dict[str, float | None] = {"core_pressure": None, "pace": 1.0}
         own: dict[str, Any] = {n: np.clip(table, 0.0, most[n]) for n, table in self._own(values).items()}

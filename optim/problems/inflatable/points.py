@@ -58,7 +58,7 @@ class GaitPoints(GaitSettings):
         encoding = ENCODINGS[self.encoding]
         if issubclass(encoding, GradedGait):
             given = self.columns, self.repeats, self.most_steps, self.warm_up, self.actuation
-            return encoding(*given, self._core_rows, "pace" in self.more)
+            return encoding(*given, self._core_rows, "pace" in self.more, self.most_full)
         return encoding(self.columns, self.repeats)
 
     def start_values(self, design: InflatableDesign) -> dict[str, float]:

@@ -19,7 +19,7 @@ from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.design import Pressure, checked_pressure, each_pressure
 from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
-from robots.inflatable.schedule import MOST_COLUMNS, MOST_REPEATS, GaitSchedule
+from robots.inflatable.schedule import BLADDERS, MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
 from robots.robot import KINDS, Facts, World
 from robots.uncertainty import Uncertainty
@@ -37,7 +37,7 @@ GRADED_OPTIONS = ("steps", "warm_up", "stages")  # of a free graded gait
 DESCRIBED = ("columns", "repeats", "geometry", "weight", "precision", "device")
 # Described where they differ from their defaults: version 1.0 grew by them.
 DESCRIBED_IF_SET = (
-    *("encoding", "objectives", "ramp_steps", "steps", "warm_up", "stages"),
+    *("encoding", "objectives", "ramp_steps", "steps", "warm_up", "stages", "most_full"),
     *("ladder", "ahead", "hard", "effort"),
     *RELAXED_OPTIONS,
     *RISK_OPTIONS,
@@ -68,6 +68,8 @@ class GaitSettings(RobotDesigning):
             while it finds its stride. The time of the whole cycles that follow counts the speed.
         stages: equally long parts of a graded gait, of as many cycles after a warm-up, of which the slowest tells the
             speed: a gait that goes on beats one that lurches once.
+        most_full: bladders of a graded gait that may be full at a time, the sum of a column's levels; None is all.
+            Levels of a column with more are scaled down, also those of a gait at which a search starts.
         ladder: whether a terrain is for those gaits alone that are faster than ``ahead`` on the one before; the
             others are not simulated there, their speed is 0. In the mean all terrains but the last count ``ahead``
             at most. So gaits are led from easy ground to hard.
@@ -107,6 +109,7 @@ class GaitSettings(RobotDesigning):
     steps: Annotated[int, partial(whole_number, low=1, high=LONGEST_GAIT)] | None = None
     warm_up: Annotated[int, partial(whole_number, low=0, high=LONGEST_GAIT)] = 0
     stages: Annotated[int, partial(whole_number, low=1, high=MOST_COLUMNS)] = 1
+    most_full: Annotated[float, partial(number, low=1.0, high=BLADDERS, unit="bladders")] | None = None
     ladder: bool = False
     ahead: NotNegative = NEXT
     hard: bool = False
@@ -142,7 +145,7 @@ class GaitSettings(RobotDesigning):
             object.__setattr__(self, "encoding", "codes")  # unused
         if self.properties is not None and self._timed:
             self.properties.check_time_step(NAMED_GEOMETRIES[self.geometry])
-        for name in GRADED_OPTIONS:
+        for name in (*GRADED_OPTIONS, "most_full"):
             if name in self._set and not self.graded:
                 what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
                 value = getattr(self, name)
@@ -259,6 +262,7 @@ class GaitSettings(RobotDesigning):
         convention = "by the published convention" if steps is None else f"of {steps:,} time steps"
         times = {1: "once", 2: "twice"}.get(self.repeats, f"{self.repeats} times")
         often = f"as often as {self.most_steps:,} time steps allow" if self.graded else times
+        full = "" if self.most_full is None else f", at most {self.most_full:g} bladders full at a time"
         return [
             ("Robot", f"inflatable shape-changing robot, {self.geometry} geometry, {geometry.body_length:g} m long"),
             ("Terrains", ", ".join(KINDS[self.robot_kind].world_told(terrain) for terrain in self.terrains)),
@@ -269,7 +273,7 @@ class GaitSettings(RobotDesigning):
             *([("Uncertain", f"{self.uncertain}: {self.risk} of {self.draws} draws")] if self.uncertain else []),
             ("Free", ", ".join(self.free)),
             ("Fixed", ", ".join(held) or "nothing"),
-            ("Gait", f"{self.columns} columns, played {often}, encoded as {self.encoding}"),
+            ("Gait", f"{self.columns} columns, played {often}, encoded as {self.encoding}{full}"),
             *([("Rig", self.properties.spoken)] if self.properties else []),
             ("Simulation", f"{self.precision} on {self.device}, weight of bladders {self.weight}"),
         ]

@@ -87,6 +87,24 @@ def test_folders_of_before_go_on():
     assert own.keys() - RobustGaits().describe().keys() == {"friction"} and "floor" not in own
 
 
+def test_searches_keep_to_as_many_full_bladders_as_waves_if_asked():
+    """Of waves and of the flat body; not by default, and it is one of the settings."""
+    free, capped = RobustGaits(), RobustGaits(most_full=2, capped=True)
+    for rolls in (True, False):
+        for robust in (True, False):
+            assert free.problem(0.0, robust, 1, rolls).most_full is None
+            assert capped.problem(0.0, robust, 1, rolls).most_full == 2
+    assert capped.describe() == {**free.describe(), "most_full": 2, "capped": True}
+    problem, full = capped.problem(9.0, True, 1), load_design(DATA / "gaits/robust-0.json")
+    wave = {"levels": "00000011", "shift": 1, "settling": 0.0}
+    starts = starts_of(problem, RobustGaits(begins=1), wave, [full])
+    first, led = (problem.design(problem.space.from_dict(start)) for start in starts)
+    assert set(first.schedule.inflation.ravel()) == {0.0, 1.0}  # a screened wave is within it as it is
+    assert full.schedule.inflation.sum(axis=0).max() > 4
+    assert led.schedule.inflation.sum(axis=0) == pytest.approx(np.full(8, 2.0))
+    assert problem.start_values(led).keys() == starts[1].keys()  # which is still a wave
+
+
 def test_the_page_names_the_floor():
     """A named one by its name, another by its friction."""
     rows = [{"n": 4, "gait": "robust 0°", "precision": "f64", "nominal": None, "mean": None, "worst": None}]
@@ -99,6 +117,8 @@ def test_the_page_names_the_floor():
         ),
     ):
         assert report.text_of(settings.describe(), rows, [], []).startswith(told)
+    for capped, told in ((True, "of levels, at most; searches kept to 2."), (False, "of levels, at most.")):
+        assert told in report.text_of(RobustGaits(most_full=2, capped=capped).describe(), rows, [], [])
 
 
 def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(tmp_path):

@@ -10,7 +10,7 @@ from graded import GRIPPING, LOW, QUICK, TINY, graded_designs, retabled, settlin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optim.problems.inflatable.encoding import LEAST_MOTION, GradedGait
+from optim.problems.inflatable.encoding import LEAST_MOTION, GradedGait, GradedWaveGait
 from optim.problems.inflatable.problem import GaitProblem
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign, simulation
 from robots.inflatable.actuation import PUBLISHED_STEPS
@@ -337,6 +337,8 @@ def test_a_problem_can_be_built_from_its_description(more):
     [
         ({"encoding": "bits", "steps": 100}, "steps: 100 is not allowed with encoding 'bits'; they are of a free gra"),
         ({"schedule": ROLLING.schedule, "steps": 100}, "steps: 100 is not allowed with a fixed gait; they are of a f"),
+        ({"encoding": "bits", "most_full": 4}, "most_full: 4.0 is not allowed with encoding 'bits'; they are of a f"),
+        ({"most_full": 9}, "most_full: 9 is not allowed"),
         ({"steps": 0}, "steps: 0 is not allowed; give a whole number, at least 1"),
         ({"columns": 0}, "columns: 0 is not allowed"),
     ],
@@ -378,6 +380,55 @@ def test_speeds_scale_with_the_steps_that_gaits_may_take(monkeypatch, steps):
         taken = max(gait_steps(design.schedule), steps or PUBLISHED_STEPS)
         assert hills.counted_steps(design) == taken and (columns == 2 or gait_steps(design.schedule) > PUBLISHED_STEPS)
         assert found == pytest.approx(1 / geometry.body_length / geometry.time_step / taken, rel=1e-12)
+
+
+@given(st.integers(0, 10**6), st.sampled_from([1.0, 2.5, 4.0]))
+@settings(max_examples=15)
+def test_no_genome_has_more_full_bladders_than_allowed(seed, most_full):
+    """Graded levels and waves alike; columns within it keep their levels to the bit, and a wave stays one."""
+    generator = np.random.default_rng(seed)
+    for kind in (GradedGait, GradedWaveGait):
+        free, within = (kind(8, 2, 10_000, most_full=most) for most in (None, most_full))
+        values = np.array([generator.uniform(v.low, v.high) for v in free.variables()])
+        if kind is GradedWaveGait:
+            values[8] = seed % 8
+        else:
+            values[:64:8] -= 1.0  # of the first column, to have one within it
+        before, after = (each.schedule(values).inflation for each in (free, within))
+        sums = before.sum(axis=0)
+        assert after.sum(axis=0) == pytest.approx(np.minimum(sums, most_full), rel=1e-12)
+        kept = sums < most_full
+        np.testing.assert_array_equal(after[:, kept], before[:, kept])
+        assert (sums > most_full).any() or kind is GradedWaveGait
+        once = dataclasses.replace(within.schedule(values), repeats=1)
+        np.testing.assert_allclose(within.schedule(kind.genome(once)).inflation, after, rtol=1e-12)
+
+
+def test_slopes_by_levels_are_those_of_what_is_allowed_to_be_full():
+    """By differences, in a column of more full bladders than allowed and one of fewer; without a limit as ever."""
+    table = np.vstack([np.full((8, 2), (0.6, 0.2)) + 0.02 * np.arange(16).reshape(8, 2), np.zeros((3, 2))])
+    values, by_levels = table.ravel(), np.vstack([np.random.default_rng(0).normal(size=(8, 2)), np.zeros((2, 2))])
+    for most_full in (3.0, None):
+        encoding = GradedGait(2, 1, 10, most_full=most_full)
+        found = encoding.slopes(values, 0.0, by_levels)[:16]
+        h = 1e-6 * np.eye(22)[:16]
+        sides = [[encoding.schedule(values + s * step).inflation for s in (1, -1)] for step in h]
+        wanted = [((up - down) * by_levels[:8]).sum() / 2e-6 for up, down in sides]
+        assert found == pytest.approx(wanted, rel=1e-6, abs=1e-8)
+    assert found.tolist() == by_levels[:8].ravel().tolist()
+
+
+def test_problems_limit_how_many_bladders_are_full():
+    """The setting reaches the gaits, and is described only where it is set."""
+    limited = problem(most_full=3)
+    assert limited.describe()["most_full"] == 3.0 and "most_full" not in problem().describe()
+    points = limited.space.sample(np.random.default_rng(0), 20)
+    gaits = [[each.design(point).schedule for point in points] for each in (limited, problem())]
+    fullest, free = (max(gait.inflation.sum(axis=0).max() for gait in some) for some in gaits)
+    assert fullest == pytest.approx(3.0) and free > 3.5
+    relaxed = [limited.relaxed_design(point, 2.0).schedule.inflation for point in points]
+    assert all(np.array_equal(levels, gait.inflation) for levels, gait in zip(relaxed, gaits[0], strict=True))
+    assert dict(limited.facts())["Gait"].endswith("encoded as graded, at most 3 bladders full at a time")
 
 
 def test_slopes_stop_at_empty_and_full_and_sharpen_grip():

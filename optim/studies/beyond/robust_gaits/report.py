@@ -121,12 +121,13 @@ def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[
     floor = f" on {settings['floor']}" if "floor" in settings else ""
     if "friction" in settings:
         floor = " on a floor of friction {:g} of sliding and {:g} of gripping feet".format(*settings["friction"])
+    capped = f"; searches kept to {settings['most_full']}" if settings.get("capped") else ""
     uncertain = f" of {settings['uncertain']}" if "uncertain" in settings else ""
     return page(
         f"Speeds{floor} with bladders that weigh, under {rows[0]['n']} draws{uncertain} that no search has seen "
         "[body lengths/s of the time simulated, no pneumatic lag]. Robust: searched for the worst of draws; nominal: "
         "at the same cost without. Climb: the share of draws that go forward. Full bladders: the sum of levels, at "
-        "most.",
+        f"most{capped}.",
         markdown(header, "llrrrrrrr", table),
         *_rig_text(rig, {row["gait"]: row["nominal"] for row in rows}),
         "Best waves without draws, by how many bladders are full at a time; levels of a bladder in 8 columns.",

@@ -16,7 +16,7 @@ from taichi_sim.base import checks
 NAME = "robust-gaits"
 PRESSURE = 12e3  # of the core [Pa]
 BATCH = 8  # gaits, or draws, of a part whose results are kept
-DESCRIBED_IF_SET = ("friction",)  # which folders of before do not know
+DESCRIBED_IF_SET = ("friction", "capped")  # which folders of before do not know
 
 
 def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
@@ -47,6 +47,7 @@ class RobustGaits(Settings):
     precision: str = "f64"  # of the judgement
     rig: Annotated[str, partial(checks.choice, names=tuple(PRESETS))] = "dissertation-lag"  # that plays what is found
     friction: Annotated[tuple[float, float], check_friction] | None = None  # of sliding and of gripping feet
+    capped: bool = False  # whether gaits of searches have at most ``most_full`` bladders full at a time, as waves do
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,7 +57,7 @@ class RobustGaits(Settings):
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as folders of before have it: a friction is told in place of a floor."""
-        unset = {name for name in DESCRIBED_IF_SET if getattr(self, name) is None}
+        unset = {name for name in DESCRIBED_IF_SET if not getattr(self, name)}
         told = {name: value for name, value in super().describe().items() if name not in unset}
         if self.friction is not None:
             del told["floor"]
@@ -86,6 +87,7 @@ class RobustGaits(Settings):
             warm_up=self.warm_up,
             geometry=self.geometry,
             weight="physical",
+            most_full=self.most_full if self.capped else None,
             threads=threads,
             **own,
         )

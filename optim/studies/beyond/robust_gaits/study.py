@@ -4,10 +4,11 @@ On each slope the lab searches for a gait whose *worst* draw is fast. A draw sca
 every bladder goes and how long strokes last, and tilts the ground. First, every wave around the ring of bladders, with
 at most so many full ones at a time, is played once, in both directions (*screen*). The best, or the gait of the slope
 below, begun at whichever of its columns is best here, begins a genetic search of levels, shift, feet and settling under
-draws (*robust*), and one of the same cost without (*nominal*): so gaits are led up; to choose a start comes on top. All
-that is found, and the gaits that were made by hand, are then played in double precision under the same draws, which no
-search has seen, without pneumatic lag. What the searches of a slope found is played through a rig as well, whose lines
-lag. Speeds are of the time simulated.
+draws (*robust*), and one of the same cost without (*nominal*): so gaits are led up; to choose a start comes on top.
+With the setting ``capped``, what searches find keeps to so many full bladders as well. All that is found, and the gaits
+that were made by hand, are then played in double precision under the same draws, which no search has seen, without
+pneumatic lag. What the searches of a slope found is played through a rig as well, whose lines lag. Speeds are of the
+time simulated.
 """
 
 from collections.abc import Mapping, Sequence
