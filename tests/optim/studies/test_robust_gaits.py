@@ -12,7 +12,7 @@ import pytest
 
 from optim.experiments.data import Data
 from optim.experiments.tables import read_records, write_records
-from optim.studies.beyond.robust_gaits import judgement, report, search
+from optim.studies.beyond.robust_gaits import judgement, report, search, theory
 from optim.studies.beyond.robust_gaits.search import best_start, starts_of, waves
 from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits
 from optim.studies.beyond.robust_gaits.study import study
@@ -136,6 +136,17 @@ def test_gaits_without_designs_settings_or_nominal_speeds_are_told_all_the_same(
     report.tell(Data(tmp_path), tmp_path / "out")
     table = (tmp_path / "out" / "table.md").read_text()
     assert "| robust 9° | f64 | – | 0.3138 |" in table and "lag |" not in table
+
+
+def test_the_steepest_inching_is_told_of_several_floors_and_of_the_studys_own(tmp_path):
+    """The documentation has the very table that the command makes."""
+    report.tell(Data(DATA), tmp_path)
+    table = [line for line in (tmp_path / "inching.md").read_text().splitlines() if line.startswith("|")]
+    assert table[2] == "| wood | 0.56 | 0.7 | 4.0 | 21.1 |" and len(table) == 8
+    assert "\n".join(table) in (DATA.parents[1] / "real-floor.md").read_text()
+    own = theory.inching_text(RobustGaits(friction=(0.3, 0.5)).describe())
+    assert own.splitlines()[-1] == "| of this study | 0.3 | 0.5 | 5.7 | 16.7 |"
+    assert "| of this study |" not in theory.inching_text(RobustGaits(floor="acrylic").describe())
 
 
 def test_a_gait_without_held_out_draws_is_told(tmp_path):

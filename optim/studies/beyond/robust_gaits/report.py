@@ -12,11 +12,13 @@ from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.results import write_json
 from optim.experiments.tables import MISSING, Record, cell, distinct, markdown, page, where, write_records
 from optim.studies.beyond.robust_gaits.settings import NAME, file_of
+from optim.studies.beyond.robust_gaits.theory import inching_text
 from robots.inflatable.design import InflatableDesign, load_design
 from robots.uncertainty import summary
 from taichi_sim.base.files import write_text
 
 SCREEN, DRAWS, RIG, GAITS = "screen.csv", "draws.csv", "rig.csv", "gaits"
+INCHING_BOUNDS = "inching.md"
 SCREENED: dict[str, Kind] = {
     "slope": float,
     "levels": str,
@@ -67,7 +69,7 @@ def report(
     designs: Mapping[str, InflatableDesign],
     rig: Sequence[Record] = (),
 ) -> None:
-    """Write what follows from the records: table, page, figure and summary.
+    """Write what follows from the records: table, page, figure and summary; and what statics allows.
 
     Settings are those of the study as it describes them, as far as they are known, and so are the designs of gaits.
     """
@@ -81,6 +83,7 @@ def report(
     ]
     write_json(folder / "summary.json", {**settings, "rows": rows, "screened": best})
     write_text(folder / "table.md", text_of(settings, rows, best, rig))
+    write_text(folder / INCHING_BOUNDS, inching_text(settings))
     draw(rows, draws, folder / "robust.png")
 
 

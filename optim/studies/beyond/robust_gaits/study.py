@@ -20,7 +20,7 @@ from optim.experiments.results import Progress, part_of
 from optim.experiments.study import Study
 from optim.experiments.tables import write_records
 from optim.studies.beyond.robust_gaits.judgement import judged, on_rig
-from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, RIG, SCREEN, report, tell
+from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, INCHING_BOUNDS, RIG, SCREEN, report, tell
 from optim.studies.beyond.robust_gaits.search import best_start, flat_walk, refined, screened, starts_of
 from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits, file_of
 from optim.studies.chapter5.gaits import repeated
@@ -28,7 +28,7 @@ from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, load_de
 from taichi_sim.base.results_folder import ResultsFolder
 
 HAND_MADE = {"inching": repeated(INCHING, 1), "rolling": repeated(ROLLING, 1)}
-FILES = ("table.md", SCREEN, "speeds.csv", DRAWS, RIG, "robust.png", "summary.json", GAITS, "runs")
+FILES = ("table.md", SCREEN, "speeds.csv", DRAWS, RIG, "robust.png", INCHING_BOUNDS, "summary.json", GAITS, "runs")
 
 
 def study(folder: Path, settings: RobustGaits, progress: Progress = None, threads: int | None = None) -> None:
