@@ -7,14 +7,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import check_fields
 from taichi_sim.rigid.model.settings import World
-from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
+from taichi_sim.rigid.model.shapes import Box, Capsule, Size, Solid, Sphere
 from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 
 USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
 _STRAIGHT = 1e-6  # sines below it are rounding
 DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
+_ROUNDED = 1e-2  # part of a moment of inertia that the digits of a file may lack; published files have two or three
+_COMPUTED = 1e-9  # part of a moment that is rounding of its computation
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +91,11 @@ class Cylinder:
         length: length of the cylinder [m].
     """
 
-    radius: float
-    length: float
+    radius: Size
+    length: Size
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     @property
     def volume(self) -> float:
@@ -119,13 +125,42 @@ class Part:
     shapes: tuple[Solid, ...] = ()
 
 
-def solid_of(kind: str, size: Sequence[float]) -> Solid | Cylinder:
-    """Make a solid in its own frame: a sphere (radius), a box (edges), a capsule or a cylinder (radius, length)."""
-    if kind == "sphere":
-        return Sphere(size[0])
-    if kind == "box":
-        return Box(size)
-    return Capsule(size[0], size[1]) if kind == "capsule" else Cylinder(size[0], size[1])
+def solid_of(kind: str, name: str, size: Sequence[float]) -> Solid | Cylinder:
+    """Make a solid in its own frame: a sphere (radius), a box (edges), a capsule or a cylinder (radius, length).
+
+    Raises:
+        ValueError: for sizes that are not allowed; names the solid.
+    """
+    try:
+        if kind == "sphere":
+            return Sphere(size[0])
+        if kind == "box":
+            return Box(size)
+        return Capsule(size[0], size[1]) if kind == "capsule" else Cylinder(size[0], size[1])
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from None
+
+
+def possible_inertia(name: str, inertia: Floats, balanced: bool) -> Floats:
+    """Check that some mass can have an inertia: none of its principal moments exceeds the sum of the others.
+
+    Args:
+        name: whose inertia it is, for messages.
+        inertia: about the centre of mass, (3, 3) [kg m^2].
+        balanced: whether a ball of the same mean moment takes the place of one that is impossible, as MuJoCo has it.
+
+    Raises:
+        ValueError: for an inertia that is impossible by more than its digits explain.
+    """
+    small, middle, large = np.linalg.eigvalsh(inertia)
+    if balanced and large - small - middle > _COMPUTED * large:
+        return np.eye(3) * (small + middle + large) / 3
+    if large - small - middle > _ROUNDED * large:
+        raise ValueError(
+            f"{name}: an inertia of moments {small:g}, {middle:g}, {large:g} is not allowed; give ones of which none "
+            'exceeds the sum of the others, or a compiler with balanceinertia="true"'
+        )
+    return inertia
 
 
 def placed(solid: Solid | Cylinder, name: str, place: Place) -> Solid:

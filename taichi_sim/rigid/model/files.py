@@ -21,10 +21,16 @@ def load_model(
     fastest: float = 10.0,
     time_step: float | None = None,
 ) -> Model:
-    """Read a robot from a file, with the settings and errors of :func:`parse_model`, and of :func:`check_start`."""
+    """Read a robot from a file, with the settings and errors of :func:`parse_model` and :func:`check_start`.
+
+    Errors name the file.
+    """
     text = read_text(path)
-    model = parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
-    check_start(model.tree)
+    try:
+        model = parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
+        check_start(model.tree)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     return model
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import positive
 from taichi_sim.rigid.model.assembly import (
     OUTSIDE,
     USUAL,
@@ -22,6 +23,7 @@ from taichi_sim.rigid.model.assembly import (
     Place,
     depth_of,
     placed,
+    possible_inertia,
     rest_within,
     solid_of,
     tree_of,
@@ -30,7 +32,7 @@ from taichi_sim.rigid.model.mjcf_drives import drive
 from taichi_sim.rigid.model.settings import World
 from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.tree import Hinge, Joint, Weld
-from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
+from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers, single
 from taichi_sim.rigid.tables import Senses
 
 _SIZES = {"sphere": 1, "capsule": 2, "box": 3, "cylinder": 2}  # numbers in size; halves of lengths and edges
@@ -95,7 +97,8 @@ class _Reader:
         self.compiler, self.option = (_merged(self.root, tag) for tag in ("compiler", "option"))
         if self.compiler.get("coordinate") == "global" or "settotalmass" in self.compiler.attrib:
             raise ValueError("compiler: global coordinates and settotalmass are not allowed; give a file without them")
-        self.degrees = self.compiler.get("angle", "degree") == "degree"
+        self.degrees = keyword(self.compiler, "angle", "degree", "radian") == "degree"
+        self.balanced = keyword(self.compiler, "balanceinertia", "false", "true") == "true"
         self.defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
         for default in self.root.iterfind("default"):
             self._read_defaults(default, default.get("class", "main"), self.defaults["main"])
@@ -222,7 +225,7 @@ class _Reader:
         motor, command = None, 0
         if name in self.drives:
             command, actuator = self.drives[name]
-            damping, quickest = number(joint, "damping", "0"), 1 / self.time_step
+            damping, quickest = not_negative(joint, "damping", number(joint, "damping", "0")), 1 / self.time_step
             motor, also = drive(actuator, span, rest, damping, self.speed, self.fastest, quickest)
             used = "damping" if actuator.tag == "position" else ""
             lacking = [each for each in lacking if each != used] + also
@@ -237,8 +240,8 @@ class _Reader:
 
     def _range(self, joint: Element) -> tuple[float, float] | None:
         """Lowest and highest angle of a joint [rad]; None if it has no stops."""
-        automatic = self.compiler.get("autolimits", "true") == "true" and "range" in joint.attrib
-        limited = joint.get("limited", "auto")
+        automatic = keyword(self.compiler, "autolimits", "true", "false") == "true" and "range" in joint.attrib
+        limited = keyword(joint, "limited", "auto", "true", "false")
         if limited != "true" and not (limited == "auto" and automatic):
             return None
         low, high = (self.angle(each) for each in numbers(joint, "range", None, 2))
@@ -247,7 +250,7 @@ class _Reader:
     def _read_matter(self, body: Element, place: Place, childclass: str) -> tuple[Lump, list[Solid]]:
         """Read the mass and the solids of a body."""
         inertial, lump, shapes = single(body, "inertial"), Lump(), list[Solid]()
-        rule = self.compiler.get("inertiafromgeom", "auto")
+        rule = keyword(self.compiler, "inertiafromgeom", "auto", "true", "false")
         from_geoms = rule == "true" or (rule == "auto" and inertial is None)
         for geom in (self.resolved(each, childclass) for each in body.iterfind("geom")):
             touches, kind = _touches(geom, self.floor), geom.get("type", "sphere")
@@ -255,7 +258,8 @@ class _Reader:
                 continue  # a picture
             at, solid = self._read_geom(geom, kind, place)
             if from_geoms:
-                mass = number(geom, "mass", str(number(geom, "density", "1000") * solid.volume))
+                density = not_negative(geom, "density", number(geom, "density", "1000"))
+                mass = not_negative(geom, "mass", number(geom, "mass", str(density * solid.volume)))
                 lump = lump + Lump.of(mass, at, solid.inertia(mass))
             if touches:
                 shapes.append(placed(solid, named(geom), at))
@@ -269,6 +273,7 @@ class _Reader:
                 matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             else:
                 matrix = np.diag(numbers(inertial, "diaginertia", None, 3))
+            matrix = possible_inertia(f"inertial of {named(body)}", matrix, self.balanced)
             lump = Lump.of(number(inertial, "mass"), at, matrix)
         return lump, shapes
 
@@ -288,17 +293,18 @@ class _Reader:
         if len(size) < _SIZES[kind]:
             raise ValueError(f"{named(geom)}: {len(size)} sizes are not allowed; give {_SIZES[kind]}")
         size[0 if kind == "box" else 1 :] *= 2  # from halves of edges and lengths
-        return at, solid_of(kind, size[: _SIZES[kind]].tolist())
+        return at, solid_of(kind, named(geom), size[: _SIZES[kind]].tolist())
 
     def _friction(self, geom: Element) -> float:
         """Coefficient of friction of a solid on the ground: the larger of the two coefficients."""
         pair = [each for each in (geom, self.floor) if each is not None]
-        return max(0.0 if each.get("condim") == "1" else numbers(each, "friction", "1")[0] for each in pair)
+        own = [not_negative(each, "friction", float(numbers(each, "friction", "1")[0])) for each in pair]
+        return max(0.0 if each.get("condim") == "1" else mu for each, mu in zip(pair, own, strict=True))
 
     @property
     def time_step(self) -> float:
         """Time step of the file [s]."""
-        return float(numbers(self.option, "timestep", str(USUAL.time_step))[0])
+        return positive("timestep of option", float(numbers(self.option, "timestep", str(USUAL.time_step))[0]))
 
     def world(self) -> World:
         """World settings of the file: time step, gravity and friction."""

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from taichi_sim.rigid.model.tree import Motor
-from taichi_sim.rigid.model.xml_values import named, number, numbers
+from taichi_sim.rigid.model.xml_values import keyword, named, not_negative, number, numbers
 
 
 def drive(
@@ -43,7 +43,7 @@ def drive(
     gear = float(numbers(actuator, "gear", "1")[0])
     if actuator.tag not in ("position", "velocity", "motor") or gear == 0:
         raise ValueError(f"{named(actuator)}: not allowed; give position, velocity or motor, with a gear")
-    limited = "forcerange" in actuator.attrib and actuator.get("forcelimited", "auto") != "false"
+    limited = keyword(actuator, "forcelimited", "auto", "true", "false") != "false" and "forcerange" in actuator.attrib
     torque = abs(gear) * _symmetric(actuator, "forcerange") if limited else np.inf
     if actuator.tag == "motor":
         torque = min(torque, abs(gear) * _symmetric(actuator, "ctrlrange"))
@@ -51,13 +51,17 @@ def drive(
     low, high = _range(actuator, span, gear)
     middle, half = (low + high) / 2 / gear, (high - low) / 2 / gear
     if actuator.tag == "velocity":
-        strongest = abs(gear) * number(actuator, "kv", "1") * (high - low)
+        strongest = abs(gear) * _gain(actuator, "kv", "1") * (high - low)
         return Motor(min(torque, strongest), half, 0.0, middle), ["gains of drives"]
-    gain = number(actuator, "kp", "1")
-    drag = gear**2 * number(actuator, "kv", "0") + damping
+    gain = _gain(actuator, "kp", "1")
+    drag = gear**2 * _gain(actuator, "kv", "0") + damping
     eagerness = min(gear**2 * gain / drag if drag > 0 else speed, quickest)
     strongest = abs(gear) * gain * (high - low)
     return Motor(min(torque, strongest), eagerness * half, -eagerness, eagerness * (middle - rest)), ["gains of drives"]
+
+
+def _gain(actuator: Element, attribute: str, default: str) -> float:
+    return not_negative(actuator, attribute, number(actuator, attribute, default))
 
 
 def _symmetric(actuator: Element, attribute: str) -> float:

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated
 
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import Positive, check_fields, positive
+from taichi_sim.base.checks import check_fields, positive
 
 Vector = Sequence[float] | Floats
 ORIGIN = (0.0, 0.0, 0.0)
@@ -53,6 +54,9 @@ def _direction(field: str, value: Vector) -> tuple[float, ...]:
 
 
 Place = Annotated[Vector, triple]
+LARGEST = 1e6  # m; the fifth powers of sizes in inertias stay far within single precision
+_size = partial(positive, high=LARGEST)
+Size = Annotated[float, _size]
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ class Sphere:
         centre: from the body's centre of mass [m].
     """
 
-    radius: Positive
+    radius: Size
     centre: Place = ORIGIN
 
     def __post_init__(self) -> None:
@@ -95,8 +99,8 @@ class Capsule:
         centre: from the body's centre of mass [m].
     """
 
-    radius: Positive
-    length: Positive
+    radius: Size
+    length: Size
     axis: Annotated[Vector, _direction] = (0.0, 0.0, 1.0)
     centre: Place = ORIGIN
 
@@ -139,7 +143,7 @@ class Box:
     def __post_init__(self) -> None:
         check_fields(self)
         for edge in self.size:
-            positive("size", edge)
+            _size("size", edge)
 
     @property
     def volume(self) -> float:

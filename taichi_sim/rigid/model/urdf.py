@@ -18,6 +18,7 @@ from taichi_sim.rigid.model.assembly import (
     Part,
     Place,
     placed,
+    possible_inertia,
     raised,
     rest_within,
     solid_of,
@@ -25,11 +26,12 @@ from taichi_sim.rigid.model.assembly import (
 )
 from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.tree import Hinge, Joint, Motor, Weld
-from taichi_sim.rigid.model.xml_values import direction, named, number, numbers, single
+from taichi_sim.rigid.model.xml_values import direction, keyword, named, not_negative, number, numbers, single
 from taichi_sim.rigid.tables import Senses
 
 _ENTRIES = ("ixx", "ixy", "ixz", "ixy", "iyy", "iyz", "ixz", "iyz", "izz")
 _HINGED = ("revolute", "continuous")
+_COMPILER = "mujoco/compiler"  # MuJoCo's extension of URDF
 _ROUND = {"radius": 1, "length": 1}
 _SIZES = {"sphere": {"radius": 1}, "box": {"size": 3}, "cylinder": _ROUND, "capsule": _ROUND}  # numbers of attributes
 
@@ -65,7 +67,8 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
     fixed = fixed or (bases[0] == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
     places = {bases[0]: Place(np.zeros(3), np.eye(3))}
-    parts, waiting, commands = [_part(links[bases[0]], None, places[bases[0]])], list(joints), list[str]()
+    balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
+    parts, waiting, commands = [_part(links[bases[0]], None, places[bases[0]], balanced)], list(joints), list[str]()
     while waiting:
         ready = [joint for joint in waiting if _link_of(joint, "parent") in places]
         if not ready:
@@ -76,7 +79,7 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
             places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, len(commands))
             if isinstance(hung, Hinge) and hung.motor is not None:
                 commands.append(joint.get("name", child))
-            parts.append(_part(links[child], hung, places[child]))
+            parts.append(_part(links[child], hung, places[child], balanced))
     tree = tree_of(parts, fixed)
     if not fixed:  # where the base is says nothing of the ground, which is often below its origin
         tree = raised(tree)
@@ -120,11 +123,11 @@ def _hang(joint: Element, carrier: Place, angles: dict[str, float], speed: float
 def _motor(joint: Element, stops: tuple[float, float] | None, speed: float) -> Motor | None:
     """Read the drive of a joint; None without effort. A revolute joint whose velocity is 0 has no largest rate."""
     limit = single(joint, "limit")
-    if limit is None or (effort := number(limit, "effort", "0")) <= 0:
+    if limit is None:
         return None
-    rate = number(limit, "velocity", "0")
-    if rate < 0:
-        raise ValueError(f"{named(joint)}: velocity {rate:g} is not allowed; give at least 0")
+    effort, rate = (not_negative(joint, name, number(limit, name, "0")) for name in ("effort", "velocity"))
+    if effort == 0:  # no force: files of joints that nothing drives say so, and other readers make no drive of it
+        return None
     return Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort, rate or None)
 
 
@@ -136,14 +139,15 @@ def _range(joint: Element) -> tuple[float, float]:
     return number(limit, "lower", "0"), number(limit, "upper", "0")
 
 
-def _part(link: Element, joint: Joint | None, place: Place) -> Part:
-    """Read a link as a part at its place in the world."""
+def _part(link: Element, joint: Joint | None, place: Place, balanced: bool) -> Part:
+    """Read a link as a part at its place in the world; impossible inertias are balanced, or refused."""
     lump, inertial = Lump(), single(link, "inertial")
     if inertial is not None:
         mass, inertia = single(inertial, "mass"), single(inertial, "inertia")
         if mass is None or inertia is None:
             raise ValueError(f"{named(link)}: an inertial without mass or inertia is not allowed; give both")
         matrix = np.array([number(inertia, entry, "0") for entry in _ENTRIES]).reshape(3, 3)
+        matrix = possible_inertia(named(link), matrix, balanced)
         lump = Lump.of(number(mass, "value"), place.then(*_origin(inertial)), matrix)
     shapes = [_solid(each, link, place.then(*_origin(each))) for each in link.findall("collision")]
     return Part(link.get("name", ""), joint, lump, tuple(shapes))
@@ -156,12 +160,15 @@ def _solid(collision: Element, link: Element, place: Place) -> Solid:
         found = solids[0].tag if solids else "nothing"
         raise ValueError(f"collision of {named(link)}: {found} is not allowed; give a box, sphere, cylinder or capsule")
     sizes = [numbers(solids[0], name, None, count) for name, count in _SIZES[solids[0].tag].items()]
-    return placed(solid_of(solids[0].tag, np.concatenate(sizes).tolist()), f"collision of {named(link)}", place)
+    name = f"collision of {named(link)}"
+    return placed(solid_of(solids[0].tag, name, np.concatenate(sizes).tolist()), name, place)
 
 
 def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     """Entries of the file that the engine does not support, one for each kind."""
-    found = [f"<{tag}>" for tag in sorted({child.tag for child in root} - {"link", "joint"})]
+    found = [f"<{tag}>" for tag in sorted({child.tag for child in root} - {"link", "joint", "mujoco"})]
+    if root.find("mujoco") is not None:
+        found.append("<mujoco> but for balanceinertia")
     if root.find("link/visual") is not None:
         found.append("<visual>")
     if root.find("link/collision/geometry/cylinder") is not None:

@@ -1,10 +1,14 @@
-"""Read numbers and directions from the attributes of XML elements."""
+"""Read numbers, directions and keywords from the attributes of XML elements."""
 
+import re
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import choice, shown
+
+_OF_NUMBERS = re.compile(r"[0-9.eE+\-\s]*", re.ASCII)  # what remains of Python's syntax is that of C and XML
 
 
 def named(element: Element) -> str:
@@ -17,24 +21,44 @@ def numbers(element: Element, attribute: str, default: str | None = None, count:
     """Read the numbers in an attribute.
 
     Raises:
-        ValueError: if it is missing, or does not hold ``count`` finite numbers.
+        ValueError: if it is missing, or does not hold ``count`` finite numbers, or any.
     """
     text = element.get(attribute, default)
     if text is None:
         raise ValueError(f"{named(element)}: {attribute} is missing; give it")
     try:
-        found = np.array(text.split(), float)
+        found = np.array(text.split() if _OF_NUMBERS.fullmatch(text) else [np.nan], float)
     except ValueError:
         found = np.array([np.nan])
-    if not np.isfinite(found).all() or (count is not None and len(found) != count):
+    if not len(found) or not np.isfinite(found).all() or (count is not None and len(found) != count):
         wanted = "finite numbers" if count is None else f"{count} finite number{'s' * (count > 1)}"
-        raise ValueError(f"{named(element)}: {attribute} {text!r} is not allowed; give {wanted}")
+        raise ValueError(f"{named(element)}: {attribute} {shown(text)} is not allowed; give {wanted}")
     return found
 
 
 def number(element: Element, attribute: str, default: str | None = None) -> float:
     """Read an attribute with a single number, with the errors of :func:`numbers`."""
     return float(numbers(element, attribute, default, 1)[0])
+
+
+def not_negative(owner: Element, attribute: str, value: float) -> float:
+    """Return a value that was read for an element.
+
+    Raises:
+        ValueError: if it is below 0.
+    """
+    if value < 0:
+        raise ValueError(f"{named(owner)}: {attribute} {value:g} is not allowed; give at least 0")
+    return value
+
+
+def keyword(element: Element, attribute: str, default: str, *others: str) -> str:
+    """Read an attribute that is one of a few words; ``default`` if it is missing.
+
+    Raises:
+        ValueError: for another word.
+    """
+    return choice(f"{attribute} of {named(element)}", element.get(attribute, default), (default, *others))
 
 
 def direction(element: Element, attribute: str, default: str) -> Floats:
