@@ -12,7 +12,7 @@ from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import read_history
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
-from taichi_sim.base.checks import nearest
+from taichi_sim.base.checks import nearest, shown
 from taichi_sim.base.options import Option, converted
 
 MOST_TOLD = 12  # names in a message
@@ -67,9 +67,17 @@ def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
 
 
 def run_in(source: str | PathLike[str] | Robot) -> Path | None:
-    """The folder of a run, if a source is one."""
-    folder = None if isinstance(source, Robot) else Path(source)
-    return folder if folder is not None and folder.is_dir() and (folder / "config.toml").exists() else None
+    """The folder of a run, if a source is one.
+
+    Raises:
+        ValueError: for what is no source of a robot.
+    """
+    if isinstance(source, Robot):
+        return None
+    if not isinstance(source, str | PathLike):
+        raise ValueError(f"robot: {shown(source)} is not allowed; give a robot, or its name or file, such as 'rolling'")
+    folder = Path(source)
+    return folder if folder.is_dir() and (folder / "config.toml").exists() else None
 
 
 def robots() -> dict[str, str]:

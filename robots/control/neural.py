@@ -27,12 +27,13 @@ def check_weights(weights: object, sensors: int, motors: int) -> Floats:
     """Weights as an array (N, sensors, motors); a single controller's become the first of one.
 
     Raises:
-        ValueError: for other shapes, or numbers that are not finite.
+        ValueError: for other shapes, what is no number, and numbers that are not finite.
     """
     try:
-        found = np.asarray(weights, float)
-    except (TypeError, ValueError):
-        found = np.empty(0)
+        found = checks.real_array(weights)
+    except (TypeError, ValueError, OverflowError):
+        allowed = f"give numbers of shape (N, {sensors}, {motors})"
+        raise ValueError(f"weights: {checks.shown(weights)} is not allowed; {allowed}") from None
     if found.ndim == 2:
         found = found[None]
     if found.ndim != 3 or found.shape[1:] != (sensors, motors) or len(found) == 0:
@@ -152,12 +153,12 @@ def load_weights(path: Path, sensors: int, motors: int) -> Floats:
         ValueError: if the file cannot be read, or holds no such table of finite numbers.
     """
     try:
-        found = array_of(content_of(path)) if path.suffix == ".npy" else np.array(json.loads(read_text(path)))
-        weights = np.asarray(found, float)
+        found = array_of(content_of(path)) if path.suffix == ".npy" else json.loads(read_text(path))
+        weights = checks.real_array(found)
     except OSError as error:
         raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None
     except (*UNREADABLE, OverflowError):
-        raise ValueError(f"controller: {path} holds no table of numbers") from None
+        raise ValueError(f"controller: {path} holds no table of numbers; give {sensors, motors}") from None
     if not np.isfinite(weights).all():
         raise ValueError(f"controller: {path} holds numbers that are not finite")
     if weights.shape != (sensors, motors):

@@ -9,7 +9,7 @@ from robots.kind import choices
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot, counted
-from taichi_sim.base.files import read_text
+from taichi_sim.base.files import RepeatedNameError, parse_json, read_text
 from taichi_sim.base.options import checked, number, numbers, whole
 
 FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
@@ -78,7 +78,9 @@ class FreeformKind(LatticeGroundKind):
 def _records(path: Path) -> list[dict[str, Any]]:
     """The tissues of a file."""
     try:
-        records = json.loads(read_text(path))
+        records = parse_json(read_text(path))
+    except RepeatedNameError as error:
+        raise ValueError(f"palette: {path}: {error}") from None
     except json.JSONDecodeError as error:
         raise ValueError(f"palette: {path} is no JSON ({error})") from None
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):

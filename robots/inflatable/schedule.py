@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 
 from robots.hardware import lines
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import number, numbers, whole_number
+from taichi_sim.base.checks import number, numbers, on_off, whole_number
+from taichi_sim.base.files import RepeatedNameError, parse_json
 
 BLADDERS, FEET = lines.BLADDERS, lines.FEET
 ROWS = lines.ACTUATORS
@@ -65,7 +66,7 @@ class GaitSchedule:
     row_names: ClassVar[tuple[str, ...]] = lines.ACTUATOR_LINES
 
     def __post_init__(self) -> None:
-        levels = _table("schedule", self.levels, 1.0, "T", self.row_names)
+        levels = _table("schedule", on_off(self.levels), 1.0, "T", self.row_names)
         columns = levels.shape[1]
         object.__setattr__(self, "levels", levels)
         object.__setattr__(self, "repeats", whole_number("repeats", self.repeats, 1, MOST_REPEATS))
@@ -261,9 +262,11 @@ class GaitSchedule:
         """
         if text.lstrip().startswith("{"):
             try:
-                return cls.from_tables(json.loads(text), repeats)
+                return cls.from_tables(parse_json(text), repeats)
             except KeyError as missing:
                 raise ValueError(f"schedule: {missing} is missing") from None
+            except RepeatedNameError as error:
+                raise ValueError(f"schedule: {error}") from None
             except (json.JSONDecodeError, TypeError):
                 raise ValueError("schedule: its text is damaged; give the tables of a gait as JSON") from None
         rows = [row.strip() for row in text.split("/")]

@@ -15,7 +15,7 @@ from robots.view.lattice_states import LatticeStates
 from robots.view.scene import INK, Colour
 from taichi_sim.autodiff import rotations
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.checks import numbers, whole_number
+from taichi_sim.base.checks import numbers, on_off, whole_number
 from taichi_sim.base.short_text import ShortText
 from taichi_sim.lattice import Relief
 from taichi_sim.rigid import Box, Capsule, Sphere
@@ -46,7 +46,7 @@ class Channel:
         name: name of the row.
         unit: unit of the values; empty if there is none.
         times: times of the values, increasing [s], shape (K,).
-        values: shape (K,); of a switch from 0, off, to 1, on.
+        values: shape (K,); of a switch from 0, off, to 1, on, or truth values.
         colour: red, green, blue from 0 to 1.
         switch: whether a value holds until the next one; otherwise they are joined by lines.
         logarithmic: whether the values, all positive, are better seen by their logarithms.
@@ -69,7 +69,7 @@ class Channel:
         if not self.name.startswith(self.group):
             raise ValueError(f"{self.name}: group: {self.group!r} is not allowed; give how the name begins")
         times = numbers(f"{self.name}: times", self.times, "K")
-        values = numbers(f"{self.name}: values", self.values, len(times))
+        values = numbers(f"{self.name}: values", on_off(self.values), len(times))
         if (np.diff(times) < 0).any():
             raise ValueError(f"{self.name}: times that go back are not allowed; give them in order")
         if self.logarithmic and (values <= 0).any():

@@ -133,9 +133,7 @@ def numbers(field: str, value: object, *shape: int | str) -> Floats:
     """
     wanted = f"({', '.join(map(str, shape))}{',' * (len(shape) == 1)})"
     try:
-        found = np.array(value, float, order="C")  # rounding depends on the order in which numbers lie
-        if np.asarray(value).dtype.kind in "SU":
-            raise TypeError("a text is no number, whatever it says")
+        found = np.array(real_array(value), order="C")  # rounding depends on the order in which numbers lie
     except (TypeError, ValueError, OverflowError):
         raise ValueError(f"{field}: {shown(value)} is not allowed; give numbers of shape {wanted}") from None
     fits = found.ndim == len(shape) and all(
@@ -159,6 +157,25 @@ def within(field: str, found: NDArray[Any], low: float, high: float) -> None:
     if outside.any():
         allowed = f"whole numbers from {low:g} to {high:g}" if found.dtype.kind in "iu" else f"{low:g} to {high:g}"
         raise ValueError(f"{field}: {found[outside][0]} is not allowed; give {allowed}")
+
+
+def real_array(value: object) -> Floats:
+    """A value as an array of floats of any shape: an array, sequences in each other, or a number.
+
+    Raises:
+        TypeError, ValueError, OverflowError: for texts, truth values, complex numbers, and sequences that fit no array.
+    """
+    if np.asarray(value).dtype.kind not in "iufO" or _holds_truth(value):
+        raise TypeError("texts, truth values and complex numbers are no numbers here")
+    return np.asarray(value, float)
+
+
+def on_off(value: object) -> object:
+    """A value; of nothing but truth values, off and on, their numbers 0 and 1, which :func:`numbers` takes."""
+    with contextlib.suppress(ValueError):  # of rows of several lengths
+        if np.asarray(value).dtype == bool:
+            return np.asarray(value, float)
+    return value
 
 
 # Types of fields for :func:`check_fields`.
@@ -217,3 +234,12 @@ def _finite(value: object) -> float | None:
         with contextlib.suppress(OverflowError):  # an int beyond the range of floats
             return float(value) if math.isfinite(value) else None
     return None
+
+
+def _holds_truth(value: object) -> bool:
+    """Whether a truth value is anywhere in arrays and sequences in each other; NumPy makes a number of it."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind == "b" or (value.dtype.kind == "O" and any(map(_holds_truth, value.flat)))
+    if isinstance(value, list | tuple):
+        return any(type(each) is not float and _holds_truth(each) for each in value)
+    return isinstance(value, bool | np.bool_)

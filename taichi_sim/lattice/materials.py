@@ -3,12 +3,12 @@
 Source: Hiller & Lipson, "Dynamic Simulation of Soft Multimaterial 3D-Printed Objects", Soft Robotics 1(1), 2014.
 """
 
-import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
 from taichi_sim.autodiff.tracing import law, sqrt
+from taichi_sim.base.checks import number, numbers, positive
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 
 
@@ -48,22 +48,18 @@ class Material:
     name: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "scale", tuple(float(s) for s in self.scale))
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name not in ("name", "scale") and not math.isfinite(value):
-                raise ValueError(f"{field.name}: {value!r} is not a finite number")
+        object.__setattr__(self, "scale", tuple(numbers("scale", self.scale, 3).tolist()))
         for name in ("youngs_modulus", "density"):
-            if getattr(self, name) <= 0:
-                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; it must be positive")
+            positive(name, getattr(self, name))
+        for name in ("static_friction", "kinetic_friction", "internal_damping", "global_damping", "collision_damping"):
+            number(name, getattr(self, name), 0.0)
+        for name in ("poissons_ratio", "thermal_expansion", "temperature"):
+            number(name, getattr(self, name))
         if not 0 <= self.poissons_ratio < 0.5:
             raise ValueError(
                 f"poissons_ratio: {self.poissons_ratio!r} is not allowed; it must be at least 0 and below 0.5"
             )
-        for name in ("static_friction", "kinetic_friction", "internal_damping", "global_damping", "collision_damping"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name}: {getattr(self, name)!r} is not allowed; it must not be negative")
-        if len(self.scale) != 3 or not all(math.isfinite(s) and s > 0 for s in self.scale):
+        if min(self.scale) <= 0:
             raise ValueError(f"scale: {self.scale!r} is not allowed; give three positive numbers")
         if 1 + self.thermal_expansion * self.temperature <= 0:
             raise ValueError(f"temperature: {self.temperature!r} shrinks the material to nothing")

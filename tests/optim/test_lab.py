@@ -53,6 +53,11 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
         (lambda: ml.robot("soft-quadruped", heading="north"), "heading: "),
         (lambda: ml.robot(ml.robot("rolling"), presure=9000), "presure: is no option of .*did you mean pressure"),
         (lambda: ml.robot("quadrupd"), "robot: 'quadrupd' is unknown; did you mean quadruped"),
+        (
+            lambda: ml.simulate(None),
+            "^robot: None is not allowed; give a robot, or its name or file, such as 'rolling'$",
+        ),
+        (lambda: ml.robot(3), "^robot: 3 is not allowed; give a robot"),
         (lambda: ml.simulate("soft-quadruped", where="hil:3"), "terrain: 'hil:3' is unknown"),
         (lambda: ml.simulate("vehicle", {"w9": 1.0}), "designs: 'w9' is unknown; there are l1x, .*w2"),
         (

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import check_fields, positive
+from taichi_sim.base.checks import check_fields, positive, real_array
 
 Vector = Sequence[float] | Floats
 ORIGIN = (0.0, 0.0, 0.0)
@@ -22,8 +22,8 @@ def vector(field: str, value: Vector) -> Floats:
         ValueError: for anything else.
     """
     try:
-        found = np.array(value, float)
-    except (TypeError, ValueError):
+        found = np.array(real_array(value))
+    except (TypeError, ValueError, OverflowError):
         found = np.empty(0)
     if found.shape != (3,) or not np.isfinite(found).all():
         raise ValueError(f"{field}: {value!r} is not allowed; give three finite numbers")

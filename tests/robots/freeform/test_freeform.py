@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from robots.freeform.trials import chosen, projected
 from robots.hardware import PneumaticRig, read_channels, write_csv
 from robots.lattice_robot import load_robot
 from robots.lattice_robot.on_rig import played_robot
-from robots.robot import Trial
+from robots.robot import Trial, find_robot, make_robot
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import Material
@@ -374,3 +375,12 @@ def test_gradients_to_a_light_and_of_props_agree_with_differences():
         alone = made.simulate(points, world, compute=F64, sharpness=3.0)
         assert {*alone.measures} == {*found.measures} == {m.name for m in made.measures_in((world,))}
         assert all(np.array_equal(alone.measures[name], found.measures[name]) for name in alone.measures)
+
+
+def test_a_tissue_of_a_file_gives_a_name_once(tmp_path):
+    path = tmp_path / "palette.json"
+    path.write_text('[{"youngs_modulus": 1e5, "density": 1e3, "density": 2e3}]')
+    kind, source = find_robot("freeform")
+    message = f"palette: {path}: 'density' is given twice, which is not allowed; give it once"
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        make_robot(kind, source, {"palette": str(path)})

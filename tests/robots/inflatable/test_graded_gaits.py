@@ -227,7 +227,14 @@ def test_equal_gaits_are_those_of_equal_numbers():
         ({"grip": [[0, 1]]}, r"grip: shape \(1, 2\) is not allowed; give \(2, 2\)"),
         ({"settle_steps": [1, 2, 3]}, r"settle_steps: shape \(3,\) is not allowed"),
         ({"settle": [1, 2]}, "settle: is unknown; a gait's tables are inflation, grip, core_pressure, motion_steps, s"),
+        (
+            {"inflation": [[True, 0.5]] * 8},
+            r"inflation: \[\[True, 0.5\], .* is not allowed; give numbers of shape \(8, T\)",
+        ),
+        ({"grip": [[True, False]] * 2}, r"grip: \[\[True, False\], .* is not allowed; give numbers of shape \(2, 2\)"),
+        ({"settle_steps": [1, True]}, r"settle_steps: \[1, True\] is not allowed"),
         ({"repeats": 1.5}, "repeats: 1.5 is not allowed"),
+        ({"repeats": True}, "repeats: True is not allowed"),
         ({"pressure": -1}, "pressure: -1 is not allowed"),
         ({"format": "morpholab-graded-design-2"}, "it is of the format 'morpholab-graded-design-2'; gaits of"),
         ({"format": "morpholab-walker-design-1"}, "it is of the format 'morpholab-walker-design-1'; gaits of"),
@@ -254,6 +261,30 @@ def test_what_is_missing_in_a_file_is_named(tmp_path, name):
     path.write_text(path.read_text()[:-3])
     with pytest.raises(ValueError, match=rf"^{path}: [^\n]*$"):
         load_design(path)
+
+
+@pytest.mark.parametrize("name", ["format", "inflation", "repeats", "pressure"])
+def test_a_name_that_is_given_twice_in_a_file_is_refused(tmp_path, name):
+    """JSON would take the last value, and the file that someone edited would be another gait than it looks."""
+    path = tmp_path / "gait.json"
+    save_design(graded(settling(random_levels(0), [0, 0])), path)
+    value = json.loads(path.read_text())[name]
+    path.write_text(path.read_text().rstrip("\n}") + f', "{name}": {json.dumps(value)}}}')
+    with pytest.raises(ValueError, match=rf"^{path}: '{name}' is given twice, which is not allowed; give it once$"):
+        load_design(path)
+
+
+def test_a_name_that_is_given_twice_in_a_text_is_refused():
+    with pytest.raises(ValueError, match=r"^schedule: 'grip' is given twice, which is not allowed; give it once$"):
+        GaitSchedule.from_text('{"inflation": [], "grip": [], "grip": []}')
+
+
+def test_truth_values_of_a_caller_are_on_and_off():
+    """As a matrix of bits always was; beside numbers they are a slip."""
+    bits = np.random.default_rng(0).random((10, 3)) < 0.5
+    assert GaitSchedule(bits) == GaitSchedule(bits.tolist()) == GaitSchedule(bits.astype(float))
+    with pytest.raises(ValueError, match=r"^schedule: .* is not allowed; give numbers of shape"):
+        GaitSchedule([[True, 0.5, 0.0]] * 10)
 
 
 def test_a_damaged_text_is_refused_in_one_line():

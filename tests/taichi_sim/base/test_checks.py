@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import partial
 from typing import Annotated, Literal
 
@@ -90,9 +91,23 @@ def test_arrays_have_the_shape_that_is_asked_for():
         (np.ones(3), "starts: shape (3,) is not allowed; give (B, 3)"),
         (np.ones((0, 3)), "starts: shape (0, 3) is not allowed; give (B, 3)"),
         ([[1.0, np.nan, 2.0]], "starts: nan is not allowed; give finite numbers"),
+        (np.ones((1, 3), bool), "starts: array([[ True, True, True]]) is not allowed; give numbers of shape (B, 3)"),
+        ([[1, 0.5, True]], "starts: [[1, 0.5, True]] is not allowed; give numbers of shape (B, 3)"),
+        ([np.array([1.0, 2.0, 3.0]), (1, np.True_, 2)], "starts: [array([1., 2., 3.]), (1, np.True_, 2)] is not al"),
+        (np.array([[1, 0.5, True]], object), "starts: array([[1, 0.5, True]], dtype=object) is not allowed; give num"),
+        (np.ones((1, 3), complex), "starts: array([[1.+0.j, 1.+0.j, 1.+0.j]]) is not allowed; give numbers of shape"),
+        ([[1, 2, 3j]], "starts: [[1, 2, 3j]] is not allowed; give numbers of shape (B, 3)"),
     ):
-        with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        with pytest.raises(ValueError, match=f"^{re.escape(message)}") as error:
             checks.numbers("starts", wrong, "B", 3)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "value", [np.ones(2, np.float32), np.ones(2, np.int8), [1, 2.0], (np.float64(1), np.int64(2)), [Fraction(1, 2), 1]]
+)
+def test_arrays_may_be_of_any_kind_of_real_numbers(value):
+    assert np.array_equal(checks.numbers("x", value, 2), [float(each) for each in value])
 
 
 def test_settings_are_of_their_very_kind():
@@ -135,3 +150,13 @@ def test_names_that_only_commands_know_are_refused(options, message):
 def test_a_pressure_of_too_many_digits_is_refused():
     with pytest.raises(ValueError, match=r"^pressure: 1000"):
         InflatableDesign(10**400, 0.0, ROLLING.schedule)
+
+
+def test_a_record_gives_a_name_once(tmp_path):
+    path = tmp_path / "design.json"
+    path.write_text('{"format": "a", "parts": [{"x": 1, "y": 2, "x": 3}]}')
+    with pytest.raises(ValueError) as error:
+        read_record(path, "a", lambda record: record)
+    assert str(error.value) == f"{path}: 'x' is given twice, which is not allowed; give it once"
+    path.write_text('{"format": "a", "parts": [{"x": 1}, {"x": 3}]}')
+    assert read_record(path, "a", lambda record: record["parts"]) == [{"x": 1}, {"x": 3}]
