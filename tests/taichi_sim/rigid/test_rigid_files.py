@@ -267,7 +267,7 @@ def test_files_whose_robot_starts_deep_in_the_ground_are_refused(tmp_path):
         path.write_text(mjcf(BALL.replace('pos="1 2 3"', f'pos="1 2 {height}"')))
         return load_model(path)
 
-    told = r"^model: its start 50 mm deep in the ground, .* starts at least 0\.05 m higher"
+    told = r"ball\.xml: model: its start 50 mm deep in the ground, .* starts at least 0\.05 m higher"
     with pytest.raises(ValueError, match=told), pytest.warns(UserWarning, match="starts 50 mm deep"):
         at(0.45)
     with pytest.raises(ValueError, match=r"5\.1 mm deep"), pytest.warns(UserWarning):
