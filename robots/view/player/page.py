@@ -47,12 +47,17 @@ def page(motions: Motion | Sequence[Motion], title: str = "") -> str:
     parts = {
         "title": html.escape(title),
         "style": _file("player.css"),
-        "about": json.dumps(about, separators=(",", ":"), allow_nan=False).replace("</", "<\\/"),
+        "about": _in_script(about),
         "data": data,
         "three": f"/*\n{_file('LICENSE.three')}*/\n{_file('three.min.js.gz')}",
         "program": "\n".join(_file(name) for name in PROGRAM),
     }
     return re.sub(r"{{(\w+)}}", lambda place: parts[place[1]], _file("page.html"))
+
+
+def _in_script(document: Any) -> str:
+    """JSON for a script element; no text in it can end the element or, as ``<!--<script`` does, hide its end."""
+    return json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 @cache
