@@ -174,11 +174,11 @@ def _refuse(command: str, error: Exception) -> int:
         return _fail(command, f"error: {error}", 2)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
-    told = "" if isinstance(error, OSError) else blame_package(error)
-    if isinstance(error, OSError) or (isinstance(error, RuntimeError) and not told):
-        return _fail(command, f"failed: {error}", FAILED)
-    if told:
+    if not isinstance(error, OSError) and (told := blame_package(error)):
         return _fail(command, f"failed: {told}", FAILED)
+    # A RecursionError is a RuntimeError of Python's own, which says nothing to a user.
+    if isinstance(error, OSError | RuntimeError) and not isinstance(error, RecursionError):
+        return _fail(command, f"failed: {error}", FAILED)
     story = "".join(traceback.format_exception(error))
     try:
         with tempfile.NamedTemporaryFile("w", prefix="morpholab-", suffix=".log", delete=False) as file:

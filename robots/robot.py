@@ -4,7 +4,6 @@ A kind of robot makes a :class:`Robot` of options or of a file. A robot has para
 worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by which it is judged.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -38,6 +37,7 @@ from robots.trial import part_of as part_of
 from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
 from taichi_sim.base.options import Option as Option
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
 
 
@@ -174,7 +174,7 @@ def load_design(path: Path) -> Robot:
 def _record_of(path: Path) -> dict[str, Any]:
     """The content of a JSON file that is a record; nothing of other files."""
     try:
-        record = json.loads(read_text(path)) if path.suffix.lower() == ".json" and path.is_file() else None
-    except (ValueError, RecursionError):
+        record = parse_json(read_text(path)) if path.suffix.lower() == ".json" and path.is_file() else None
+    except ValueError:
         return {}
     return record if isinstance(record, dict) else {}

@@ -22,6 +22,7 @@ from taichi_sim.base.arrays import Bools
 from taichi_sim.base.checks import nearest
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import content_of, found_beside, why_unread
+from taichi_sim.base.parsing import parse_toml
 from taichi_sim.base.short_text import shortest
 
 BUILTIN = Path(__file__).with_name("tasks.toml")
@@ -220,7 +221,7 @@ def find_task(given: str | Path) -> Task:
             f"{nearest(str(given), list(known))}"
         )
     try:
-        table = tomllib.loads(content_of(path).decode())
+        table = parse_toml(content_of(path).decode())
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {given} cannot be read ({why_unread(error)})") from None
     return task_of(path.stem, table, path.parent)

@@ -8,6 +8,7 @@ import tracemalloc
 import zipfile
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from optim.search import build_method
 from optim.space import Space, Variable
 from robots.calibration import load_calibration
 from taichi_sim.base import files
+from taichi_sim.base.parsing import DEEPEST
 from taichi_sim.base.results_folder import ResultsFolder, load_parts, read_settings
 
 CONFIG = """format = 1
@@ -312,6 +314,37 @@ def test_settings_of_studies(tmp_path, text, message):
     assert told(read_settings, tmp_path, "study") == f"{tmp_path}: holds no study"
     (tmp_path / "study.json").write_text(text)
     assert message in told(read_settings, tmp_path, "study")
+
+
+DEEP = {  # than parsers go; and than they are asked to go, as functions that walk along documents may not go as far
+    "far": lambda start, end: start * 100_000,
+    "just": lambda start, end: start * (DEEPEST + 1) + "0" + end * (DEEPEST + 1),
+}
+
+
+@pytest.mark.parametrize("how", DEEP)
+@pytest.mark.parametrize(
+    ("line", "file"),
+    [
+        ("sweep --designs 1 --out a", "a/sweep.json"),
+        ("pipeline deep.toml --out b", "deep.toml"),
+        ("calibrate deep.toml", "deep.toml"),
+        ("simulate --robot deep.json", "deep.json"),
+        ("simulate --robot freeform --palette deep.json", "deep.json"),
+        ("simulate --gait deep.json", "deep.json"),
+        ("tasks deep.toml", "deep.toml"),
+        ("simulate --robot quadruped --controller deep.json", "deep.json"),
+        ("play deep.csv --rig deep.toml --dry-run", "deep.toml"),
+        ("export a --csv b.csv", "a/config.toml"),
+    ],
+)
+def test_what_is_nested_too_deep_is_named(morpholab, tmp_path, line, file, how):
+    path = tmp_path / file
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("a = " * (path.suffix == ".toml") + DEEP[how]("[", "]"))
+    code, out, error = morpholab(line)
+    assert (code, out) == (2, "") and error.count("\n") == 1 and "recursion" not in error
+    assert Path(file).name in error
 
 
 SPACE = Space((Variable("x", -1.0, 1.0, step=0.1), Variable("y", -1.0, 1.0, step=0.1)))

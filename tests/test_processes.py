@@ -134,6 +134,17 @@ def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp
     assert code == 70 and "Traceback" in error and error.endswith("; set MORPHOLAB_DEBUG=1 to see where\n")
 
 
+def test_a_recursion_without_end_is_a_bug_too(morpholab, monkeypatch, tmp_path):
+    def endless(*given):
+        return endless(*given)
+
+    monkeypatch.setattr("optim.commands.simulate.robot_to_try", endless)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    code, out, error = morpholab("simulate --gait rolling")
+    assert (code, out) == (70, "") and error.count("\n") == 1
+    assert error.startswith("morpholab simulate: this is a bug in morpholab (RecursionError: maximum recursion depth")
+
+
 @pytest.mark.parametrize(
     ("line", "claimed"),
     [

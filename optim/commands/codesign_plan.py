@@ -1,7 +1,6 @@
 """What ``morpholab codesign`` shall do: its options, put together with the run that it continues."""
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_co
 from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
 from robots.tasks import find_task
+from taichi_sim.base.parsing import parse_json
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -234,6 +234,6 @@ def _setting(text: str) -> tuple[str, Any]:
     if not (name and equals and value):
         raise ValueError(f"set: {text!r} is not allowed; give NAME=VALUE")
     try:
-        return name.replace("-", "_"), json.loads(value)
+        return name.replace("-", "_"), parse_json(value)
     except ValueError:
         return name.replace("-", "_"), value

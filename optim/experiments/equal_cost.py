@@ -24,6 +24,7 @@ from optim.runs.loop import FolderSearch
 from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
 from taichi_sim.base import line_files
+from taichi_sim.base.parsing import parse_json
 
 SEEDS = range(5)
 CLOCK = "cpu.jsonl"
@@ -135,7 +136,7 @@ class Contest:
 
     def curve(self, name: str, seed: int) -> list[Point]:
         """Generations of a run: CPU time [s] and evaluations so far, best and mean score of what it keeps."""
-        return [json.loads(line) for line in line_files.complete_lines(self.folder(name, seed) / CLOCK)]
+        return [parse_json(line) for line in line_files.complete_lines(self.folder(name, seed) / CLOCK)]
 
     def last_within(self, name: str, seed: int, cost: float) -> int | None:
         """The last generation of a run that ended within a cost; None if none did."""

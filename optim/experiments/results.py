@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from optim.experiments.tables import write_records
 from taichi_sim.base import files, line_files
 from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None  # called with the fraction done
@@ -137,7 +138,7 @@ class Costs:
         """Seconds of wall time and of CPU time (of all threads), by part, and of ``"all"``."""
         found: dict[str, dict[str, float]] = {}
         for line in line_files.complete_lines(self._path):
-            entry = json.loads(line)
+            entry = parse_json(line)
             for part in (entry["part"], "all"):
                 sums = found.setdefault(part, {"wall": 0.0, "cpu": 0.0})
                 for clock in sums:

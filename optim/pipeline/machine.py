@@ -1,6 +1,5 @@
 """The state machine of shapes and terrains, as JSON and back; and its tables played: are they as fast as designed?"""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from robots.inflatable.robustness import NOISE
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text
+from taichi_sim.base.parsing import parse_json
 
 FORMAT = "morpholab-state-machine-1"
 MACHINE = "machine.json"
@@ -96,10 +96,10 @@ def read_machine(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise ValueError(f"package: {folder} holds none; there is no {MACHINE}")
     try:
-        document: dict[str, Any] = json.loads(read_text(path))
+        document: dict[str, Any] = parse_json(read_text(path))
         if document["format"] != FORMAT or not document["states"]:
             raise ValueError
-    except (ValueError, KeyError, TypeError, RecursionError):
+    except (ValueError, KeyError, TypeError):
         raise ValueError(f"package: {path} is no state machine of a package") from None
     try:
         simulated = document["simulated"]

@@ -1,6 +1,5 @@
 """What is asked of the pipeline: a TOML file, checked before anything is simulated."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -18,6 +17,7 @@ from robots.inflatable.timing import nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, nearest, number, positive, whole_number
 from taichi_sim.base.files import content_of, why_unread
+from taichi_sim.base.parsing import parse_toml
 
 KIND = InflatableKind()
 LEAST_RUNS = 2
@@ -149,7 +149,7 @@ def slug(terrain: Terrain) -> str:
 def read_task(path: Path) -> PipelineTask:
     """Read a task; raises ValueError for what cannot be read, unknown keys, and values that are not allowed."""
     try:
-        given = tomllib.loads(content_of(path).decode())
+        given = parse_toml(content_of(path).decode())
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {path} cannot be read ({why_unread(error)})") from None
     _check_keys(path, "", given, [*(each.name for each in fields(PipelineTask)), *KIND.ground_options])

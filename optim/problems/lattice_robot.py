@@ -13,6 +13,7 @@ from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.robot import LatticeRobot
 from robots.robot import KINDS, World
 from robots.world import Terrain
+from taichi_sim.base.parsing import parse_json
 
 OPTIONS = ("precision", "device")
 
@@ -62,5 +63,5 @@ class LatticeRobotProblem(JudgedRobot):
         """The fields of what was described."""
         check_kind(description, ROBOT)
         settings = {name: value for name, value in description.items() if name != "kind"}
-        robot = robot_of_record(json.loads(description["robot"]))
+        robot = robot_of_record(parse_json(description["robot"]))
         return {**settings, "terrain": Terrain(**description["terrain"]), "robot": robot}

@@ -33,6 +33,7 @@ from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World
 from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import positive
+from taichi_sim.base.parsing import parse_json
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
 
@@ -301,7 +302,7 @@ class JudgedRobot(RobotDesigning):
 def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, Any]:
     """The description of a search's problem with another seed than ``before``, which some robots have, too."""
     options = {option.name for option in KINDS.find(description["kind"]).options} if "robot" in description else set()
-    robot = json.loads(description["robot"]) if "seed" in options else {}
+    robot = parse_json(description["robot"]) if "seed" in options else {}
     if robot.get("seed") != before:
         return dict(description)
     return {**description, "robot": json.dumps({**robot, "seed": seed}, separators=(",", ":"))}
@@ -388,4 +389,4 @@ class RobotProblem(JudgedRobot):
         settings = {name: value for name, value in description.items() if name != "kind"}
         kind = KINDS.find(description["kind"])
         worlds = tuple(kind.world_of(record) for record in description["worlds"])
-        return {**settings, "worlds": worlds, "robot": kind.from_description(json.loads(description["robot"]))}
+        return {**settings, "worlds": worlds, "robot": kind.from_description(parse_json(description["robot"]))}

@@ -1,7 +1,6 @@
 """The page's sections of one run."""
 
 import contextlib
-import json
 import math
 import shlex
 import tempfile
@@ -41,6 +40,7 @@ from optim.space import Variable
 from optim.wording import counted, spoken_duration
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
 
 MOST_ROWS = 60  # of the table of generations
@@ -199,7 +199,7 @@ class OneRun:
     def _environment(self) -> dict[str, Any]:
         """What the run ran on, as far as that can be read."""
         try:
-            found = json.loads(_content(self.history.path / ENVIRONMENT))
+            found = parse_json(_content(self.history.path / ENVIRONMENT))
         except ValueError:
             return {}
         return found if isinstance(found, dict) else {}

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from optim.search.method import Method
 from taichi_sim.base import files, line_files
 from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.records import Count, checked
 
 State = Arrays
@@ -70,12 +71,12 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
     for name in (CHECKPOINT, PREVIOUS):
         try:
             state = files.unpack(files.content_of(folder / name, files.LARGEST_UNPACKED))
-            record = checked(Record, json.loads(state.pop(_RECORD).tobytes()))
+            record = checked(Record, parse_json(state.pop(_RECORD).tobytes()))
         except FileNotFoundError:
             reasons[name] = "missing"
         except (OSError, ValueError) as error:
             reasons[name] = files.why_unread(error)
-        except (KeyError, RecursionError):
+        except KeyError:
             reasons[name] = f"not a checkpoint of a run; {_RECORD} is missing or no record"
         else:
             if (reason := _misfit(record, folder / LOG, settings)) is None:

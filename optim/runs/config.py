@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -16,6 +15,7 @@ from optim.problems.earlier import is_described_by
 from optim.search import METHODS, default_settings
 from taichi_sim.base import files
 from taichi_sim.base.checks import shown, whole_number
+from taichi_sim.base.parsing import parse_json, parse_toml
 from taichi_sim.base.records import checked
 
 FORMAT = 1  # of a run folder; raised when older programs could misread it
@@ -79,11 +79,9 @@ def read_config(folder: Path) -> dict[str, Any]:
         raise ValueError(f"{folder}: holds no run; its {CONFIG} is missing{several}")
     text = files.read_text(path)
     try:
-        config = tomllib.loads(text)
-    except ValueError as error:  # TOML's, or Python's of numbers of thousands of digits
+        config = parse_toml(text)
+    except ValueError as error:  # of the syntax, or Python's of numbers of thousands of digits
         raise ValueError(f"{path}: cannot be read ({error})") from None
-    except RecursionError:
-        raise ValueError(f"{path}: cannot be read (its tables are too deep)") from None
     version = config.get("format")
     if isinstance(version, int) and version > FORMAT:
         raise ValueError(f"{path}: was written by a newer morpholab (format {version}; this one reads {FORMAT})")
@@ -156,7 +154,7 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
 def _is_same_robot(known: object, asked: object) -> bool:
     """Whether two robots, told as JSON, are the same, the first perhaps as an earlier version told it."""
     try:
-        return is_described_by(json.loads(str(known)), json.loads(str(asked)))
+        return is_described_by(parse_json(str(known)), parse_json(str(asked)))
     except ValueError:
         return False
 

@@ -46,6 +46,7 @@ from optim.runs.environment import differences
 from optim.runs.folder_lock import locked
 from taichi_sim.base import files, line_files
 from taichi_sim.base.locks import HeldLock
+from taichi_sim.base.parsing import parse_json
 
 ENVIRONMENT, TIMING = "environment.json", "timing.jsonl"
 
@@ -128,7 +129,7 @@ class RunFolder:
             self._note(f"note: {self.path}: {ENVIRONMENT} is not as it was written, telling what runs now instead")
             _write_json(path, {**self._environment, "written_anew": True})
             return
-        changed = differences(json.loads(content), self._environment)
+        changed = differences(parse_json(content), self._environment)
         if changed:
             self._note(f"note: {self.path}: began elsewhere ({', '.join(changed)}); results may differ")
 
@@ -248,7 +249,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
 def _version_of(path: Path) -> str | None:
     """Version of morpholab that began the run, as its environment tells; None if that cannot be read."""
     try:
-        version = json.loads((path / ENVIRONMENT).read_bytes())["versions"]["morpholab"]
+        version = parse_json((path / ENVIRONMENT).read_bytes())["versions"]["morpholab"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return version if isinstance(version, str) else None

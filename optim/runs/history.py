@@ -3,7 +3,6 @@
 import datetime
 import hashlib
 import itertools
-import json
 import re
 import warnings
 from collections.abc import Callable, Iterable
@@ -23,6 +22,7 @@ from optim.search import build_method
 from optim.search.method import SearchResult
 from taichi_sim.base import line_files
 from taichi_sim.base.checks import shown
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.records import Count, Duration, checked
 
 Found = TypeVar("Found")
@@ -189,7 +189,7 @@ def _read_history(folder: Path, running: bool) -> History:
     try:
         generations = tuple(map(_generation, lines))
         _check_numbers([each.generation for each in generations])
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     seconds, finished = _read_timing(folder, found[1] if found else None)
     return History(folder, config, generations, seconds, finished, running, found)
@@ -208,14 +208,14 @@ def _read_progress(folder: Path, running: bool) -> Progress:
             failed += failures
         _check_numbers(numbers)
         generation = _generation(last) if numbers else None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{folder}: {checkpoint.LOG} cannot be read ({error})") from None
     return Progress(folder, config, len(numbers), failed, generation, *_read_timing(folder, record), running)
 
 
 def _generation(line: bytes) -> Generation:
     """The generation of a line of the log."""
-    return checked(Generation, json.loads(line))
+    return checked(Generation, parse_json(line))
 
 
 def _number_and_failures(line: bytes) -> tuple[int, int]:
@@ -255,9 +255,9 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
         if record and hasher.hexdigest() == record.timing:
             whole = number
     try:
-        entries = [checked(_Time, json.loads(line)) for line in lines[:whole]]
+        entries = [checked(_Time, parse_json(line)) for line in lines[:whole]]
         ended = datetime.datetime.strptime(entries[-1].finished, "%Y-%m-%dT%H:%M:%S%z") if entries else None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{folder}: {TIMING} cannot be read ({error})") from None
     seconds = dict.fromkeys(range(count), np.nan) | {each.generation: each.seconds for each in entries}
     return tuple(seconds.values()), ended.isoformat() if ended else None

@@ -15,6 +15,7 @@ from optim.runs.generation import Generation, record
 from optim.runs.rehearsal import REHEARSED, Rehearsal
 from optim.search.method import Method, SearchResult, next_request
 from taichi_sim.base.foreign import blamed_package
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
 
 
@@ -50,7 +51,7 @@ class FolderSearch:
         self.last: Generation | None = None
         self._asked = 0.0
         if (known := folder.restore()) is not None:
-            self.last = Generation(**json.loads(known[1]))
+            self.last = Generation(**parse_json(known[1]))
         name = folder.config["method"]["name"]
         self._rehearsal = Rehearsal(name, method) if self.turns < REHEARSED else None
         if known is not None:

@@ -2,7 +2,6 @@
 
 import math
 import os
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +20,7 @@ from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.parsing import parse_toml
 
 KIND = InflatableKind()
 _LENGTH = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -70,7 +70,11 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
         "gait": partial(_gait, load_gait),
     }
     try:
-        data = tomllib.loads(text)
+        data = parse_toml(text)
+    except ValueError as error:
+        told = "these are TOML with tables such as [[drag]]; morpholab calibrate --example FILE writes one"
+        raise ValueError(f"{path}: is no file of measurements ({error}); {told}") from None
+    try:
         geometry = choice("geometry", data.pop("geometry", "published"), NAMED_GEOMETRIES)
         weight = choice("weight", data.pop("weight", WEIGHTS[0]), WEIGHTS)
         if unknown := sorted(set(data) - set(readers)):
@@ -80,9 +84,6 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
             for kind, read in readers.items()
             for place, table in enumerate(_tables(kind, data.get(kind, [])), 1)
         ]
-    except tomllib.TOMLDecodeError as error:
-        told = "these are TOML with tables such as [[drag]]; morpholab calibrate --example FILE writes one"
-        raise ValueError(f"{path}: is no file of measurements ({error}); {told}") from None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if not experiments:

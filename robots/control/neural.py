@@ -1,6 +1,5 @@
 """Controllers of rigid robots: weights from each sensor to each motor neuron, tried in several environments."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, read_text, why_unread
+from taichi_sim.base.parsing import parse_json
 
 if TYPE_CHECKING:
     from taichi_sim.rigid import RigidEngine, RigidResult
@@ -153,7 +153,7 @@ def load_weights(path: Path, sensors: int, motors: int) -> Floats:
         ValueError: if the file cannot be read, or holds no such table of finite numbers.
     """
     try:
-        found = array_of(content_of(path)) if path.suffix == ".npy" else json.loads(read_text(path))
+        found = array_of(content_of(path)) if path.suffix == ".npy" else parse_json(read_text(path))
         weights = checks.real_array(found)
     except OSError as error:
         raise ValueError(f"controller: {path} cannot be read ({why_unread(error)})") from None

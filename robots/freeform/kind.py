@@ -1,6 +1,5 @@
 """Freeform robots as a kind of robot: grids whose cells, tissues and muscles are free."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,8 +8,9 @@ from robots.kind import choices
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot, counted
-from taichi_sim.base.files import RepeatedNameError, parse_json, read_text
+from taichi_sim.base.files import read_text
 from taichi_sim.base.options import checked, number, numbers, whole
+from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
 GRID = ("shape", "voxel_size", "symmetry")
@@ -77,11 +77,12 @@ class FreeformKind(LatticeGroundKind):
 
 def _records(path: Path) -> list[dict[str, Any]]:
     """The tissues of a file."""
+    text = read_text(path)
     try:
-        records = parse_json(read_text(path))
+        records = parse_json(text)
     except RepeatedNameError as error:
         raise ValueError(f"palette: {path}: {error}") from None
-    except json.JSONDecodeError as error:
+    except ValueError as error:
         raise ValueError(f"palette: {path} is no JSON ({error})") from None
     if not isinstance(records, list) or not all(isinstance(record, dict) for record in records):
         raise ValueError(f"palette: {path} is not allowed; give a list of tissues, each a table of numbers")

@@ -22,6 +22,7 @@ from robots.hardware.timeline import Commands, RigViolation, asked, timeline, vi
 from robots.hardware.units import KPA_PER_UNIT
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.parsing import parse_json
 
 SCHEMA = "morpholab-channels-1"
 LINES = BLADDER_LINES  # those that channels can be on
@@ -243,9 +244,9 @@ def _read(lines: Sequence[str]) -> ChannelTable:
             number("settling", float(header["settling"]), 0.0),
             whole_number("nodes", int(header["nodes"]), 1),
         )
-        waves = [_wave(json.loads(value), rhythm.nodes) for name, value in content.pairs if name == "channel"]
+        waves = [_wave(parse_json(value), rhythm.nodes) for name, value in content.pairs if name == "channel"]
         seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
-        robot = str(json.loads(header["robot"]))
+        robot = str(parse_json(header["robot"]))
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
     except (ValueError, TypeError, AttributeError) as error:

@@ -18,6 +18,7 @@ from robots.hardware.lines import ACTUATOR_LINES, ACTUATORS, BLADDERS, FEET
 from robots.hardware.units import PRESSURE, PositivePressure, PressureError, Unit, Vacuum
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields
+from taichi_sim.base.parsing import parse_json
 
 RAMP_PA = 1000.0  # of the presets of rigs; this lab's choice, as only vacuum and 50 kPa were published
 PRESSURE_DECIMALS = 3  # decimals of a simulated pressure [Pa] that survive the nine digits of a table
@@ -148,7 +149,7 @@ class LineMap:
         Raises:
             ValueError: if it is damaged.
         """
-        data: Mapping[str, Any] = json.loads(text)
+        data: Mapping[str, Any] = parse_json(text)
         if not isinstance(data, dict) or set(data) | _ADDED != {field.name for field in fields(cls)}:
             raise ValueError("map: give a JSON object with all of its fields")
         return cls(**data)

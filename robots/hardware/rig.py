@@ -5,7 +5,6 @@ Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
 import os
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
@@ -31,6 +30,7 @@ from robots.hardware.units import (
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, number, whole_number
 from taichi_sim.base.files import read_text, write_text
+from taichi_sim.base.parsing import parse_toml
 from taichi_sim.base.short_text import ShortText
 
 Described = TypeVar("Described", "Channel", LineMap)
@@ -191,7 +191,7 @@ class PneumaticRig(ShortText):
             raise ValueError(f"rig: '{source}' is neither a preset ({', '.join(PRESETS)}) nor a .toml file")
         text = read_text(source)
         try:
-            rig = _rig({"name": Path(source).stem} | tomllib.loads(text))
+            rig = _rig({"name": Path(source).stem} | parse_toml(text))
             if PRESETS.get(rig.name, rig) != rig:
                 told = "it is a preset with other values, write another name = into the file"
                 raise ValueError(f"name: {rig.name!r} is not allowed; {told}")

@@ -26,6 +26,7 @@ from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.timing import durations
 from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.parsing import parse_json
 
 TIME_STEP = PUBLISHED.time_step  # in which gaits count their times [s]
 ARRIVED = 1e-3  # of a line: how far off it may be [kPa]
@@ -253,7 +254,7 @@ def _read(lines: Sequence[str]) -> GaitTable:
     header = content.header
     try:
         schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
-        materials = RegionMaterials.of(json.loads(header["materials"])) if "materials" in header else None
+        materials = RegionMaterials.of(parse_json(header["materials"])) if "materials" in header else None
         pressure = tuple(map(float, header["pressure_pa"].split(",")))
         design = InflatableDesign(pressure, float(header["orientation_deg"]), schedule, materials)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)

@@ -7,7 +7,6 @@ Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environmen
 et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
-import json
 from dataclasses import dataclass
 from itertools import product
 from os import PathLike
@@ -19,6 +18,7 @@ from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import MAXIMUM_PRESSURE, GaitSchedule
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import read_record, read_text, write_record
+from taichi_sim.base.parsing import parse_json
 
 if TYPE_CHECKING:
     from robots.inflatable.body import InflatableGeometry
@@ -167,10 +167,11 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
     Raises:
         ValueError: if the file cannot be read as one; names the file and what is wrong with it.
     """
+    text = read_text(path)
     try:
-        record = json.loads(read_text(path))
+        record = parse_json(text)
         form = record.get("format") if isinstance(record, dict) else None
-    except (json.JSONDecodeError, RecursionError):
+    except ValueError:
         form = None
     if isinstance(form, str) and form not in FORMATS:
         known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}, or with materials {MATERIALS_FORMAT!r}"

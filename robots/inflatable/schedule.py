@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from robots.hardware import lines
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number, numbers, on_off, whole_number
-from taichi_sim.base.files import RepeatedNameError, parse_json
+from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 BLADDERS, FEET = lines.BLADDERS, lines.FEET
 ROWS = lines.ACTUATORS
@@ -261,14 +261,19 @@ class GaitSchedule:
             ValueError: if it is anything else.
         """
         if text.lstrip().startswith("{"):
+            damaged = ValueError("schedule: its text is damaged; give the tables of a gait as JSON")
             try:
-                return cls.from_tables(parse_json(text), repeats)
-            except KeyError as missing:
-                raise ValueError(f"schedule: {missing} is missing") from None
+                tables = parse_json(text)
             except RepeatedNameError as error:
                 raise ValueError(f"schedule: {error}") from None
-            except (json.JSONDecodeError, TypeError):
-                raise ValueError("schedule: its text is damaged; give the tables of a gait as JSON") from None
+            except ValueError:
+                raise damaged from None
+            try:
+                return cls.from_tables(tables, repeats)
+            except KeyError as missing:
+                raise ValueError(f"schedule: {missing} is missing") from None
+            except TypeError:
+                raise damaged from None
         rows = [row.strip() for row in text.split("/")]
         if set("".join(rows)) - {"0", "1"} or len(set(map(len, rows))) != 1:
             raise ValueError(f"schedule: {text!r} is not allowed; give {ROWS} rows of 0 and 1, joined by /")

@@ -15,7 +15,6 @@ import threading
 import tokenize
 import zipfile
 import zlib
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import shown
+from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 Design = TypeVar("Design")
 ASIDE = ".aside-"  # names of unfinished files begin so; a kill may leave them, and any later run may remove them
@@ -233,28 +233,6 @@ def read_record(path: str | os.PathLike[str], form: str, build: Callable[[dict[s
     return read_json(path, formed, f" of the format {form!r}")
 
 
-class RepeatedNameError(ValueError):
-    """A record of JSON gives a name twice; which of its values is meant, nobody knows."""
-
-
-def parse_json(text: str) -> Any:
-    """What a text of JSON holds.
-
-    Raises:
-        RepeatedNameError: for a record that gives a name twice.
-        ValueError, RecursionError: for what is no JSON, or too deep.
-    """
-    return json.loads(text, object_pairs_hook=_record)
-
-
-def _record(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    record = dict(pairs)
-    if len(record) < len(pairs):
-        twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
-        raise RepeatedNameError(f"{shown(twice)} is given twice, which is not allowed; give it once")
-    return record
-
-
 def read_json(path: str | os.PathLike[str], build: Callable[[Any], Design], what: str = "") -> Design:
     """Read a file of JSON, and return what ``build`` makes of it; ``what`` it should hold is told where it is none.
 
@@ -266,7 +244,7 @@ def read_json(path: str | os.PathLike[str], build: Callable[[Any], Design], what
         record = parse_json(text)
     except RepeatedNameError as error:
         raise ValueError(f"{path}: {error}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: it is no JSON{what} ({error})") from None
     try:
         return build(record)

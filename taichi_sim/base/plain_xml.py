@@ -3,8 +3,9 @@
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from taichi_sim.base.parsing import DEEPEST
+
 LARGEST = 50_000_000  # characters
-DEEPEST = 200  # levels of elements; functions that walk along them recurse
 
 
 def parse_xml(text: str, field: str = "model") -> ElementTree.Element:

@@ -27,6 +27,7 @@ from taichi_sim.base.files import (
     write_bytes,
     write_text,
 )
+from taichi_sim.base.parsing import parse_json
 
 BEST_DESIGN = "best.json"  # of a search, in its folder
 _SETTINGS = "settings/"  # of a part: an array of this name and the kind of work has the digest of the settings
@@ -59,7 +60,7 @@ class ResultsFolder:
             if (before := read_text(file)) != text:
                 article = "" if kind.endswith("s") else "an " if kind[0] in "aeiou" else "a "
                 raise ValueError(
-                    f"out: {path} holds {article}{kind} of other settings{_difference(before, text)}; "
+                    f"out: {path} holds {article}{kind} of other settings{_difference(kind, before, text)}; "
                     "name another folder"
                 )
             remove_cut_off(path)
@@ -167,13 +168,13 @@ def build_settings(path: Path, kind: str, build: Callable[[dict[str, Any]], Made
     return read_record(file, _form(kind), lambda record: build({n: v for n, v in record.items() if n != "format"}))
 
 
-def _difference(before: str, now: str) -> str:
+def _difference(kind: str, before: str, now: str) -> str:
     """First setting that differs, in brackets, for a message."""
     try:
-        old, new = json.loads(before), json.loads(now)
+        old, new = parse_json(before), parse_json(now)
         name = next(name for name in [*new, *old] if old.get(name) != new.get(name))
     except (ValueError, AttributeError, StopIteration):
-        return " (its file of settings is damaged)"
+        return f" ({kind}.json is damaged)"
     values = [json.dumps(record.get(name)) for record in (old, new)]
     return f" ({name}: {values[0]}, not {values[1]})" if max(map(len, values)) < LONGEST_SHOWN else f" ({name})"
 

@@ -29,6 +29,7 @@ from optim.runs.plug_ins import packages_of
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Raised
 from taichi_sim.base import files
+from taichi_sim.base.parsing import parse_json
 
 SEARCH, STOP = "search.json", "stop"
 OPEN, CLAIMED, DONE = "open", "claimed", "done"
@@ -248,7 +249,7 @@ def unpacked_answer(content: bytes, part: str, count: int) -> tuple[str, Told]:
     """
     try:
         found = files.unpack(content)
-        about = json.loads(str(found["about"]))
+        about = parse_json(str(found["about"]))
         # The suffix tells equal parts of a generation from each other.
         if about["part"].partition("-")[0] != part.partition("-")[0]:
             raise ValueError("it is the answer to another part")

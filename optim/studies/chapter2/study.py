@@ -4,7 +4,6 @@ Nine treatments, three robots times three ways to combine environments, are trai
 to M4, tests and pictures say which of them suffer when what helps in one environment harms in another.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -24,6 +23,7 @@ from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatm
 from optim.studies.chapter2.tables import COLUMNS as RUNS
 from optim.studies.chapter2.tables import Cells, cells_of, measure, rows_of, write_tables
 from taichi_sim.base.files import make_folder, read_text
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import read_settings
 
 TABLES = (
@@ -156,7 +156,7 @@ def report(folder: Path) -> StudyReport:
         raise ValueError(f"run: {folder} is a study of interference that has no tables yet; run its command to the end")
     settings, (header, rows) = read_settings(folder / "runs", KIND), read_table(folder / "tables.csv")
     try:
-        record = json.loads(read_text(summary))
+        record = parse_json(read_text(summary))
         counts = {name: int(record[name]) for name in ("runs", "generations", "population")}
     except (ValueError, KeyError, TypeError):
         raise ValueError(f"{summary}: is not the summary of a study of interference") from None

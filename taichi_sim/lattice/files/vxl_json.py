@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import labels
 from taichi_sim.lattice.files.voxel_file import MOST_VOXELS, VoxelFile
@@ -116,10 +117,10 @@ def _parsed(text: str) -> dict[str, Any]:
 
     try:
         try:
-            document = json.loads(text, parse_constant=refuse)
+            document = parse_json(text, constant=refuse)
         except json.JSONDecodeError:
-            document = json.loads(text.rstrip().rstrip(",") + "}", parse_constant=refuse)
-    except (ValueError, RecursionError) as error:
+            document = parse_json(text.rstrip().rstrip(",") + "}", constant=refuse)
+    except ValueError as error:
         raise ValueError(f"this is no JSON: {error}") from None
     if not isinstance(document, dict):
         raise ValueError("the document is no object")

@@ -22,6 +22,7 @@ from robots.inflatable.robustness import HARD_FRICTION, LEAST_HARD_SPEED, NOISE,
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.files import read_text, sha256, write_text
+from taichi_sim.base.parsing import parse_json
 
 
 def check_seeds(name: str, seeds: Sequence[int]) -> Sequence[int]:
@@ -161,7 +162,7 @@ def cached_finalists(
 def _read(path: Path) -> dict[str, Any]:
     """Read cached speeds; a damaged file is as good as missing."""
     try:
-        known = json.loads(read_text(path)) if path.exists() else {}
+        known = parse_json(read_text(path)) if path.exists() else {}
     except ValueError:
         return {}
     return known if isinstance(known, dict) and isinstance(known.get("speeds"), list) else {}

@@ -19,6 +19,7 @@ from optim.runs.loop import FolderSearch
 from optim.search import Method, build_method, default_settings
 from robots.world import Terrain
 from taichi_sim.base.files import read_text
+from taichi_sim.base.parsing import parse_json
 
 # Time steps of a cheap judgement, a third of a gait; its first quarter does not count, and of the others the worst
 # does: a gait that lurches once, or rolls down later, shows there.
@@ -149,7 +150,7 @@ def read_spent(folder: Path) -> list[float]:
     """Read the cost of each generation of a run, perhaps with one cut off; raises ValueError for a damaged file."""
     path = folder / SPENT
     try:
-        spent = json.loads(read_text(path)) if path.exists() else []
+        spent = parse_json(read_text(path)) if path.exists() else []
     except ValueError:
         spent = None
     if not isinstance(spent, list) or not all(isinstance(each, int | float) and each >= 0 for each in spent):
