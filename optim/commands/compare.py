@@ -42,10 +42,13 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.config import score_in
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
-    from taichi_sim.base.files import replacing
+    from taichi_sim.base.disk_faults import unwritten
+    from taichi_sim.base.files import check_parent, replacing
 
     if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
+    if args.out:
+        check_parent("out", args.out)
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
@@ -65,7 +68,7 @@ def run(args: argparse.Namespace) -> Report:
             with replacing(args.out) as aside:
                 save_curves(curves, args.by, aside, score.label)
         except OSError as error:
-            raise ValueError(f"out: {args.out} cannot be written ({error.strerror})") from None
+            raise unwritten(f"out: {args.out} cannot be written", error) from None
     document = {
         "score": dataclasses.asdict(score),
         "by": args.by,

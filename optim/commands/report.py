@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError("frames: there are none without a player; leave out --frames or --no-player")
     from optim.report import Settings, build
     from robots.hardware import PneumaticRig
-    from taichi_sim.base.claims import claimed_path
+    from taichi_sim.base.claims import claimed_path, undone_if_it_fails
     from taichi_sim.base.files import write_text
 
     args.held.enter_context(claimed_path("out", out))
@@ -58,7 +58,9 @@ def run(args: argparse.Namespace) -> Report:
     if not args.quiet:
         for note in built.notes:
             print(f"note: {note}", file=sys.stderr)
-    write_text(out, built.text)
+    with undone_if_it_fails() as made:  # also where the page is written, but not that its folder has it
+        made.append(out)
+        write_text(out, built.text)
     size = len(built.text.encode())
     document = {"out": str(out), "bytes": size, **built.document, "notes": built.notes}
     return Report(document, f"{out}: {spoken_size(size)}").but_for(built.left_out)

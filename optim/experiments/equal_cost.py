@@ -24,6 +24,7 @@ from optim.runs.loop import FolderSearch
 from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
 from taichi_sim.base import line_files
+from taichi_sim.base.files import replacing
 from taichi_sim.base.parsing import parse_json
 
 SEEDS = range(5)
@@ -194,7 +195,8 @@ class Contest:
         figure.axes[0].set_ylabel(label)
         figure.axes[1].legend(frameon=False)
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
+        with replacing(path) as aside:
+            figure.savefig(aside, dpi=150)
 
 
 class TimedSearch(FolderSearch):

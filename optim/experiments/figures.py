@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from robots.view.scene import CHART_COLOURS
+from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.files import replacing, write_bytes
 
 if TYPE_CHECKING:
@@ -54,7 +55,8 @@ def figure(
     """Give a figure of some size [in] and its panels, shape (rows, columns), to draw on, and write it afterwards.
 
     Args:
-        path: its name ends in one of ``PICTURES``; raises ValueError for another, or if it cannot be written.
+        path: its name ends in one of ``PICTURES``; raises ValueError for another, or one that cannot
+            be written, and RuntimeError if the disk is full or broken.
         letters: whether several panels have the letters a, b, c, ..., see :func:`letter`.
         panels: keyword arguments of ``Figure.subplots``: rows, columns, shared axes.
     """
@@ -74,7 +76,7 @@ def figure(
             with replacing(path) as aside:
                 drawn.savefig(aside, dpi=200, metadata=dated)
         except OSError as error:
-            raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
+            raise unwritten(f"{path}: cannot be written", error) from None
 
 
 def save_arrays(path: Path, arrays: "Mapping[str, np.ndarray[Any, Any]]") -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from optim.problem import RelaxableProblem
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import replacing
 
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # ranges of the variables
 TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two gradients, that count as agreement
@@ -204,4 +205,5 @@ def save_plot(report: GradientReport, path: Path) -> None:
     for axes in (error, exact, smooth):
         axes.set_xlabel("step [ranges of the variables]", fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=150)
+    with replacing(path) as aside:
+        figure.savefig(aside, dpi=150)

@@ -45,6 +45,7 @@ from optim.runs.config import (
 from optim.runs.environment import differences
 from optim.runs.folder_lock import locked
 from taichi_sim.base import files, line_files
+from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.locks import HeldLock
 from taichi_sim.base.parsing import parse_json
 
@@ -211,6 +212,7 @@ def open_run(
 
     Raises:
         ValueError: if the folder is taken, in use, unreadable, not writable, or of other settings.
+        RuntimeError: if the disk is full or broken.
     """
     path = Path(path)
     if not (resume and has_run(path)):
@@ -225,7 +227,7 @@ def open_run(
             files.remove_cut_off(path)
             resolved = _settle(path, config, resume, environment or {})
         except OSError as error:
-            raise ValueError(f"out: {path} cannot be written ({error.strerror})") from None
+            raise unwritten(f"out: {path} cannot be written", error, begun=False) from None
         yield RunFolder(path, resolved, environment or {}, note, lock)
 
 

@@ -1,7 +1,9 @@
 """The picture of a gait table: pressures of all lines over time, as a rig would play them."""
 
+import io
 import re
 from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +13,7 @@ from robots.hardware.lines import ACTUATORS
 from robots.hardware.rig_table import RigTable
 from robots.inflatable.view.colours import BLADDERS, FEET
 from robots.view.scene import GROUND, INK
+from taichi_sim.base.files import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,6 +75,9 @@ def save_gait_chart(table: RigTable, path: str | PathLike[str]) -> None:
     """Write the picture of a gait table as PNG, SVG or PDF, chosen by the suffix of the path.
 
     Raises:
-        OSError: if it cannot be written.
+        ValueError: if it cannot be written.
+        RuntimeError: if the disk is full or broken.
     """
-    gait_chart(table).savefig(path, dpi=110)
+    content = io.BytesIO()
+    gait_chart(table).savefig(content, dpi=110, format=Path(path).suffix[1:].lower())
+    write_bytes(path, content.getvalue())

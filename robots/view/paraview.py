@@ -22,6 +22,7 @@ from robots.view.motion import Motion
 from robots.view.scene import GROUND
 from robots.view.uneven import nodes, relief_around, tints, triangles
 from taichi_sim.base.arrays import Bytes, Floats
+from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.files import new_folder, write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
@@ -71,6 +72,7 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
 
     Raises:
         ValueError: for a folder that exists or cannot be made.
+        RuntimeError: if the disk is full or broken.
     """
     folder = Path(folder)
     if folder.exists():
@@ -79,7 +81,7 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
         with new_folder(folder) as inside:
             return _fill(motion, inside)
     except OSError as error:
-        raise ValueError(f"folder: {folder} cannot be made ({error.strerror})") from None
+        raise unwritten(f"folder: {folder} cannot be made", error) from None
 
 
 def _fill(motion: Motion, folder: Path) -> int:

@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
+from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.files import ASIDE, check_parent, content_of, remove_cut_off
 from taichi_sim.base.locks import HeldLock
 
@@ -21,6 +22,7 @@ def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
 
     Raises:
         ValueError: if the path exists, another process has reserved it, or the folder cannot be written.
+        RuntimeError: if the disk is full or broken.
     """
     check_parent(field, path)
     with _reserved(field, path, path.with_name(f"{ASIDE}claim-{path.name}"), kind):
@@ -40,6 +42,7 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
 
     Raises:
         ValueError: if the folder holds anything, cannot be made, or another process has reserved it.
+        RuntimeError: if the disk is full or broken.
     """
     above = next((each for each in (path, *path.parents) if os.path.lexists(each)), path)
     if os.path.lexists(above) and not above.is_dir():
@@ -48,7 +51,7 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ValueError(f"{field}: {path} cannot be made ({error.strerror})") from None
+        raise unwritten(f"{field}: {path} cannot be made", error, begun=False) from None
     try:
         claim = path / f"{ASIDE}claim"
         with _reserved(field, path, claim, "folder"):
@@ -63,7 +66,7 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
                 remove_cut_off(path)
                 claim.write_text("\n".join(names))
             except OSError as error:
-                raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
+                raise unwritten(f"{field}: {path} cannot be written", error, begun=False) from None
             yield
     finally:
         with contextlib.suppress(OSError):  # stops at the first that is not empty
@@ -100,7 +103,7 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
         except BlockingIOError:
             raise ValueError(f"{field}: {path} is being written already; name a new {kind}") from None
         except OSError as error:
-            raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
+            raise unwritten(f"{field}: {path} cannot be written", error, begun=False) from None
         try:
             yield
         finally:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import shown
+from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 Design = TypeVar("Design")
@@ -36,7 +37,6 @@ UNREADABLE = (  # what NumPy raises for a damaged file of arrays; its headers ar
 )
 MOST_PACKED = 1100  # bytes that a byte of a zip archive can stand for, a little above what deflation can do
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
-_DISK_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)  # the machine's, not the user's
 
 
 @contextlib.contextmanager
@@ -139,8 +139,7 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         with replacing(Path(path)) as aside:
             aside.write_bytes(content)
     except OSError as error:
-        kind = RuntimeError if error.errno in _DISK_FAULTS else ValueError
-        raise kind(f"{path}: cannot be written ({error.strerror})") from None
+        raise unwritten(f"{path}: cannot be written", error) from None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -345,21 +344,24 @@ def make_folder(path: Path) -> None:
 
     Raises:
         ValueError: if a folder cannot be made.
+        RuntimeError: if the disk is full or broken.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise ValueError(f"out: {path} cannot be made ({error.strerror})") from None
+        raise unwritten(f"out: {path} cannot be made", error, begun=False) from None
 
 
 def check_parent(field: str, path: Path) -> None:
-    """Refuse a file in a folder that does not exist, before any work is done for it.
+    """Refuse a file in a folder that does not exist or takes no files, before any work is done for it.
 
     Raises:
         ValueError: if there is no such folder.
     """
     if not path.parent.is_dir():
         raise ValueError(f"{field}: {path} cannot be written; there is no folder {path.parent}")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        raise ValueError(f"{field}: {path} cannot be written; the folder {path.parent} takes no files")
 
 
 def new_path(path: str | os.PathLike[str]) -> Path:

@@ -8,7 +8,7 @@ from os import PathLike
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from taichi_sim.base.files import read_bytes
+from taichi_sim.base.files import read_bytes, write_text
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.voxel_file import LARGEST, Heat, VoxelFile, decoded
@@ -66,9 +66,10 @@ def save_vxl_json(robot: VoxelFile | LatticeBody, path: str | PathLike[str]) -> 
 
     Raises:
         ValueError: for a robot that is driven by heat, and files that cannot be written.
+        RuntimeError: if the disk is full or broken.
     """
     file = VoxelFile.of_body(robot) if isinstance(robot, LatticeBody) else robot
-    _write(write_vxl_json(file) + "\n", path)
+    write_text(path, write_vxl_json(file) + "\n")
 
 
 def save_vxa(robot: VoxelFile, path: str | PathLike[str]) -> None:
@@ -76,15 +77,9 @@ def save_vxa(robot: VoxelFile, path: str | PathLike[str]) -> None:
 
     Raises:
         ValueError: for what the format cannot express, and files that cannot be written.
+        RuntimeError: if the disk is full or broken.
     """
-    _write(write_vxa(robot), path)
-
-
-def _write(text: str, path: str | PathLike[str]) -> None:
-    try:
-        Path(path).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be written ({error.strerror})") from None
+    write_text(path, write_vxa(robot))
 
 
 def _root(path: Path) -> Element:

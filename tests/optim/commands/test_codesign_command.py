@@ -245,7 +245,7 @@ def test_a_full_disk_is_one_line_and_loses_nothing(morpholab, simulator, monkeyp
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", full)
         code, _, error = morpholab(f"{line} --out a")
-    assert code == 2 and error == "morpholab codesign: error: out: a cannot be written (No space left on device)\n"
+    assert code == 1 and error == "morpholab codesign: failed: out: a cannot be written (No space left on device)\n"
     call = simulator.__call__
     with monkeypatch.context() as patch:
 

@@ -1,0 +1,22 @@
+"""Whose fault it is that something cannot be written: a path's, which the user gave, or the disk's."""
+
+import errno
+
+# Of a path that cannot be what was asked. All others, such as of a full or broken disk, are failures.
+_OF_PATHS = (
+    *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG, errno.ELOOP),
+    *(errno.EACCES, errno.EPERM, errno.EINVAL, errno.EXDEV, errno.EBUSY, errno.ENXIO, errno.ENODEV),
+    *(errno.EOPNOTSUPP, errno.ENOSYS),  # of locks, on file systems that have none
+)
+
+
+def unwritten(what: str, error: OSError, begun: bool = True) -> ValueError | RuntimeError:
+    """The error to raise in place of one of the system: bad input if the path is at fault, else work that failed.
+
+    Args:
+        what: what could not be done, such as ``"out: a/b cannot be written"``.
+        error: why.
+        begun: whether work has begun; a disk that is read-only is a wrong path before, and a broken disk then.
+    """
+    of_path = error.errno in _OF_PATHS or (error.errno == errno.EROFS and not begun)
+    return (ValueError if of_path else RuntimeError)(f"{what} ({error.strerror or ' '.join(str(error).split())})")
