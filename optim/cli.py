@@ -139,7 +139,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
     except Exception as error:
         return _refuse(args.command, error)
-    return _print(args.command, text, int(report.code))
+    code = _print(args.command, text, int(report.code))
+    return code if report.error is None else _refuse(args.command, report.error)
 
 
 def _print(command: str, text: str | None, code: int) -> int:

@@ -98,3 +98,18 @@ def test_a_folder_that_takes_no_files_is_refused_before_work(morpholab, monkeypa
     told = "cannot be written; the folder . takes no files"
     for line, path in (("export inching --csv a.csv", "csv: a.csv"), ("view vehicle --out a.html", "out: a.html")):
         assert morpholab(line) == (2, "", f"morpholab {line.split()[0]}: error: {path} {told}\n")
+
+
+def full(*_, **options):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+@pytest.mark.parametrize("json", ["", " --json"])
+def test_what_was_computed_is_told_though_its_files_have_no_room(morpholab, simulator, monkeypatch, tmp_path, json):
+    result = morpholab(f"simulate --gait rolling{json}")
+    assert result[0] == 0 and result[1]
+    monkeypatch.setattr("robots.inflatable.view.picture.save_motion_picture", full)
+    code, out, error = morpholab(f"simulate --gait rolling --out a{json}")
+    assert (code, out) == (1, result[1])
+    assert error.splitlines()[-1] == "morpholab simulate: failed: [Errno 28] No space left on device"
+    assert not (tmp_path / "a").exists()

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 FAILED, HUNG_UP, INTERRUPTED, TERMINATED = 1, 129, 130, 143  # exit codes; the last three as shells report signals
@@ -34,16 +34,30 @@ class Report:
         document: for machines, fits JSON.
         text: for people.
         code: the exit code: 0, or ``FAILED`` if the work, not the input, was at fault, or that of an interruption.
+        error: why files of what is reported could not be written; told after it, and decides the exit code.
     """
 
     document: dict[str, Any] | list[Any]
     text: str
     code: int = 0
+    error: Exception | None = None
 
     def but_for(self, left_out: list[str]) -> "Report":
         """Add to the report what was left out and why; the exit code is ``FAILED`` if anything was."""
         assert isinstance(self.document, dict)
-        return Report(self.document | {"left_out": left_out}, self.text, FAILED) if left_out else self
+        return replace(self, document=self.document | {"left_out": left_out}, code=FAILED) if left_out else self
+
+    def written_by(self, write: Callable[[], str]) -> "Report":
+        """Write files of what is reported; if that fails, the report is told all the same.
+
+        Args:
+            write: writes them, and returns a line about them for people, or nothing.
+        """
+        try:
+            names = write()
+        except Exception as error:
+            return replace(self, error=error)
+        return replace(self, text=f"{self.text}\n{names}") if names else self
 
 
 def goes_on(run: Callable[[Namespace], Report]) -> Callable[[Namespace], Report]:

@@ -93,8 +93,9 @@ def _fit(args: argparse.Namespace) -> Report:
     laboratory = Laboratory(geometry, drive, stiffest, **more)
     with shown_progress("fit", 1.0, args.quiet) as update:
         result = calibrate(found.experiments, laboratory, names, bounds, update)
-    record, text = document(result, found.geometry, found.weight), table(result)
-    if args.out is not None:
+    record = document(result, found.geometry, found.weight)
+
+    def write() -> str:
         from optim.calibration.report import save_calibration
 
         args.out.mkdir(parents=True, exist_ok=True)
@@ -102,8 +103,10 @@ def _fit(args: argparse.Namespace) -> Report:
             made += [args.out / "calibration.json", args.out / "calibration.png"]
             write_record(args.out / "calibration.json", CALIBRATION_FORMAT, record)
             save_calibration(found.experiments, result.predictions, args.out / "calibration.png")
-        text += f"\n{args.out}: calibration.json, calibration.png"
-    return Report(record, text)
+        return f"{args.out}: calibration.json, calibration.png"
+
+    report = Report(record, table(result))
+    return report if args.out is None else report.written_by(write)
 
 
 def _load(folder: Path, name: str) -> "InflatableDesign":

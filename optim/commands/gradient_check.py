@@ -73,15 +73,18 @@ def run(args: argparse.Namespace) -> Report:
             seed=args.seed,
             progress=update,
         )
-    document, text = report.document(), report.text()
-    if args.out:
+    document = report.document()
+
+    def write() -> str:
         args.out.mkdir(parents=True, exist_ok=True)
         with undone_if_it_fails() as made:
             made += [args.out / "gradient.json", args.out / "gradient.png"]
             write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
             save_plot(report, args.out / "gradient.png")
-        text += f"\n{args.out}: gradient.json, gradient.png"
-    return Report(document, text)
+        return f"{args.out}: gradient.json, gradient.png"
+
+    told = Report(document, report.text())
+    return told.written_by(write) if args.out else told
 
 
 def _problems(args: argparse.Namespace) -> "dict[str, tuple[RelaxableProblem, np.ndarray]]":

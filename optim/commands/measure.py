@@ -98,8 +98,12 @@ def run(args: argparse.Namespace) -> Report:
     with shown_progress(counted(settings.controllers, "controller"), 1.0, args.quiet) as update:
         found = measure_body(robot, environments, settings, compute, folder, update)
     document = {"folder": str(args.out), "robot": robot.name, "environments": said["environments"], **found.document()}
-    write_text(args.out / "metrics.json", json.dumps(document, indent=2, allow_nan=False) + "\n")
-    return Report(document, "\n".join(_lines(robot, environments, found)))
+
+    def write() -> str:
+        write_text(args.out / "metrics.json", json.dumps(document, indent=2, allow_nan=False) + "\n")
+        return ""
+
+    return Report(document, "\n".join(_lines(robot, environments, found))).written_by(write)
 
 
 def _environments(kind: RobotKind, robot: Robot, worlds: list[str] | None, bounds: list[Success]) -> "Environments":

@@ -132,15 +132,17 @@ def _report(
         "steps": int(outcome.steps[0]),
         **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
     }
-    if args.out is not None:
-        _write(args.out, robot, world, document, outcome)
     after = f" after {steps:,} steps" if (steps := document["steps"]) else ""  # kinds need not count them
     status = outcome.reason[0] or f"{outcome.status[0]}{after}"
     text = f"{title}: {status}" + (f"\n{robot.spoken(outcome)}" if ok else "")
-    return Report(document, text, 0 if ok else FAILED)
+    report = Report(document, text, 0 if ok else FAILED)
+    if args.out is None:
+        return report
+    return report.written_by(partial(_write, args.out, robot, world, document, outcome))
 
 
-def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> None:
+def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], outcome: Outcome) -> str:
+    """Write all files of a trial in its folder, or none; nothing is said of them."""
     from robots.hardware import write_csv
     from robots.view.picture import save_robot_picture
     from taichi_sim.base.claims import undone_if_it_fails
@@ -160,3 +162,4 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
         for name, write in writers.items():
             made.append(folder / name)
             write(folder / name)
+    return ""
