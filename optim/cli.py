@@ -40,7 +40,7 @@ from optim.commands import (
     work,
 )
 from optim.commands.robots import RobotOptions
-from optim.notes import notes, say
+from optim.notes import notes, plain, say
 from taichi_sim.base.foreign import blame, blame_package, lacks_memory
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class _Parser(RobotOptions):
     """A parser that says what is wrong in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: error: {message}\n")
+        self.exit(2, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
 
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
         (file or sys.stderr).write(message)  # argparse ignores a full disk
@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with _ended_by_signals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
             report = args.run(args)
-        text = json.dumps(report.document, allow_nan=False) if args.json else report.text
+        text = json.dumps(report.document, allow_nan=False) if args.json else plain(report.text)
     except KeyboardInterrupt as interrupt:
         return _fail(args.command, "interrupted", stopped_by(interrupt))
     except Exception as error:

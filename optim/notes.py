@@ -5,12 +5,21 @@ import sys
 import warnings
 from collections.abc import Iterator
 from typing import Any
+from unicodedata import category
+
+
+def plain(text: str) -> str:
+    """A text without what terminals obey, such as colours and reversed writing: ``\\x1b`` in place of an escape."""
+    obeyed = ("Cc", "Cf", "Cs")  # control, format and surrogate characters; lines and tabs stay
+    shown = (c if c in "\n\t" or category(c) not in obeyed else c.encode("unicode_escape").decode() for c in text)
+    return text if text.isprintable() else "".join(shown)
 
 
 def say(name: str, message: str) -> None:
     """Print a message of a command on one line of stderr; nowhere if that is full or closed."""
+    line = f"{' '.join(('morpholab', name)).strip()}: {' '.join(message.split())}"
     with contextlib.suppress(OSError):
-        print(f"{' '.join(('morpholab', name)).strip()}: {' '.join(message.split())}", file=sys.stderr, flush=True)
+        print(plain(line), file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

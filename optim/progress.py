@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Protocol
 
+from optim.notes import plain
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -39,11 +41,13 @@ def shown_progress(text: str, total: float, quiet: bool = False) -> Iterator[Upd
             yield update
         return
     left = (TextColumn("left"), TimeRemainingColumn())
-    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), *left, console=console) as bar:
-        task = bar.add_task(text, total=total)
+    with Progress(
+        TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), *left, console=console
+    ) as bar:
+        task = bar.add_task(plain(text), total=total)
 
         def show(done: float, text: str | None = None) -> None:
-            bar.update(task, completed=done, description=text)
+            bar.update(task, completed=done, description=None if text is None else plain(text))
 
         yield show
 
@@ -62,6 +66,9 @@ def _lines(
     pause, current = FIRST_LINE, text
     since: tuple[float, float] | None = None  # time and share from which the speed is taken
 
+    def say(line: str) -> None:
+        console.print(plain(line), highlight=False, soft_wrap=True, markup=False)
+
     def show(done: float, text: str | None = None) -> None:
         nonlocal told_at, pause, current, since
         now, share = clock(), min(done / total, 1.0) if total else 1.0
@@ -69,13 +76,13 @@ def _lines(
             since = (now, share)
         if text is not None:
             current, told_at = text, now
-            console.print(text, highlight=False, soft_wrap=True)
+            say(text)
         elif now - told_at >= pause and share < 1:
             told_at, pause = now, min(pause * PAUSE_GROWS, LONGEST_PAUSE)
             gone = share - since[1]
             left = f", about {span((now - since[0]) * (1 - share) / gone)} left" if gone > 0 else ""
             since = (now, share) if gone > 0 else since
-            console.print(f"{current}: {share:.0%} after {span(now - begun)}{left}", highlight=False, soft_wrap=True)
+            say(f"{current}: {share:.0%} after {span(now - begun)}{left}")
 
     yield show
 

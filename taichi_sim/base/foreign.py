@@ -13,6 +13,7 @@ NO_MEMORY = (
     "Resource temporarily unavailable",
 )
 BLAMED = "a fault of "  # how notes at exceptions begin that say whose fault they are
+LONGEST_SAID = 300  # characters of what an exception says
 GROUPS = "morpholab."  # how the names of all groups of entry points begin
 
 
@@ -45,7 +46,7 @@ def users_code(file: object) -> Iterator[None]:
     except BaseException as error:
         if lacks_memory(error):
             raise
-        raise ValueError(f"{file}: {type(error).__name__}: {' '.join(str(error).split())}") from None
+        raise ValueError(f"{file}: {type(error).__name__}: {_said(error)}") from None
 
 
 @contextlib.contextmanager
@@ -95,8 +96,14 @@ def _package_of(frame: FrameType) -> str:
 
 def _told(error: BaseException, file: str, line: int | None) -> str:
     """Where an exception was raised, and what it says."""
-    said = " ".join(str(error).split())
+    said = _said(error)
     return f"{file}, line {line}: {type(error).__name__}{said and ': '}{said}"
+
+
+def _said(error: BaseException) -> str:
+    """What an exception says, in one line that is cut off if it is long."""
+    said = " ".join(str(error).split())
+    return said if len(said) <= LONGEST_SAID else f"{said[:LONGEST_SAID]}... ({len(said)} characters)"
 
 
 def blame(error: BaseException) -> str:
