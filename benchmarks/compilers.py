@@ -44,7 +44,7 @@ def lattice_gradient(precision: str) -> Callable[[], Any]:
 
     geometry = InflatableGeometry(bladder_columns=1, rows=10, foot_rows=2, voxel_size=0.02)
     actuation = InflatableActuation(inflation_rate=0.03, pressure_ramp=50.0, hold_steps=200, settle_steps=100)
-    keywords = {"geometry": geometry, "actuation": actuation, "precision": precision, "threads": 1}
+    keywords: dict[str, Any] = {"geometry": geometry, "actuation": actuation, "precision": precision, "threads": 1}
     return lambda: differentiate([ROLLING], Terrain(), **keywords)
 
 
@@ -68,8 +68,8 @@ def vehicles(precision: str, gradient: bool) -> Callable[[], Any]:
     rng = np.random.default_rng(0)
     count = 50 if gradient else 3000
     batch = VehicleBatch(rng.uniform(-0.5, 0.5, (5, 2, 2)), rng.uniform(-1, 1, (5, count, 2, 2)))
-    task, where = VehicleTask(STARTS, steps=2000), {"precision": precision, "threads": 1}
-    return lambda: (differentiate if gradient else rollout)(batch, task, **where)
+    task = VehicleTask(STARTS, steps=2000)
+    return lambda: (differentiate if gradient else rollout)(batch, task, precision=precision, threads=1)
 
 
 CASES: dict[str, Callable[[], Callable[[], Any]]] = {

@@ -11,8 +11,7 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-from equal_cost import SEEDS, Contest, Entry
-
+from optim.experiments.equal_cost import SEEDS, Contest, Entry
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.walker import WalkerProblem
 from robots.world import Terrain

@@ -37,6 +37,7 @@ def seconds(case: str, robots: int, seed: int, compute: dict[str, Any]) -> float
     importlib.import_module("robots.gym")  # registers the environments
     name, steps, takes = CASES[case]
     settings = compute if takes else {}
+    environment: Any
     if robots:
         environment = gymnasium.make_vec(name, num_envs=robots, **settings)
     else:

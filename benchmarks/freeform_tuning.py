@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.equal_cost import Contest, Entry
+from optim.experiments.judged_runs import warm_up
 from optim.experiments.tables import Record, write_records
-from optim.studies.beyond.freeform import ARMS, PROBLEMS, designed, warm_up
+from optim.studies.beyond.freeform import ARMS, PROBLEMS, designed
 
 SEED = 100
 # Tried beside the settings of the study, from which they differ so.
@@ -40,7 +41,16 @@ OTHERS: Mapping[str, Sequence[Mapping[str, Any]]] = {
         {"population": 32},
         {"random_mean": False},
     ),
-    "cma": ({"population": 32}, {"population": 8}, {"random_mean": True}, {"random_mean": True, "population": 8}),
+    "cma": (
+        {"random_mean": False, "sigma": 0.3},
+        {"population": 32, "random_mean": False, "sigma": 0.3},
+        {"population": 8, "random_mean": False, "sigma": 0.3},
+        {"sigma": 0.3},
+        {"population": 8, "sigma": 0.3},
+        {"random_mean": False},
+        {"population": 8},
+        {"population": 32},
+    ),
 }
 
 
@@ -57,7 +67,7 @@ def main() -> None:
             settings = {**arm.settings, **others}
             entry = Entry(partial(designed, "tuning"), arm.method, settings)
             contest = Contest({label: entry}, "cpu", PROBLEMS["tuning"].seconds, given.out / "runs")
-            warm_up("tuning", arm.gradients)
+            warm_up(entry.problem(), arm.gradients)
             contest.run_one(label, SEED)
             best = contest.at(contest.curve(label, SEED), contest.budget, "best")
             told = ", ".join(f"{key} {value}" for key, value in settings.items())

@@ -21,10 +21,14 @@ TWIST = 0.02  # torque on a bar, parts of E b^3 times STRESS / E, so little that
 TORSION = 0.1406  # of the b^4 of a square bar, its torsion constant (Timoshenko & Goodier, Theory of Elasticity)
 
 
-def _block(material: Material, size: tuple[int, int, int], regions: object = None) -> LatticeBody:
+def _block(material: Material, size: tuple[int, int, int], regions: np.ndarray | None = None) -> LatticeBody:
     voxels = np.argwhere(np.ones(size, bool))
     return LatticeBody(
-        voxels=voxels, materials=(material,), material_index=[0] * len(voxels), voxel_size=EDGE, regions=regions
+        voxels=voxels,
+        materials=(material,),
+        material_index=np.zeros(len(voxels), int),
+        voxel_size=EDGE,
+        regions=regions,
     )
 
 
@@ -78,7 +82,7 @@ def twist(thick: int, poissons_ratio: float) -> float:
     regions = np.zeros(len(voxels), int)
     regions[ends] = 1 + np.arange(len(ends))  # each has its own force
     material = Material(MODULUS, 1e3, poissons_ratio=poissons_ratio, global_damping=0.02)
-    body = LatticeBody(voxels, (material,), [0] * len(voxels), EDGE, regions=regions, fixed=held)
+    body = LatticeBody(voxels, (material,), np.zeros(len(voxels), int), EDGE, regions=regions, fixed=held)
     engine = LatticeEngine(body, self_contact=False, time_step=body.recommended_time_step / 1.3, threads=1)
     across = (voxels[:, 1:] - (thick - 1) / 2) * EDGE
     torque, program = TWIST * STRESS * (thick * EDGE) ** 3, ProgramBuilder(1)

@@ -19,6 +19,7 @@ import tempfile
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 from optim.problems.user_file import FileProblem, load_problem
 from optim.runs import open_run, run_search
@@ -39,7 +40,9 @@ def evaluate(points):
 """
 
 
-def log_of(problem: FileProblem, out: Path, climbers: int, generations: int, evaluate=None, progress=None) -> bytes:
+def log_of(
+    problem: FileProblem, out: Path, climbers: int, generations: int, evaluate: Any = None, progress: Any = None
+) -> bytes:
     """Search, and return the log."""
     settings = {**default_settings("hill-climb"), "climbers": climbers, "seed": 0}
     method = build_method("hill-climb", problem.space, settings)
@@ -133,9 +136,8 @@ def main() -> int:
             )
         asleep = SOURCE.format(seconds=args.seconds).encode()
         awake = FileProblem(file.name, asleep, aside)
-        awake.evaluate = lambda points: FileProblem(file.name, asleep.replace(b"time.sleep", b"float"), aside).evaluate(
-            points
-        )
+        judge = FileProblem(file.name, asleep.replace(b"time.sleep", b"float"), aside).evaluate
+        awake.evaluate = judge  # type: ignore[method-assign]  # the same settings, without sleep
         same = found == log_of(awake, Path(aside, "alone"), climbers, args.generations)
     wall = times[-1] - times[0]
     useful = args.seconds * args.rounds * args.generations

@@ -30,6 +30,6 @@ region = np.where(np.hypot(places[:, 0], places[:, 1]) < 0.025, 0, np.where(uppe
 body = body_from_array(found.filled, rubber, PITCH, regions=region.reshape(found.filled.shape))
 
 phases = tuple(Free(0.0, 1.0, start=n / ARMS) for n in range(ARMS))
-lift = Drive("lift", range(ARMS + 1, 2 * ARMS + 1), amplitude=Free(0.0, 0.3, start=0.2), phase=phases, axes="xy")
-swing = Drive("swing", range(1, ARMS + 1), amplitude=Free(0.0, 0.3, start=0.1), phase=Free(0.0, 1.0), axes="xy")
+lift = Drive("lift", tuple(range(ARMS + 1, 2 * ARMS + 1)), amplitude=Free(0.0, 0.3, start=0.2), phase=phases, axes="xy")
+swing = Drive("swing", tuple(range(1, ARMS + 1)), amplitude=Free(0.0, 0.3, start=0.1), phase=Free(0.0, 1.0), axes="xy")
 robot = LatticeRobot(body, (lift, swing), frequency=3.0, cycles=3, name="starfish")

@@ -110,7 +110,7 @@ ARMS = {
     "genetic": Arm("genetic", "genetic", {"population": 32, "mutation": 0.1}),
     "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 1}),
     "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
-    "cma": Arm("CMA-ES", "cma", {"population": 16}),
+    "cma": Arm("CMA-ES", "cma", {"population": 16, "random_mean": True, "sigma": 0.1}),
 }
 
 
