@@ -16,6 +16,7 @@ import argparse
 import json
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -36,7 +37,7 @@ def slope_of(family: str) -> float | None:
     return SLOPES.get(family.rpartition("_")[2])
 
 
-def draw(path: Path, count: int, seed: int) -> list[tuple[str, list]]:
+def draw(path: Path, count: int, seed: int) -> list[tuple[str, list[Any]]]:
     """Rows of the file, equally many of each family, in the order of the file."""
     published = json.loads(path.read_text())
     generator = np.random.default_rng(seed)
@@ -49,7 +50,7 @@ def draw(path: Path, count: int, seed: int) -> list[tuple[str, list]]:
     return rows
 
 
-def evaluate(rows: list[tuple[str, list]], precision: str, copies: int) -> np.ndarray:
+def evaluate(rows: list[tuple[str, list[Any]]], precision: str, copies: int) -> np.ndarray:
     """Simulated distances [m], shape (rows, copies); copy 0 starts where the published robot does."""
     distance = np.empty((len(rows), copies))
     for slope in SLOPES.values():
@@ -59,7 +60,7 @@ def evaluate(rows: list[tuple[str, list]], precision: str, copies: int) -> np.nd
             for _, (_, _, orientation, pressure, f, phi, _) in (rows[i] for i in here)
         ]
         for copy in range(copies):
-            noise = {"perturbation": START_NOISE, "seed": copy} if copy else {}
+            noise: dict[str, Any] = {"perturbation": START_NOISE, "seed": copy} if copy else {}
             distance[here, copy] = simulate(designs, Terrain(slope=slope), precision=precision, **noise).distance
             print(f"slope {slope:g}, copy {copy + 1} of {copies} done", file=sys.stderr, flush=True)
     return distance
@@ -71,7 +72,7 @@ def agreement(simulated: np.ndarray, published: np.ndarray) -> tuple[np.ndarray,
     return error, float(np.median(error)), float(spearmanr(simulated, published).statistic)
 
 
-def table(rows: list[tuple[str, list]], distances: np.ndarray, precision: str, seed: int) -> tuple[str, bool]:
+def table(rows: list[tuple[str, list[Any]]], distances: np.ndarray, precision: str, seed: int) -> tuple[str, bool]:
     """The comparison as a page, and whether it passes."""
     published = np.array([row[-1] for _, row in rows])
     simulated = np.median(distances, axis=1)
