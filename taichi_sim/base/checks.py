@@ -165,7 +165,9 @@ def real_array(value: object) -> Floats:
     Raises:
         TypeError, ValueError, OverflowError: for texts, truth values, complex numbers, and sequences that fit no array.
     """
-    if np.asarray(value).dtype.kind not in "iufO" or _holds_truth(value):
+    found = np.asarray(value)
+    texts = found.dtype.kind == "O" and any(isinstance(each, str | bytes) for each in found.flat)
+    if found.dtype.kind not in "iufO" or texts or _holds_truth(value):
         raise TypeError("texts, truth values and complex numbers are no numbers here")
     return np.asarray(value, float)
 
@@ -241,5 +243,7 @@ def _holds_truth(value: object) -> bool:
     if isinstance(value, np.ndarray):
         return value.dtype.kind == "b" or (value.dtype.kind == "O" and any(map(_holds_truth, value.flat)))
     if isinstance(value, list | tuple):
-        return any(type(each) is not float and _holds_truth(each) for each in value)
+        if set(map(type, value)) <= {int, float}:  # of long lists quickly
+            return False
+        return any(_holds_truth(each) for each in value)
     return isinstance(value, bool | np.bool_)

@@ -119,3 +119,15 @@ def test_a_call_that_fails_midway_leaves_nothing_half_set(add):
         bundled(wrong, 1.0)
     kept.append(bundled(one, 1.0))
     assert one[0].tolist() == [6.0] * 3 and wrong[0].tolist() == [1.0] * 3
+
+
+def test_zeros_of_both_signs_are_two_numbers():
+    @ti.kernel
+    def keep(array: ti.types.ndarray(ti.f64, 1), number: ti.f64):
+        for i in range(array.shape[0]):
+            array[i] = number
+
+    launch, array = Relauncher(ti, keep), np.ones(1)
+    for number in (1.0, 0.0, -0.0):
+        launch(array, number)
+    assert np.signbit(array[0])

@@ -157,7 +157,7 @@ class PackedRun(Run):
         batch, real = self.driver.batch, self.driver.real
         kept = self._record
         if kept is None or room > kept.start.shape[1] or contacts * kept.start.shape[1] > kept.contacts.shape[1]:
-            self._record = None  # before the larger one is made
+            kept = self._record = self._handed = None  # before the larger one is made
             states = aligned((batch * room * self.driver.state_slots, real.width), real.numpy)
             groups = real.array((batch * room * self.driver.channel_slots,))
             log, start = np.zeros((batch, contacts * room, 2), np.int32), np.zeros((batch, room), np.int32)

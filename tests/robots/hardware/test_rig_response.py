@@ -186,7 +186,7 @@ def test_tables_of_a_batch_are_played_as_alone():
 @pytest.mark.parametrize("found", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path, found):
     """Also of pressures and levels that a search has found, which have more digits than a table."""
-    short = replace(SHORT, schedule=SHORT.schedule.cut(1, 1))
+    short = replace(SHORT, schedule=SHORT.schedule.cut(1, 1)) if found else SHORT
     levels = np.where(short.schedule.levels > 0, 0.9 + np.pi / 100, 0.0)
     searched = replace(short, pressure=3581.893712345678, schedule=replace(short.schedule, levels=levels))
     export_csv(searched if found else short, tmp_path / "gait.csv")

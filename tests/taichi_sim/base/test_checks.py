@@ -160,3 +160,11 @@ def test_a_record_gives_a_name_once(tmp_path):
     assert str(error.value) == f"{path}: 'x' is given twice, which is not allowed; give it once"
     path.write_text('{"format": "a", "parts": [{"x": 1}, {"x": 3}]}')
     assert read_record(path, "a", lambda record: record["parts"]) == [{"x": 1}, {"x": 3}]
+
+
+def test_texts_among_numbers_of_any_size_are_no_numbers():
+    """Whole numbers beyond 64 bits make an array of objects, in which a text would be read as a number."""
+    for value in ([10**30, "2"], np.array([1, "2"], object)):
+        with pytest.raises(ValueError, match=r"^x: .* give numbers of shape \(2,\)"):
+            checks.numbers("x", value, 2)
+    assert checks.numbers("x", [10**30, 2], 2).tolist() == [1e30, 2.0]

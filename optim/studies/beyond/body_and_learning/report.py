@@ -122,7 +122,9 @@ def _left_out(rows: Sequence[Record], learners: Mapping[str, str]) -> str:
 
 
 def _mean(values: Floats) -> str:
-    """A mean with its interval over bodies."""
+    """A mean with its interval over bodies, if there are several."""
+    if len(values) < 2:
+        return f"{values.mean():.1f}"
     low, high = mean_interval(values)
     return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
 
