@@ -16,7 +16,7 @@ from optim.studies.chapter2.study import ENVIRONMENTS, PICTURES, PICTURES_OF_TWO
 
 DATA = Path(__file__).parents[3] / "docs/data"
 # No data, or too little of it.
-NOT_THERE = ("hand-gait-sensitivity", "soft-robot-metrics")
+NOT_THERE = ("soft-robot-metrics",)
 TOLD = [name for name in STUDIES if STUDIES[name].tell is not None and name not in NOT_THERE]
 
 
