@@ -113,3 +113,16 @@ def test_what_was_computed_is_told_though_its_files_have_no_room(morpholab, simu
     assert (code, out) == (1, result[1])
     assert error.splitlines()[-1] == "morpholab simulate: failed: [Errno 28] No space left on device"
     assert not (tmp_path / "a").exists()
+
+
+@pytest.mark.parametrize("json", ["", " --json"])
+def test_runs_are_compared_though_their_picture_has_no_room(morpholab, monkeypatch, tmp_path, json):
+    problem = 'bounds = {"x": (0, 1)}\nname = "height"\n\n\ndef evaluate(points):\n    return points[:, 0]\n'
+    (tmp_path / "problem.py").write_text(problem)
+    for seed in (1, 2):
+        options = f"--method random --climbers 2 --generations 2 --seed {seed} --quiet"
+        assert morpholab(f"codesign --problem problem.py --out runs/{seed} {options}")[0] == 0
+    code, whole, _ = morpholab(f"compare runs{json}")
+    monkeypatch.setattr("optim.plots.save_curves", full)
+    assert morpholab(f"compare runs --out a.png{json}")[:2] == (1, whole) and code == 0
+    assert not (tmp_path / "a.png").exists()

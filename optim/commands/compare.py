@@ -61,14 +61,6 @@ def run(args: argparse.Namespace) -> Report:
     score = score_in(histories[0].config)
     end = comparison.shared_end(curves, args.by)
     differences = comparison.differences(curves, end)
-    if args.out:
-        from optim.plots import save_curves
-
-        try:
-            with replacing(args.out) as aside:
-                save_curves(curves, args.by, aside, score.label)
-        except OSError as error:
-            raise unwritten(f"out: {args.out} cannot be written", error) from None
     document = {
         "score": dataclasses.asdict(score),
         "by": args.by,
@@ -77,9 +69,22 @@ def run(args: argparse.Namespace) -> Report:
         "differences": [dataclasses.asdict(difference) for difference in differences],
         "maps": [dataclasses.asdict(one) for one in comparison.map_standings(curves, histories, args.by, end)],
         "held_out": [dataclasses.asdict(one) for one in held_out({curve.label: curve.folders for curve in curves})],
-        "picture": str(args.out) if args.out else None,
+        "picture": None,  # unless it is written
     }
-    return Report(document, "\n".join(_lines(score.label, document, differences))).but_for(damaged)
+
+    def write() -> str:
+        from optim.plots import save_curves
+
+        try:
+            with replacing(args.out) as aside:
+                save_curves(curves, args.by, aside, score.label)
+        except OSError as error:
+            raise unwritten(f"out: {args.out} cannot be written", error) from None
+        document["picture"] = str(args.out)
+        return str(args.out)
+
+    report = Report(document, "\n".join(_lines(score.label, document, differences)))
+    return (report.written_by(write) if args.out else report).but_for(damaged)
 
 
 def _labelled(given: Sequence[str]) -> dict[Path, str]:
@@ -149,4 +154,4 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
     for one in document["held_out"]:
         what = f"{one['label']}, {one['world']}, {one['name']} ({counted(one['runs'], 'run')})"
         lines.append(f"  {what}: {one['value']:z.4f} [{one['low']:z.4f}, {one['high']:z.4f}]")
-    return lines + ([document["picture"]] if document["picture"] else [])
+    return lines

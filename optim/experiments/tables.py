@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.measures.statistics import mean_interval
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import content_of, unzipped, write_bytes
 
@@ -114,6 +115,15 @@ def markdown(header: Sequence[str], align: str, rows: Iterable[Sequence[Any]]) -
     """
     rules = [{"l": "---", "r": "---:"}[side] for _, side in zip(header, align, strict=True)]
     return [f"| {' | '.join(map(str, cells))} |" for cells in (header, rules, *rows)]
+
+
+def mean_with_interval(values: Floats, form: str) -> str:
+    """A mean with its 95 % interval, of those that are finite."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return "-"
+    interval = " ({:{form}} to {:{form}})".format(*mean_interval(values), form=form) if len(values) > 1 else ""
+    return f"{values.mean():{form}}{interval}"
 
 
 def cell(value: float | None, form: str = ".4f", missing: str = MISSING) -> str:

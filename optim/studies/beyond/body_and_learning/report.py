@@ -9,8 +9,8 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, column, markdown, page
-from optim.measures.statistics import Correlation, mean_interval, spearman
+from optim.experiments.tables import Record, column, markdown, mean_with_interval, page
+from optim.measures.statistics import Correlation, spearman
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
@@ -74,7 +74,7 @@ def write_report(
     ]
     pairs.append(_line("foretold by M_L and M_CI, held-out bodies", list(held.values())))
     needs = [
-        [title, _mean(column(rows, name)), f"{int(column(rows, f'{name}_solved').sum())} of {runs}"]
+        [title, mean_with_interval(column(rows, name), ".1f"), f"{int(column(rows, f'{name}_solved').sum())} of {runs}"]
         for name, title in learners.items()
     ]
     metrics, alike = between(rows, "M_L", "M_CI"), between(rows, "M_L", "felt")
@@ -119,14 +119,6 @@ def _left_out(rows: Sequence[Record], learners: Mapping[str, str]) -> str:
         f"Were it the least or the greatest of all in each of them, correlations could be {ranges}.",
     ]
     return " ".join(told[: bool(missing) + bool(ranges)])
-
-
-def _mean(values: Floats) -> str:
-    """A mean with its interval over bodies, if there are several."""
-    if len(values) < 2:
-        return f"{values.mean():.1f}"
-    low, high = mean_interval(values)
-    return f"{values.mean():.1f} ({low:.1f} to {high:.1f})"
 
 
 def _told(found: Correlation) -> str:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import difference_of_means, mean_interval
+from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
+from optim.measures.statistics import difference_of_means
 from optim.studies.beyond.body_and_learning.study import LEARNERS
 from optim.studies.beyond.evolving_bodies import loops, metrics
 from taichi_sim.base.arrays import Floats
@@ -40,7 +40,7 @@ def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[
         [
             title,
             *(
-                _interval(_values(bodies, "arm", arm, name) * scale, form)
+                mean_with_interval(_values(bodies, "arm", arm, name) * scale, form)
                 for name, (_, scale, form) in BODY_COLUMNS.items()
             ),
         ]
@@ -61,7 +61,7 @@ def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[
     searches = [
         [
             loops.ARMS[name].label,
-            _interval(values * 100, ".2f"),
+            mean_with_interval(values * 100, ".2f"),
             "-" if name == ONE_LOOP else _difference(nearer[ONE_LOOP], values, 100, ".2f"),
             cell(float(np.median(column(where(runs, search=name), "evaluations"))), ".0f"),
         ]
@@ -88,14 +88,6 @@ def _values(rows: Sequence[Record], by: str, name: str, what: str) -> Floats:
     """Values of one arm, in the order of seeds; what failed came no nearer."""
     own = sorted(where(rows, **{by: name}), key=lambda row: int(row["seed"]))
     return np.array([0.0 if row[what] is None else row[what] for row in own], float)
-
-
-def _interval(values: Floats, form: str) -> str:
-    """A mean with its interval."""
-    if len(values) < 2:
-        return format(values.mean(), form)
-    low, high = mean_interval(values)
-    return f"{values.mean():{form}} ({low:{form}} to {high:{form}})"
 
 
 def _difference(one: Floats, other: Floats, scale: float, form: str) -> str:

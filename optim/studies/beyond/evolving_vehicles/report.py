@@ -8,7 +8,7 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, caption, figure
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import difference_of_means, mean_interval
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS
 from taichi_sim.base.arrays import Floats
@@ -97,15 +97,6 @@ def loop_rows(looped: Sequence[Record]) -> list[list[str]]:
         more = "-" if arm == "flat" else against(best, flat, ".4f")
         found.append([title, mean_with_interval(best, ".4f"), more, mean_with_interval(column(part, "seconds"), ".1f")])
     return found
-
-
-def mean_with_interval(values: Floats, form: str) -> str:
-    """A mean with its 95 % interval, of those that are finite."""
-    values = values[np.isfinite(values)]
-    if not len(values):
-        return "-"
-    interval = " ({:{form}} to {:{form}})".format(*mean_interval(values), form=form) if len(values) > 1 else ""
-    return f"{values.mean():{form}}{interval}"
 
 
 def against(values: Floats, base: Floats, form: str) -> str:
