@@ -13,7 +13,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from typing import Annotated
 
 import numpy as np
@@ -163,7 +163,7 @@ class InflatableGeometry:
     @property
     def body(self) -> LatticeBody:
         """The lattice; built once per geometry."""
-        return _build(self)
+        return _bodies(self).plain
 
     @property
     def time_step(self) -> float:
@@ -201,7 +201,6 @@ def _skin_kind(geometry: InflatableGeometry, x: int, y: int) -> int:
     return SEAM if y in geometry.wall_rows else SKIN
 
 
-@lru_cache(maxsize=16)
 def _build(geometry: InflatableGeometry) -> LatticeBody:
     """Voxels layer by layer: upper skin, lower skin, then bladder by bladder, away from the skin."""
     layers, stride = geometry.bladder_layers, geometry.bladder_columns + 1
@@ -265,12 +264,25 @@ def _materials(geometry: InflatableGeometry) -> tuple[Material, ...]:
     )
 
 
-@lru_cache(maxsize=16)
-def _by_region(geometry: InflatableGeometry) -> LatticeBody:
-    """The body with a material of its own in every region."""
-    body = geometry.body
-    kinds = np.minimum(kinds_of(np.arange(geometry.region_count)), FIRST_BLADDER)
-    return body.with_materials((body.materials[kind] for kind in kinds), body.regions)
+@dataclass(frozen=True)
+class _Bodies:
+    """The bodies of one geometry, which are forgotten together, so that they share one topology."""
+
+    geometry: InflatableGeometry
+
+    @cached_property
+    def plain(self) -> LatticeBody:
+        """The body of the published materials."""
+        return _build(self.geometry)
+
+    @cached_property
+    def by_region(self) -> LatticeBody:
+        """The body with a material of its own in every region."""
+        kinds = np.minimum(kinds_of(np.arange(self.geometry.region_count)), FIRST_BLADDER)
+        return self.plain.with_materials((self.plain.materials[kind] for kind in kinds), self.plain.regions)
+
+
+_bodies = lru_cache(maxsize=16)(_Bodies)
 
 
 def bodies_of(geometry: InflatableGeometry, moduli: Sequence[tuple[float, ...] | None]) -> list[LatticeBody]:
@@ -282,7 +294,7 @@ def bodies_of(geometry: InflatableGeometry, moduli: Sequence[tuple[float, ...] |
     """
     if not any(moduli):
         return [geometry.body]
-    common, built = _by_region(geometry), dict[tuple[float, ...] | None, LatticeBody]()
+    common, built = _bodies(geometry).by_region, dict[tuple[float, ...] | None, LatticeBody]()
     for factors in set(moduli):
         each = zip(common.materials, factors or (1.0,) * geometry.region_count, strict=True)
         materials = tuple(replace(m, youngs_modulus=m.youngs_modulus * factor) for m, factor in each)

@@ -9,7 +9,7 @@ from graded import QUICK, TINY, TINY_TWO, tabled
 
 from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
 from robots.inflatable import InflatableDesign, load_design, save_design
-from robots.inflatable.body import PUBLISHED, bodies_of
+from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.journeys import Leg, simulate_journey
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.program import build_program
@@ -125,6 +125,14 @@ def test_programs_in_two_parts_do_the_same():
     assert total == pytest.approx((seeds * [rest.program.events["value"], rest.program.events["rate"]]).sum())
     with pytest.raises(ValueError, match=r"^steps: \[-1, 0\] are not allowed; give one from 0 to each"):
         program.split([-1, 0])
+
+
+def test_bodies_of_one_geometry_share_a_topology_however_many_others_were_built():
+    soft = bodies_of(TINY, [(0.5,) * 13])[0]
+    for rows in range(9, 30):
+        assert InflatableGeometry(rows=rows, foot_rows=2).body.voxel_count
+    assert bodies_of(TINY, [(0.5,) * 13])[0].topology is TINY.body.topology
+    assert soft.topology is not TINY.body.topology  # both bodies were built anew
 
 
 def test_bodies_differ_by_their_moduli_only_where_some_have_them():
