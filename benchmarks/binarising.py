@@ -18,7 +18,7 @@ from optim.measures.statistics import mean_interval
 from optim.problem import Request, judge
 from optim.problems.robot import RobotProblem
 from optim.search.race import GradientRace
-from optim.studies.beyond.freeform import BONE, QUICK
+from optim.studies.beyond.freeform_problems import BONE, QUICK
 from robots.freeform.grid import Grid
 from robots.freeform.palette import SILICONE, Palette, Tissue
 from robots.freeform.robot import FreeformRobot

@@ -15,7 +15,8 @@ from typing import Any
 from optim.experiments.equal_cost import Contest, Entry
 from optim.experiments.judged_runs import warm_up
 from optim.experiments.tables import Record, write_records
-from optim.studies.beyond.freeform import ARMS, PROBLEMS, designed
+from optim.studies.beyond.freeform import designed
+from optim.studies.beyond.freeform_problems import ARMS, PROBLEMS
 
 SEED = 100
 # Tried beside the settings of the study, from which they differ so.

@@ -8,15 +8,15 @@ lengths of the grid per second. Settings of all methods were chosen on another b
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from optim.experiments.data import Data, Kind
-from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
+from optim.experiments.equal_cost import Contest, Entry, Point, of_kind
 from optim.experiments.figures import COLOURS, COLUMN, figure, logarithmic
 from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
@@ -27,16 +27,12 @@ from optim.measures.statistics import mean_interval, ratio_of_means
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
 from optim.studies.beyond.freeform_kept import kept_speeds, kept_table
-from robots.freeform.grid import Grid
-from robots.freeform.palette import SILICONE, Palette, Tissue
-from robots.freeform.robot import FreeformRobot
+from optim.studies.beyond.freeform_problems import ARMS, PROBLEMS
 from robots.lattice_robot import load_robot
 from robots.lattice_robot.robustness import trust_in
-from robots.world import Terrain
 from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
-from taichi_sim.lattice import Material
 
 NAME = "freeform"
 TABLES = ("runs.csv", "curves.csv", "trials.csv")
@@ -44,74 +40,6 @@ FIGURE = "advantage.png"
 FILES = ("table.md", *TABLES, "summary.json", FIGURE, "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
 CURVE = 40  # points of a curve in the table, at most
-BONE = Tissue(
-    Material(2e5, 1e3, static_friction=0.3, kinetic_friction=0.2, internal_damping=1.0, name="slippery rubber"),
-    muscle=False,
-)
-
-
-@dataclass(frozen=True)
-class Problem:
-    """What is designed, where, and how much CPU time a run may take.
-
-    Attributes:
-        shape: cells along x, y and z.
-        seconds: of CPU time.
-        settings: of the robot.
-        water: whether it swims.
-    """
-
-    shape: tuple[int, int, int]
-    seconds: float
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    water: bool = False
-
-    @property
-    def robot(self) -> FreeformRobot:
-        """The robot, with all that is free."""
-        return FreeformRobot(Grid(self.shape), **self.settings)
-
-    @cached_property
-    def variables(self) -> int:
-        """How many numbers are free."""
-        return len(self.robot.parameters)
-
-    @property
-    def terrain(self) -> Terrain:
-        """Where it moves."""
-        return Terrain.water() if self.water else Terrain()
-
-
-_BLOCK: Mapping[str, Any] = {"full": True}
-_MIXED: Mapping[str, Any] = {"palette": Palette((Tissue(SILICONE), BONE))}
-PROBLEMS = {
-    "tuning": Problem((10, 4, 4), 90.0, _BLOCK),
-    "ground-288": Problem((12, 4, 3), 90.0, _BLOCK),
-    "ground-960": Problem((12, 8, 5), 150.0, _BLOCK),
-    "water-288": Problem((12, 4, 3), 90.0, _BLOCK, water=True),
-    "attempts-1536": Problem((12, 8, 4), 60.0, _MIXED),
-    "large-3000": Problem((20, 10, 5), 600.0),
-    "ground-48": Problem((6, 2, 2), 15.0, _BLOCK),
-    "ground-120": Problem((10, 3, 2), 38.0, _BLOCK),
-    "ground-2000": Problem((20, 10, 5), 312.0, _BLOCK),
-    "water-48": Problem((6, 2, 2), 15.0, _BLOCK, water=True),
-    "water-960": Problem((12, 8, 5), 150.0, _BLOCK, water=True),
-}
-
-
-# Where cells may be missing, and few gradients fit into the time; chosen on 12 x 8 x 4 cells of one tissue.
-QUICK: Mapping[str, Any] = {"climbers": 2, "halving": 4, "moves": 40, "mixed": 0.5, "learning_rate": 0.1}
-WHOLE: Mapping[str, Any] = {"climbers": 16, "halving": 4, "moves": 100}
-RETURNING: Mapping[str, Any] = {**WHOLE, "returning": 0.5}
-ARMS = {
-    "race": Arm("gradient race", "race", WHOLE),
-    "race-back": Arm("gradient race, returning", "race", RETURNING),
-    "race-quick": Arm("gradient race, short rounds", "race", QUICK),
-    "genetic": Arm("genetic", "genetic", {"population": 32, "mutation": 0.1}),
-    "hill-climb": Arm("hill climbing", "hill-climb", {"climbers": 1}),
-    "nes": Arm("NES", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
-    "cma": Arm("CMA-ES", "cma", {"population": 16, "random_mean": True, "sigma": 0.1}),
-}
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ import pytest
 from optim.experiments.tables import column, read_records, where
 from optim.measures.statistics import ratio_of_means
 from optim.studies.beyond import freeform
-from optim.studies.beyond.freeform import PROBLEMS, STUDY, Comparison
+from optim.studies.beyond.freeform import STUDY, Comparison
 from optim.studies.beyond.freeform_kept import kept_speeds, kept_table
+from optim.studies.beyond.freeform_problems import PROBLEMS
 
 DOCS = Path(__file__).parents[3] / "docs"
 
