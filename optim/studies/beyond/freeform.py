@@ -226,25 +226,25 @@ def _search(speeds: Any, rows: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def _size(found: Mapping[str, Any]) -> tuple[bool, int, float]:
-    """In water or not, how many variables, and how much time, in which order problems stand side by side."""
+def _size(found: Mapping[str, Any]) -> tuple[bool, bool, int, float]:
+    """Unusual or not, in water or not, how many variables, and how much time: the order in which problems stand."""
     problem = PROBLEMS[found["problem"]]
-    return problem.water, problem.variables, found["seconds"]
+    return bool(problem.condition), problem.terrain.is_fluid, problem.variables, found["seconds"]
 
 
 def _overview(advantages: Sequence[Mapping[str, Any]]) -> list[str]:
     """A table of the advantage of gradients in all problems."""
     lines = []
     for found in advantages:
-        water, variables, seconds = _size(found)
+        problem = PROBLEMS[found["problem"]]
         best = [found["searches"][found[name]] for name in ("best_with_gradients", "best_without")]
         seeds, speeds = ([each[name] for each in best] for name in ("seeds", "mean"))
         low, high = found["interval"]
         lines.append(
             (
-                "water" if water else "ground",
-                str(variables),
-                f"{seconds:g}",
+                problem.place,
+                str(problem.variables),
+                f"{found['seconds']:g}",
                 *(f"{each['label']} {speed:.3f}" for each, speed in zip(best, speeds, strict=True)),
                 ", ".join(map(str, seeds)),
                 f"**{found['ratio']:.2f}** ({low:.2f} to {high:.2f})",
@@ -255,12 +255,12 @@ def _overview(advantages: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _draw(advantages: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draw how many times as fast gradients are over the number of variables, with 95 % intervals."""
+    """Draw how many times as fast gradients are over the number of variables, in usual conditions, with intervals."""
     with figure(path, 1.3 * COLUMN, 2.8) as (_, ((axes,),)):
         axes.axhline(1.0, color="0.6", linewidth=0.8)
         for water, label, colour in ((False, "on ground", COLOURS[0]), (True, "in water", COLOURS[1])):
-            shown = [each for each in advantages if _size(each)[0] == water]
-            variables, ratios = [_size(each)[1] for each in shown], np.array([each["ratio"] for each in shown])
+            shown = [each for each in advantages if _size(each)[:2] == (False, water)]
+            variables, ratios = [_size(each)[2] for each in shown], np.array([each["ratio"] for each in shown])
             intervals = np.reshape([each["interval"] for each in shown], (-1, 2)).T
             axes.errorbar(variables, ratios, np.abs(intervals - ratios), fmt="o-", color=colour, label=label, capsize=3)
         logarithmic(axes, "x")
@@ -281,8 +281,8 @@ def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
         lines.append((mark, f"{each['evaluations']:.0f}", f"{each['mean']:.3f}", interval, told, kept))
     sides = " x ".join(map(str, problem.shape))
     header = ("search", "evaluations", "mean speed", "95 % interval", "each seed", "kept")
-    where_to = problem.terrain.spoken
-    told = f"{sides} cells {where_to}, {problem.variables} variables, {found['seconds']:g} s of CPU time a run:"
+    how = ", ".join(filter(None, (problem.terrain.spoken, problem.condition)))
+    told = f"{sides} cells {how}, {problem.variables} variables, {found['seconds']:g} s of CPU time a run:"
     parts: list[str | list[str]] = [told, markdown(header, "lrrrrr", lines)]
     if "ratio" in found:
         low, high = found["interval"]

@@ -1,14 +1,14 @@
 """What the comparison of freeform robots designs, where, in how much CPU time, and by which searches."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 from optim.experiments.equal_cost import Arm
 from robots.freeform.grid import Grid
 from robots.freeform.palette import SILICONE, Palette, Tissue
-from robots.freeform.robot import FreeformRobot
+from robots.freeform.robot import FreeformActuation, FreeformRobot
 from robots.world import Terrain
 from taichi_sim.lattice import Material
 
@@ -26,13 +26,15 @@ class Problem:
         shape: cells along x, y and z.
         seconds: of CPU time.
         settings: of the robot.
-        water: whether it swims.
+        terrain: where it moves.
+        condition: what differs from the usual, two cycles on flat ground that grips, or in water; in words.
     """
 
     shape: tuple[int, int, int]
     seconds: float
     settings: Mapping[str, Any] = field(default_factory=dict)
-    water: bool = False
+    terrain: Terrain = field(default_factory=Terrain)
+    condition: str = ""
 
     @property
     def robot(self) -> FreeformRobot:
@@ -45,25 +47,31 @@ class Problem:
         return len(self.robot.parameters)
 
     @property
-    def terrain(self) -> Terrain:
-        """Where it moves."""
-        return Terrain.water() if self.water else Terrain()
+    def place(self) -> str:
+        """Where it moves, in words."""
+        place = "water" if self.terrain.is_fluid else "ground"
+        return ", ".join(filter(None, (place, self.condition)))
 
 
 _BLOCK: Mapping[str, Any] = {"full": True}
+_SMOOTH = Palette((Tissue(replace(SILICONE, static_friction=0.1, kinetic_friction=0.08)),))
+_LONG = FreeformActuation(cycles=8)
 _MIXED: Mapping[str, Any] = {"palette": Palette((Tissue(SILICONE), BONE))}
 PROBLEMS = {
     "tuning": Problem((10, 4, 4), 90.0, _BLOCK),
     "ground-288": Problem((12, 4, 3), 90.0, _BLOCK),
     "ground-960": Problem((12, 8, 5), 150.0, _BLOCK),
-    "water-288": Problem((12, 4, 3), 90.0, _BLOCK, water=True),
+    "water-288": Problem((12, 4, 3), 90.0, _BLOCK, Terrain.water()),
     "attempts-1536": Problem((12, 8, 4), 60.0, _MIXED),
     "large-3000": Problem((20, 10, 5), 600.0),
     "ground-48": Problem((6, 2, 2), 15.0, _BLOCK),
     "ground-120": Problem((10, 3, 2), 38.0, _BLOCK),
     "ground-2000": Problem((20, 10, 5), 312.0, _BLOCK),
-    "water-48": Problem((6, 2, 2), 15.0, _BLOCK, water=True),
-    "water-960": Problem((12, 8, 5), 150.0, _BLOCK, water=True),
+    "water-48": Problem((6, 2, 2), 15.0, _BLOCK, Terrain.water()),
+    "water-960": Problem((12, 8, 5), 150.0, _BLOCK, Terrain.water()),
+    "cycles-8-288": Problem((12, 4, 3), 250.0, {**_BLOCK, "actuation": _LONG}, condition="8 cycles"),
+    "smooth-288": Problem((12, 4, 3), 90.0, {**_BLOCK, "palette": _SMOOTH}, condition="friction 0.1 and 0.08"),
+    "rough-288": Problem((12, 4, 3), 90.0, _BLOCK, Terrain(ground="rough:0.01"), "hills of 1 cm"),
 }
 
 
