@@ -5,7 +5,7 @@ the dissertation has two quirks that a search may live on: sliding feet without 
 while they move or stay inflated. What remains of the speed when both are taken away, and how far feet slip while they
 grip, tell gaits that push off the ground from those that slide. The dissertation's authors judged by eye ("unphysical",
 ch. 5, "Results"). A thorough judgement also tells how all parts slide, drift and turning, and tries the gait on the
-floors that were measured, with other friction and with half the time step.
+floors that were measured, with weight and floor apart, with other friction and with half the time step.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ from taichi_sim.base.compute import ComputeOptions
 RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
 HARD_FRICTION = 0.2  # of sliding feet
-USUAL_SHARE = 0.4  # of the time of a closer look, about: 16 of 40 runs
+USUAL_SHARE = 0.3  # of the time of a closer look, about: 16 of 52 runs
 RECORD_EVERY = 200  # time steps; a thousandth of a gait
 # Limits between walking and sliding: inching and rolling, where each belongs, keep to them.
 MOST_SLIP = 0.75  # of the way

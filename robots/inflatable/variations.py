@@ -1,6 +1,7 @@
-"""Changed conditions under which a gait is tried again: measured floors, other friction, half the time step.
+"""Changed conditions under which a gait is tried again: measured floors, weight, friction, half the time step.
 
-Every one is a change of the conditions given, whatever they are.
+Every one is a change of the conditions given, whatever they are. Bladders weigh on measured floors; where those given
+have the published weight, weight and floors are tried apart, too, which tells by which of both a gait lives.
 """
 
 from dataclasses import dataclass, replace
@@ -16,6 +17,7 @@ from robots.inflatable.schedule import LONGEST_COLUMN
 from robots.world import FLOORS, Terrain
 
 HALF_STEP = "half the time step"
+WEIGHT = "bladders that keep their weight"
 FRICTION_PARTS = (0.8, 1.2)  # of the coefficients of the whole robot
 
 
@@ -42,15 +44,16 @@ class Conditions:
         return own.low_friction, own.high_friction
 
 
+def with_weight(conditions: Conditions) -> Conditions:
+    """The conditions with bladders that keep their weight."""
+    return replace(conditions, actuation=replace(conditions.actuation, weight="physical"))
+
+
 def on_floor(conditions: Conditions, floor: str) -> Conditions:
-    """The conditions on a floor on which friction was measured, with bladders that keep their weight."""
+    """The conditions on a floor on which friction was measured."""
     low, high = FLOORS[floor]
-    return replace(
-        conditions,
-        design=_with_feet(conditions.design, None),
-        terrain=replace(conditions.terrain, low_friction=low, high_friction=high),
-        actuation=replace(conditions.actuation, weight="physical"),
-    )
+    terrain = replace(conditions.terrain, low_friction=low, high_friction=high)
+    return replace(conditions, design=_with_feet(conditions.design, None), terrain=terrain)
 
 
 def with_friction(conditions: Conditions, part: float) -> Conditions:
@@ -98,7 +101,11 @@ def at_half_step(conditions: Conditions) -> Conditions:
 
 def variations_of(conditions: Conditions) -> dict[str, Conditions]:
     """Changed conditions by their names; half the time step is left out where columns would be too long for it."""
-    found = {floor: on_floor(conditions, floor) for floor in FLOORS}
+    heavy = with_weight(conditions)
+    found = {floor: on_floor(heavy, floor) for floor in FLOORS}
+    if conditions.actuation.weight != heavy.actuation.weight:
+        found |= {WEIGHT: heavy}
+        found |= {f"{floor}, weight as published": on_floor(conditions, floor) for floor in FLOORS}
     found |= {f"{part:g} of the friction": with_friction(conditions, part) for part in FRICTION_PARTS}
     gait = conditions.design.schedule
     longest = max((int(own.max()) for own in (gait.motion_steps, gait.settle_steps) if own is not None), default=0)

@@ -17,7 +17,7 @@ from robots.inflatable.robustness import judge_gait
 from robots.inflatable.scrutiny import Scrutiny
 from robots.inflatable.simulation import sideways, simulate
 from robots.inflatable.timing import gait_steps
-from robots.inflatable.variations import HALF_STEP, Conditions, at_half_step, variations_of
+from robots.inflatable.variations import HALF_STEP, WEIGHT, Conditions, at_half_step, on_floor, variations_of
 from robots.world import FLOORS, Terrain
 
 KINDS = kinds_of(TINY.body.regions)
@@ -147,10 +147,22 @@ def test_changed_conditions_are_changes_of_those_given():
     assert {each.terrain.slope for each in changed.values()} == {5.0}
     assert {name: changed[name].friction for name in FLOORS} == FLOORS
     assert [changed[name].actuation.weight for name in FLOORS] == ["physical"] * 2
+    assert {changed[f"{name}, weight as published"].friction for name in FLOORS} == set(FLOORS.values())
+    assert {changed[f"{name}, weight as published"].actuation.weight for name in FLOORS} == {"published"}
+    assert changed[WEIGHT].actuation.weight == "physical" and changed[WEIGHT].friction == (0.1, 1.5)
     assert changed["0.8 of the friction"].friction == pytest.approx((0.08, 1.2))
     assert changed["1.2 of the friction"].friction == pytest.approx((0.12, 1.8))
     assert changed["1.2 of the friction"].actuation == ACTUATION
     assert changed[HALF_STEP].friction == (0.1, 1.5)
+
+
+def test_weight_and_floor_are_apart_only_where_bladders_have_the_published_weight():
+    heavy = dataclasses.replace(GIVEN, actuation=dataclasses.replace(ACTUATION, weight="physical"))
+    apart = {WEIGHT, *(f"{floor}, weight as published" for floor in FLOORS)}
+    assert set(variations_of(GIVEN)) - set(variations_of(heavy)) == apart
+    for floor in FLOORS:
+        assert variations_of(heavy)[floor].actuation == heavy.actuation
+        assert variations_of(heavy)[floor].friction == on_floor(heavy, floor).friction == FLOORS[floor]
 
 
 def test_feet_with_friction_of_their_own_are_varied_too():
