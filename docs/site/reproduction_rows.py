@@ -1,4 +1,4 @@
-"""A row of the table of docs/reproduction.md, and how the committed data is read for it."""
+"""A row of the tables of docs/reproduction.md, and how the committed data is read for it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,12 +8,11 @@ from optim.experiments.data import Data
 
 DOCS = Path(__file__).parents[1]
 PAGE = DOCS / "reproduction.md"
-HEADINGS = ("what", "published", "here", "n", "share of budget", "command", "seeds", "what differs, and why")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table; the fields are its columns."""
+    """A result beside the published one, and the run that it comes from."""
 
     what: str
     published: str

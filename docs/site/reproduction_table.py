@@ -1,41 +1,54 @@
-"""Make the table of docs/reproduction.md: what was published and what came out here, from the data in docs/data.
+"""Make the tables of docs/reproduction.md: what was published and what came out here, from the data in docs/data.
 
     python docs/site/reproduction_table.py
 
-writes it anew into the page, between the two comments that mark it. A test holds the page against the data. Published
-values are the dissertation's; ours, n and intervals (95 %) are of the data. Where no data is kept, numbers are those of
-the page on which they were written down, and n says so.
+writes them anew into the page, between the two comments that mark them. A test holds the page against the data.
+Published values are the dissertation's; ours, n and intervals (95 %) are of the data. Where no data is kept, numbers
+are those of the page on which they were written down, and n says so.
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, replace
+from string import ascii_lowercase
 
-from reproduction_rows import HEADINGS, PAGE, Row
+from reproduction_rows import PAGE, Row
 from reproduction_soft_robot import gaits, searches
 from reproduction_vehicles import interference, metrics, placement, proposals, rover
 
 BEGIN, END = "<!-- made by docs/site/reproduction_table.py -->\n", "<!-- end of what is made -->\n"
+RESULTS = ("what", "published", "here", "n", "run", "what differs, and why")
+RUNS = ("run", "command", "seeds", "share of budget")
 
 
-def rows() -> list[tuple[str, Row]]:
-    """All rows, each with its chapter."""
-    chapters = {
-        "2": interference(),
-        "3": [*placement(), *rover()],
-        "4": metrics(),
-        "5": [*gaits(), *searches()],
-        "6": proposals(),
+def chapters() -> dict[str, list[Row]]:
+    """Rows of the chapters, by their headings."""
+    return {
+        "Quadrupeds (chapter 2)": interference(),
+        "Sensors (chapter 3)": [*placement(), *rover()],
+        "Metrics (chapter 4)": metrics(),
+        "The shape-changing robot (chapter 5)": [*gaits(), *searches()],
+        "Proposals (chapter 6)": proposals(),
     }
-    return [(chapter, row) for chapter, found in chapters.items() for row in found]
 
 
-def table() -> str:
-    """The whole table as Markdown."""
-    lines = [_line(["chapter", *HEADINGS]), _line(["---"] * (1 + len(HEADINGS)))]
-    for chapter, row in rows():
-        told = replace(row, command=f"`{row.command}`")
-        lines.append(_line([chapter, *astuple(told)]))
-    return "\n".join(lines) + "\n"
+def tables() -> str:
+    """The tables of all chapters as Markdown, each below its heading."""
+    return "\n".join(f"### {heading}\n\n{_tables(rows)}" for heading, rows in chapters().items())
+
+
+def _tables(rows: Sequence[Row]) -> str:
+    """A chapter's results, and below them its runs, which results name by letters: columns enough for a narrow page."""
+    runs = dict(
+        zip(dict.fromkeys((f"`{row.command}`", row.seeds, row.share) for row in rows), ascii_lowercase, strict=False)
+    )
+    results = [
+        (row.what, row.published, row.here, row.n, runs[f"`{row.command}`", row.seeds, row.share], row.differs)
+        for row in rows
+    ]
+    return _table(RESULTS, results) + "\n" + _table(RUNS, [(letter, *run) for run, letter in runs.items()])
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    return "".join(f"{_line(cells)}\n" for cells in (headings, ["---"] * len(headings), *rows))
 
 
 def _line(cells: Sequence[str]) -> str:
@@ -43,11 +56,11 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def written(page: str) -> str:
-    """A page whose table is made anew; raises ValueError if its marks are not there once each."""
+    """A page whose tables are made anew; raises ValueError if its marks are not there once each."""
     before, *rest = page.split(BEGIN)
     if len(rest) != 1 or len(after := rest[0].split(END)) != 2:
         raise ValueError(f"{PAGE}: it does not have {BEGIN.strip()} and {END.strip()}, once each, in this order")
-    return f"{before}{BEGIN}\n{table()}\n{END}{after[1]}"
+    return f"{before}{BEGIN}\n{tables()}\n{END}{after[1]}"
 
 
 if __name__ == "__main__":
