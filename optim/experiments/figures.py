@@ -103,6 +103,12 @@ def note(axes: "Axes", text: str, top: float) -> None:
     axes.annotate(text, (0.97, top), xycoords="axes fraction", ha="right", va="top", fontsize=7)
 
 
+def headroom(axes: "Axes", share: float = 0.15) -> None:
+    """Raise the upper limit of y until a share of a panel is empty above what is drawn: room for a note."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, low + (high - low) / (1 - share))
+
+
 def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
     """Add a legend in one row above all panels, where it hides nothing."""
     drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))

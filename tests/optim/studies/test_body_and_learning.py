@@ -1,16 +1,18 @@
 """Metrics of soft bodies against learning in them, and one controller for many bodies."""
 
 import json
+from contextlib import contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from optim.experiments.figures import figure
 from optim.experiments.tables import read_records
 from optim.measures.sampled import sampled_metrics
 from optim.measures.statistics import spearman
-from optim.studies.beyond.body_and_learning import pouches, study, universal
+from optim.studies.beyond.body_and_learning import pouches, report, study, universal
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
 from optim.studies.beyond.body_and_learning.pouches import pouch
 from optim.studies.beyond.body_and_learning.report import correlations, foretold, possible, write_report
@@ -94,6 +96,25 @@ def test_each_row_tells_of_how_many_bodies_it_is(tmp_path):
     assert told["evolution"] == "19.5 (16.7 to 22.3)" and table.count("40 of 40") == len(LEARNERS)
     write_report(tmp_path, made_up(20, 0), {name: each.title for name, each in LEARNERS.items()}, {"repetitions": 2})
     assert "unknown" not in (tmp_path / "table.md").read_text()
+
+
+def test_coefficients_hide_no_body(tmp_path, monkeypatch):
+    """The body that needs most lies in the upper right corner of a panel, where its coefficient is written."""
+    drawn = []
+
+    @contextmanager
+    def kept(*args, **kwargs):
+        with figure(*args, **kwargs) as (whole, panels):
+            yield whole, panels
+        whole.draw_without_rendering()
+        drawn.append(panels)
+
+    monkeypatch.setattr(report, "figure", kept)
+    write_report(tmp_path, made_up(20, 0), {name: each.title for name, each in LEARNERS.items()}, {"repetitions": 2})
+    for axes in drawn[0].flat:
+        (bodies,), (told,) = axes.collections, [text for text in axes.texts if text.get_text().startswith("$r_s")]
+        box = told.get_window_extent().padded(np.sqrt(bodies.get_sizes()[0]) / 2)  # by the radius of a point
+        assert not any(box.contains(*place) for place in axes.transData.transform(bodies.get_offsets()))
 
 
 def test_what_bodies_that_are_left_out_could_change():

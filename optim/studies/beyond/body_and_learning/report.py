@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
+from optim.experiments.figures import COLOURS, PAGE, caption, figure, headroom, note
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, column, markdown, mean_with_interval, page
 from optim.measures.statistics import Correlation, spearman
@@ -148,3 +148,4 @@ def _draw(
             axes_row[0].set_ylabel("mean evaluations")
         for axes, title in zip(panels[0], learners.values(), strict=True):
             caption(axes, title)
+            headroom(axes)  # of the whole column, which shares it
