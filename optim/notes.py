@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 from unicodedata import category
 
+_running: list[str] = []  # names of commands, the one that was started last at the end
+
 
 def plain(text: str) -> str:
     """A text without what terminals obey, such as colours and reversed writing: ``\\x1b`` in place of an escape."""
@@ -22,13 +24,18 @@ def say(name: str, message: str) -> None:
         print(plain(line), file=sys.stderr, flush=True)
 
 
+def note(message: str) -> None:
+    """Print a note of the command that is running; of morpholab itself where none is, as in a notebook."""
+    say(_running[-1] if _running else "", f"note: {message}")
+
+
 @contextlib.contextmanager
 def notes(name: str) -> Iterator[None]:
-    """Print warnings to users as notes of a command, without their place in the code."""
+    """Name a command as the one whose notes are printed, and make notes of warnings to users."""
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **other: Any) -> None:
         if issubclass(category, UserWarning):
-            say(name, f"note: {message}")
+            note(str(message))
         else:
             usual(message, category, *place, **other)
 
@@ -36,4 +43,8 @@ def notes(name: str) -> Iterator[None]:
         # They are for the user of the command, whatever Python's own filter says: `-W error` would end a good command.
         warnings.simplefilter("default", UserWarning)
         usual, warnings.showwarning = warnings.showwarning, show
-        yield
+        _running.append(name)
+        try:
+            yield
+        finally:
+            _running.pop()

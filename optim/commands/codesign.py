@@ -3,7 +3,6 @@
 import argparse
 import dataclasses
 import functools
-import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, w
 from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.task_file import TASK, take_task
+from optim.notes import note
 from optim.problem import Objective
 from optim.problems.designer import options_of
 from optim.progress import shown_progress
@@ -92,7 +92,7 @@ def _run_one(args: argparse.Namespace) -> Report:
     about = environment(packages_of(config["problem"], planned.method), **numbers, seed=seed, **where)
     with open_run(args.out, config, resume=args.resume, environment=about) as folder:
         if planned.note and not args.quiet:
-            print(planned.note, file=sys.stderr)
+            note(planned.note)
         if isinstance(problem, RobotDesigning):
             with folder.writing():
                 problem.prepare(folder.path)

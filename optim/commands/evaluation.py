@@ -5,11 +5,11 @@ import contextlib
 import dataclasses
 import functools
 import os
-import sys
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TypeVar
 
 from optim.commands.options import Option, flag, number, path_to, whole
+from optim.notes import note
 
 if TYPE_CHECKING:
     from optim.problem import Evaluate, Evaluation, Problem, Request
@@ -64,7 +64,7 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
     backend: BackendName = "ray" if args.ray is not None else "folder" if args.workers_dir is not None else "processes"
     threads = args.threads or (max(1, cores // count) if backend == "processes" else 1)
     if backend != "folder" and args.ray in (None, "local") and count and count * threads > cores:
-        _note(f"note: {count} workers need {count * threads} threads, of {cores} cores; fewer would be as fast")
+        note(f"{count} workers need {count * threads} threads, of {cores} cores; fewer would be as fast")
     with open_workers(
         with_options(problem, threads=threads, progress=None),
         count=count,
@@ -74,7 +74,7 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
         part=POINTS_PER_THREAD[getattr(problem, "precision", "f32")] * threads,
         silence=SILENCE if args.silent_after is None else args.silent_after,
         save_failed=lambda points, reason: save_failed(folder, problem.space, points, reason),
-        note=_note,
+        note=note,
         progress=getattr(problem, "progress", None),
     ) as evaluate:
         if args.workers_dir is not None:
@@ -110,9 +110,7 @@ def settle_workers(args: argparse.Namespace) -> None:
         raise ValueError("slurm-option: it belongs to --slurm; give that, too, or leave it out")
     if args.slurm:
         tasks = args.workers or EXPECTED
-        args.summon = functools.cache(
-            lambda: _note(f"note: {submit_workers(args.workers_dir, tasks, given, args.problem)}")
-        )
+        args.summon = functools.cache(lambda: note(submit_workers(args.workers_dir, tasks, given, args.problem)))
 
 
 def _once_summoned(evaluate: "Evaluate", summon: Callable[[], None]) -> "Evaluate":
@@ -131,7 +129,3 @@ def with_options(problem: "AnyProblem", **options: object) -> "AnyProblem":
         return problem
     known = {field.name for field in dataclasses.fields(problem)}
     return dataclasses.replace(problem, **{name: value for name, value in options.items() if name in known})
-
-
-def _note(text: str) -> None:
-    print(text, file=sys.stderr)

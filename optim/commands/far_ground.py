@@ -1,9 +1,9 @@
 """Notes on ground that a robot hardly reaches: level below it, and uneven only far ahead of it."""
 
 import math
-import sys
 from collections.abc import Iterable
 
+from optim.notes import note
 from optim.problems.robot_designing import RobotDesigning
 from robots.ground import AHEAD, Ground
 from robots.robot import OK, Outcome, Robot, World
@@ -28,8 +28,8 @@ def note_unmet_ground(robot: Robot, world: World, outcome: Outcome) -> None:
 
 
 def _tell(notes: Iterable[str]) -> None:
-    for note in notes:
-        print(f"note: {note}", file=sys.stderr)
+    for text in notes:
+        note(text)
 
 
 def _uneven(world: World) -> Ground | None:

@@ -1,12 +1,12 @@
 """``morpholab play``: a table of pressures, sent to a rig's controller in real time."""
 
 import argparse
-import sys
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report
 from optim.commands.options import Command, Option, count, flag, number, path_to
+from optim.notes import note
 from optim.wording import counted
 
 if TYPE_CHECKING:
@@ -63,8 +63,8 @@ def run(args: argparse.Namespace) -> Report:
     if args.port is not None:
         check_baud(stream, form, args.baud or 115200)
     notes = stream.notes()
-    for note in notes:  # before anything moves
-        print(f"note: {note}", file=sys.stderr)
+    for text in notes:  # before anything moves
+        note(text)
     if args.dry_run:
         return _dry_run(args, stream, notes)
     pace = Pace(not args.no_wait, args.ack, 0.5 if args.late is None else args.late)

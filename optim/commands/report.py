@@ -7,6 +7,7 @@ from pathlib import Path
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, flag, path_to
+from optim.notes import note
 from optim.progress import shown_progress
 from optim.wording import counted, spoken_size
 from taichi_sim.base.options import whole
@@ -56,8 +57,8 @@ def run(args: argparse.Namespace) -> Report:
     with shown_progress("report", 1.0, args.quiet) as update:
         built = build(args.runs, settings, update)
     if not args.quiet:
-        for note in built.notes:
-            print(f"note: {note}", file=sys.stderr)
+        for text in built.notes:
+            note(text)
     with undone_if_it_fails() as made:  # also where the page is written, but not that its folder has it
         made.append(out)
         write_text(out, built.text)

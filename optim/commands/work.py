@@ -1,13 +1,13 @@
 """``morpholab work``: evaluate for a search that shares a folder with this machine."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from optim.commands import Report
 from optim.commands.evaluation import with_options
 from optim.commands.options import QUIET, THREADS, Command, Option, number, path_to
+from optim.notes import note
 from optim.problem import FILE
 from optim.wording import counted
 
@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(f"folder: {args.folder} is a file; give the folder of codesign --workers-dir")
     check_parent("folder", args.folder)
     if not args.folder.exists() and not args.quiet:
-        print(f"note: {args.folder} is new; waiting for a search that is given it", file=sys.stderr)
+        note(f"{args.folder} is new; waiting for a search that is given it")
     make_folders(args.folder)
     threads = args.threads or available_threads()
 
@@ -74,10 +74,9 @@ def _check_machine(offer: "Offer", quiet: bool) -> None:
         name, here, there = other
         raise ValueError(f"work: this machine has {name} {here}, the search {there}; install the same here")
     if offer.processor != cpu_model() and not quiet:
-        print(
-            f"note: this machine has another CPU ({cpu_model()}) than the search ({offer.processor}); results may "
-            "differ in their last bits",
-            file=sys.stderr,
+        note(
+            f"this machine has another CPU ({cpu_model()}) than the search ({offer.processor}); results may differ in "
+            "their last bits"
         )
 
 

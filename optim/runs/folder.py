@@ -22,13 +22,13 @@ the logs grow in place; they are cut back to what the checkpoint knows when a ru
 import contextlib
 import hashlib
 import json
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from optim.notes import note as print_note
 from optim.runs import checkpoint
 from optim.runs.checkpoint import CHECKPOINT, LOG, PREVIOUS, Record, State
 from optim.runs.compatibility import check_resumable
@@ -90,7 +90,7 @@ class RunFolder:
             return None
         state, record, others = found
         if others:
-            self._note(f"note: {self.path}: {CHECKPOINT} is unusable ({others[CHECKPOINT]}), taking the one before")
+            self._note(f"{self.path}: {CHECKPOINT} is unusable ({others[CHECKPOINT]}), taking the one before")
             # Else the next checkpoint would push out the only one that is whole.
             (self.path / PREVIOUS).replace(self.path / CHECKPOINT)
         last = self._cut(record.lines)
@@ -118,7 +118,7 @@ class RunFolder:
     def _check_timing(self, record: Record) -> None:
         """Begin the file of times anew if it is damaged: results do not depend on it."""
         if self._timing.hexdigest() != record.timing:
-            self._note(f"note: {self.path}: {TIMING} is not as it was written, beginning it anew")
+            self._note(f"{self.path}: {TIMING} is not as it was written, beginning it anew")
             (self.path / TIMING).unlink(missing_ok=True)
             self._timing = hashlib.sha256()
 
@@ -127,12 +127,12 @@ class RunFolder:
         path = self.path / ENVIRONMENT
         content = path.read_bytes() if path.is_file() else b""
         if files.sha256(content) != record.environment:
-            self._note(f"note: {self.path}: {ENVIRONMENT} is not as it was written, telling what runs now instead")
+            self._note(f"{self.path}: {ENVIRONMENT} is not as it was written, telling what runs now instead")
             _write_json(path, {**self._environment, "written_anew": True})
             return
         changed = differences(parse_json(content), self._environment)
         if changed:
-            self._note(f"note: {self.path}: began elsewhere ({', '.join(changed)}); results may differ")
+            self._note(f"{self.path}: began elsewhere ({', '.join(changed)}); results may differ")
 
     def commit(self, line: str, state: State, seconds: float) -> None:
         """End a generation: write its log line, its wall time [s], then a checkpoint that covers both.
@@ -187,10 +187,6 @@ class RunFolder:
         return RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}")
 
 
-def _to_stderr(text: str) -> None:
-    print(text, file=sys.stderr)
-
-
 @contextlib.contextmanager
 def open_run(
     path: Path | str,
@@ -198,7 +194,7 @@ def open_run(
     *,
     resume: bool = False,
     environment: Mapping[str, Any] | None = None,
-    note: Callable[[str], None] = _to_stderr,
+    note: Callable[[str], None] = print_note,
 ) -> Iterator[RunFolder]:
     """Start a run in a new folder, or continue one, and lock the folder meanwhile.
 

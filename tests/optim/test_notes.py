@@ -1,8 +1,10 @@
 """What commands tell obeys nobody's orders to the terminal, and is short."""
 
+import warnings
+
 import pytest
 
-from optim.notes import plain, say
+from optim.notes import note, notes, plain, say
 from optim.progress import shown_progress
 from taichi_sim.base.foreign import users_code
 
@@ -45,6 +47,25 @@ def test_names_in_results_are_written_out(morpholab, simulator, tmp_path):
     (tmp_path / "a.csv").rename(tmp_path / "\x1b[31mred.csv")
     code, out, error = morpholab("simulate --gait '\x1b[31mred.csv'")
     assert code == 0 and "\\x1b[31mred.csv" in out and "\x1b" not in out + error
+
+
+def test_names_in_notes_are_written_out(morpholab):
+    code, _, error = morpholab("work '\x1b[31mnew' --idle 0")
+    assert code == 0 and error == "morpholab work: note: \\x1b[31mnew is new; waiting for a search that is given it\n"
+
+
+def test_a_note_is_that_of_the_command_that_runs(capsys):
+    note("first")
+    with notes("view"):
+        note("second")
+        with notes("worker"):
+            warnings.warn("third", stacklevel=1)
+        note("fourth")
+    note("fifth")
+    told = ["", "view", "worker", "view", ""]
+    texts = ["first", "second", "third", "fourth", "fifth"]
+    lines = [f"{f'morpholab {name}'.strip()}: note: {text}" for name, text in zip(told, texts, strict=True)]
+    assert capsys.readouterr().err.splitlines() == lines
 
 
 def test_names_in_progress_are_no_markup(capsys):

@@ -25,6 +25,7 @@ def test_more_workers_than_cores_are_noted(morpholab, monkeypatch, tmp_path):
     line = "codesign --problem hill.py --climbers 4 --generations 2 --quiet"
     monkeypatch.setattr("os.cpu_count", lambda: 1)
     code, _, error = morpholab(f"{line} --workers 2 --out a")
-    assert code == 0 and error == "note: 2 workers need 2 threads, of 1 cores; fewer would be as fast\n"
+    told = "morpholab codesign: note: 2 workers need 2 threads, of 1 cores; fewer would be as fast\n"
+    assert (code, error) == (0, told)
     assert morpholab(f"{line} --out b")[0] == 0
     assert (tmp_path / "a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()

@@ -280,7 +280,7 @@ def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
             taken.append(name)
     if args.gait and not taken:
         raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
-    return f"note: {', '.join(taken)} neither free nor given: as in {gait}" if taken and not args.gait else ""
+    return f"{', '.join(taken)} neither free nor given: as in {gait}" if taken and not args.gait else ""
 
 
 def _check_control(settings: dict[str, Any], args: SimpleNamespace, method: str) -> None:

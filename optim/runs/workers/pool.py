@@ -107,7 +107,7 @@ class Pool(Generic[W]):
         for worker in self.backend.ready(self._idle, wait=False):  # they owe nothing, so they must be dead
             self._idle.remove(worker)
             worker.kill()
-            self.note("note: a worker died while it was idle; it is replaced")
+            self.note("a worker died while it was idle; it is replaced")
 
     def _hear(self, worker: W, batch: Batch) -> None:
         """Receive the answer of a worker.
@@ -140,13 +140,13 @@ class Pool(Generic[W]):
 
     def _mourn(self, part: Part | None, death: Died, batch: Batch) -> None:
         if part is not None:
-            self.note(f"note: a worker died ({death}) with {part} of a generation: {batch.bury(part)}")
+            self.note(f"a worker died ({death}) with {part} of a generation: {batch.bury(part)}")
             return
         self._start_deaths += 1
         if self._start_deaths == STARTS:
             self._start_deaths = 0
             raise RuntimeError(f"workers: {STARTS} died one after the other before they were ready ({death})")
-        self.note(f"note: a worker died ({death}) before it was ready; another one is started")
+        self.note(f"a worker died ({death}) before it was ready; another one is started")
 
     def _save(self, killers: Floats, count: int) -> Evaluation:
         """Save points that killed their workers; return any evaluation so far, for the form of its details.
@@ -160,5 +160,5 @@ class Pool(Generic[W]):
                 f"workers: every design killed its worker twice, so the fault is hardly theirs; see {path}"
             )
         if path:
-            self.note(f"note: {len(killers)} of {count} designs killed their workers and failed; saved in {path}")
+            self.note(f"{len(killers)} of {count} designs killed their workers and failed; saved in {path}")
         return self._known

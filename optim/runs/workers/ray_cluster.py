@@ -151,7 +151,7 @@ class RayCluster:
         if waits and max(waits) > NOTE_AFTER and "places" not in self._noted:
             self._noted.add("places")
             self._note(
-                f"note: ray: {len(workers) - len(waits)} of {len(workers)} workers run; "
+                f"ray: {len(workers) - len(waits)} of {len(workers)} workers run; "
                 "the others wait for free CPUs of the cluster"
             )
 
@@ -173,7 +173,7 @@ class RayCluster:
         if about["cpu"] != cpu_model() and host not in self._noted:
             self._noted.add(host)
             self._note(
-                f"note: ray: {host} has another CPU ({about['cpu']}) than this machine ({cpu_model()}); "
+                f"ray: {host} has another CPU ({about['cpu']}) than this machine ({cpu_model()}); "
                 "results may differ in their last bits"
             )
 

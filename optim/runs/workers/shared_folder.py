@@ -209,7 +209,7 @@ class SharedFolder:
         seat.damages += 1
         if seat.damages == DAMAGES:
             raise RuntimeError(f"{path}: is damaged, {DAMAGES} times by now ({why}); the folder cannot be relied on")
-        self.note(f"note: {path} is damaged ({why}): its part is judged again")
+        self.note(f"{path} is damaged ({why}): its part is judged again")
         path.unlink(missing_ok=True)
         self._write(seat)
 
@@ -248,11 +248,11 @@ class SharedFolder:
                 self._missing.pop(part, None)
             elif now - self._missing.setdefault(part, now) > self.offer.silence:
                 self._missing.pop(part)
-                self.note(f"note: part {part} has vanished from {self.path}: it is put there again")
+                self.note(f"part {part} has vanished from {self.path}: it is put there again")
                 self._write(seat)
         if not self._met and now - self._since > NOTE_AFTER:
             self._met = True
-            self.note(f"note: no worker has come yet; start some, on any machine, by: morpholab work {self.path}")
+            self.note(f"no worker has come yet; start some, on any machine, by: morpholab work {self.path}")
 
     def _listen(self, claim: str, worker: str, seat: Seat, now: float) -> None:
         """Note a sign of life of a claim, or its silence."""
@@ -268,7 +268,7 @@ class SharedFolder:
             del self._signs[claim]
             if protocol.give_back(self.path, path):
                 seat.losses += 1
-                self.note(f"note: {worker} has been silent for {self.offer.silence:g} s: its part is given to others")
+                self.note(f"{worker} has been silent for {self.offer.silence:g} s: its part is given to others")
             if seat.losses == LOSSES:
                 seat.answered = worker, Gone(f"its workers fell silent {LOSSES} times")
 

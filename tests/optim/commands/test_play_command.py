@@ -124,7 +124,8 @@ def test_samples_too_few_for_the_rows_are_told_with_a_rate_that_is_enough(folder
 
 def test_what_misleads_is_noted_before_anything_is_sent(morpholab, folder):
     code, out, error = morpholab("play gait.csv --to - --no-wait --rate 3")
-    assert code == 0 and out.startswith('{"stream"') and error.startswith("note: 3 samples a second are too few")
+    assert code == 0 and out.startswith('{"stream"')
+    assert error.startswith("morpholab play: note: 3 samples a second are too few")
     code, _, error = morpholab("play psi.csv --dry-run")
     assert code == 0 and "the table is in psi, the rig dissertation in kPa" in error
     document = json.loads(morpholab("play psi.csv --dry-run --json --rate 3")[1])

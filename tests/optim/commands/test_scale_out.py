@@ -75,7 +75,7 @@ def test_a_job_of_workers_leaves_the_log_of_one_process(rocket, sbatch, morphola
     )
     code, _, error = morpholab(line)
     assert code == 0
-    assert error == "note: slurm: Submitted batch job 7, 2 workers (b.workers/workers.sbatch)\n"
+    assert error == "morpholab codesign: note: slurm: Submitted batch job 7, 2 workers (b.workers/workers.sbatch)\n"
     for seed in (3, 4):
         for name in ("log.jsonl", "best.json", "config.toml"):
             assert (rocket / f"b/seed-{seed}" / name).read_bytes() == (
@@ -162,7 +162,7 @@ def test_work_says_in_one_line_what_does_not_fit(rocket, morpholab):
     assert re.fullmatch(r"work: this machine has numpy \S+, the search 1\.0; install the same here", said())
     code, out, error = morpholab("work new --idle 0")
     assert (code, out) == (0, "0 parts evaluated; there was no sign of a search for 0 s\n")
-    assert error == "note: new is new; waiting for a search that is given it\n"
+    assert error == "morpholab work: note: new is new; waiting for a search that is given it\n"
 
 
 @pytest.mark.parametrize(

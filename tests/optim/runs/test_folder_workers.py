@@ -184,7 +184,7 @@ def test_a_silent_worker_that_answers_after_all_is_taken_once(workers, crew):
         late = wait_for(lambda: folder_files.parts_in(workers.folder / "shared", DONE))  # nobody waits for it
         other = Request(REQUEST.points[:3])
         assert len(late) == 1 and same(evaluate(other), judge(PROBLEM, other))
-    assert workers.notes == ["note: worker0 has been silent for 0.2 s: its part is given to others"]
+    assert workers.notes == ["worker0 has been silent for 0.2 s: its part is given to others"]
 
 
 def test_a_part_that_takes_long_is_given_to_an_idle_worker_too(workers, crew, monkeypatch):
@@ -254,7 +254,7 @@ def test_a_part_that_vanishes_is_put_there_again(workers, crew):
         wait_for(lambda: workers.notes)
         crew()
         assert same(found.result(), judge(PROBLEM, REQUEST))
-    assert workers.notes == [f"note: part {part} has vanished from {workers.folder}/shared: it is put there again"]
+    assert workers.notes == [f"part {part} has vanished from {workers.folder}/shared: it is put there again"]
 
 
 def test_designs_that_kill_processes_are_found_and_saved(workers, crew):
@@ -360,7 +360,7 @@ def test_a_part_that_a_worker_still_holds_is_left_to_it(workers, crew):
     with workers.open(PROBLEM, 1, silence=0.3) as evaluate:  # it is dead, as is soon noticed
         crew()
         assert same(evaluate(REQUEST), told)
-    assert workers.notes == ["note: old has been silent for 0.3 s: its part is given to others"]
+    assert workers.notes == ["old has been silent for 0.3 s: its part is given to others"]
 
 
 def test_a_part_put_out_again_waits_for_no_claim(workers, crew, monkeypatch):

@@ -87,7 +87,7 @@ def test_a_run_notes_other_versions_of_the_packages_that_it_needs(slider, morpho
     told = ", ".join(f"{package} {code}, now {code.replace('1.0', '2.0')}" for package in sorted(added))
     assert morpholab("codesign --resume --generations 3 --quiet --out a")[::2] == (
         0,
-        f"note: a: began elsewhere ({told}); results may differ\n",
+        f"morpholab codesign: note: a: began elsewhere ({told}); results may differ\n",
     )
 
 

@@ -135,7 +135,7 @@ def test_a_cluster_that_is_too_small_is_noted(workers, monkeypatch):
         judgement = evaluate(REQUEST)
     thread.join()
     assert same(judgement, judge(Bowl(), REQUEST))
-    assert workers.notes == ["note: ray: 2 of 3 workers run; the others wait for free CPUs of the cluster"]
+    assert workers.notes == ["ray: 2 of 3 workers run; the others wait for free CPUs of the cluster"]
 
 
 def test_a_cluster_without_any_place_is_one_line(workers, monkeypatch):
@@ -144,7 +144,7 @@ def test_a_cluster_without_any_place_is_one_line(workers, monkeypatch):
     message = r"ray: none of 2 workers could be started in 0\.5 s; the cluster has too few free CPUs"
     with workers.open(Bowl(), threads=99) as evaluate, pytest.raises(RuntimeError, match=message):
         evaluate(REQUEST)
-    assert workers.notes == ["note: ray: 0 of 2 workers run; the others wait for free CPUs of the cluster"]
+    assert workers.notes == ["ray: 0 of 2 workers run; the others wait for free CPUs of the cluster"]
 
 
 @pytest.mark.parametrize("wrong", ["somewhere", "host:0", "host:70000", "http://host:80", "host:port", ""])

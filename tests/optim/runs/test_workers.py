@@ -95,7 +95,7 @@ def test_a_worker_killed_while_idle_costs_nothing(workers, tmp_path):
         os.kill(pid, signal.SIGKILL)
         wait_for(lambda: not lives(pid))
         assert same(evaluate(Request(sample(4))), judge(Bowl(), Request(sample(4))))
-    assert workers.notes == ["note: a worker died while it was idle; it is replaced"]
+    assert workers.notes == ["a worker died while it was idle; it is replaced"]
 
 
 def chosen(evaluation, rows):
