@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from optim.commands import Report, options
 from optim.commands.options import QUIET, Command, Option, count
 from optim.commands.robots import kinds_of_words, loaded, named_source, world_and_own
-from optim.commands.view_files import APPEARANCE, OUTPUTS, check_outputs, write_outputs
+from optim.commands.view_files import APPEARANCE, OUTPUTS, TITLE, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
 from optim.wording import counted, spoken_size
 from robots.robot import RobotKind, World
@@ -31,7 +31,7 @@ COMMAND = Command(
             words="+",
         ),
         *(output.option for output in OUTPUTS),
-        Option("title", "of the page", default=""),
+        TITLE,
         count("frames", 2, "at most, of each robot (default: 1000)", default=1000),
         count("member", 1, "the Nth design that a run keeps (default: the best)"),
         QUIET,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 LONGEST_FILM = 10.0  # unless asked for [s]
 PICTURES = (".png", ".pdf", ".svg")
+TITLE = Option("title", "of the page", default="")
 APPEARANCE = (
     Option("at", "time of the picture (default: the end)", options.number(0.0, unit="s"), "SECONDS"),
     Option(
@@ -152,7 +153,7 @@ def check_outputs(args: argparse.Namespace) -> None:
             raise ValueError(f"{output.name}: {path} is not allowed; give a name that ends in {endings}")
         if not output.several and len(args.sources) > 1:
             raise ValueError(f"{output.name}: {len(args.sources)} robots are not allowed in one file; give one")
-    for option in APPEARANCE:
+    for option in (TITLE, *APPEARANCE):
         given, of = getattr(args, option.name), [each for each in OUTPUTS if option.name in each.settings]
         if given != option.default and not any(output in of for output, _ in asked):
             raise ValueError(f"{option.name}: no file asked for takes it; give {_flags(of)}")

@@ -211,6 +211,7 @@ BAD_INPUT = {
     "rolling --picture a.doc": "picture: a.doc is not allowed; give a name that ends in .png or .pdf or .svg",
     "rolling --rerun a.bin": "rerun: a.bin is not allowed; give a name that ends in .rrd",
     "rolling --gif a.png": "gif: a.png is not allowed; give a name that ends in .gif",
+    "rolling --picture a.png --title b": "title: no file asked for takes it; give --out",
     "rolling --out a.html --at 1": "at: no file asked for takes it; give --picture",
     "rolling --out a.html --colour strain": "colour: no file asked for takes it; give --picture, --strip, --gif or ",
     "rolling --strip a.png --seconds 5": "seconds: no file asked for takes it; give --gif or --mp4",
