@@ -4,13 +4,12 @@ An error of a pressure carries what it says for any unit, so a file in psi is to
 counts, times and texts in the same message stay as they are.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, Self
 
-from taichi_sim.base.checks import number, positive, shown
+from taichi_sim.base.checks import finite, number, positive, shown
 
 KPA_PER_UNIT = {"kpa": 1.0, "psi": 6.894757293168361}
 UNIT_SPELLING = {"kpa": "kPa", "psi": "psi"}
@@ -42,7 +41,7 @@ class Unit:
             return value
         if isinstance(value, list):
             return [self.kpa(part) for part in value]
-        return value * KPA_PER_UNIT[self.name] if _is_finite(value) else value
+        return value * KPA_PER_UNIT[self.name] if finite(value) is not None else value
 
     def text(self, kpa: float) -> str:
         """A pressure in this unit, without the unit."""
@@ -52,7 +51,7 @@ class Unit:
         """What was given for pressures, were they right or not: numbers [kPa] in this unit, all else as it is."""
         if self.name != "kpa" and isinstance(value, list | tuple):
             return f"[{', '.join(map(self.shown, value))}]"
-        return self.text(value) if self.name != "kpa" and _is_finite(value) else shown(value)
+        return self.text(value) if self.name != "kpa" and finite(value) is not None else shown(value)
 
 
 KPA = Unit("kpa")
@@ -115,15 +114,6 @@ class _AsWritten:
 
     def __repr__(self) -> str:
         return self.text
-
-
-def _is_finite(value: object) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # an int of hundreds of digits
-        return False
 
 
 PRESSURE = PressureCheck(number)

@@ -22,8 +22,8 @@ def number(field: str, value: object, low: float = -math.inf, high: float = math
     Raises:
         ValueError: if it is anything else, such as a text, a truth value or NaN.
     """
-    if (finite := _finite(value)) is not None and low <= finite <= high:
-        return finite
+    if (found := finite(value)) is not None and low <= found <= high:
+        return found
     if -math.inf < low <= high < math.inf:
         allowed = f"a number from {low:g} to {high:g}"
     elif low > -math.inf:
@@ -44,8 +44,8 @@ def whole_number(field: str, value: object, low: int, high: int = 2**63 - 1) -> 
     if isinstance(value, int | np.integer) and not isinstance(value, bool):
         found: int | None = int(value)  # as a float it would lose digits
     else:
-        finite = _finite(value)
-        found = int(finite) if finite is not None and finite.is_integer() else None
+        real = finite(value)
+        found = int(real) if real is not None and real.is_integer() else None
     if found is None or found < low:
         raise ValueError(f"{field}: {shown(value)} is not allowed; give a whole number, at least {low}")
     if found > high:
@@ -70,8 +70,8 @@ def positive(field: str, value: object, high: float = math.inf) -> float:
     Raises:
         ValueError: if it is anything else.
     """
-    if (finite := _finite(value)) is not None and 0 < finite <= high:
-        return finite
+    if (found := finite(value)) is not None and 0 < found <= high:
+        return found
     allowed = "a positive finite number" if high == math.inf else f"a positive number, at most {high:g}"
     raise ValueError(f"{field}: {shown(value)} is not allowed; give {allowed}")
 
@@ -231,7 +231,8 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
-def _finite(value: object) -> float | None:
+def finite(value: object) -> float | None:
+    """A value as a float if it is a finite number, else None; a truth value is none."""
     if isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool):
         with contextlib.suppress(OverflowError):  # an int beyond the range of floats
             return float(value) if math.isfinite(value) else None

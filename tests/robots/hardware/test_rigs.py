@@ -83,6 +83,14 @@ def test_a_mark_of_byte_order_is_no_part_of_a_rig(tmp_path):
     assert PneumaticRig.load(tmp_path / "mine.toml").supply_kpa == 60
 
 
+@pytest.mark.parametrize("kind", [int, float, np.float64, np.float32, np.int64])
+def test_a_number_in_psi_may_be_of_any_kind(kind):
+    """Those of NumPy were left as they are, as if they were none."""
+    unit = Unit("psi")
+    assert unit.kpa(kind(2)) == pytest.approx(2 * KPA_PER_UNIT["psi"]) and unit.shown(kind(2)) == "0.29008"
+    assert [unit.kpa(value) for value in (True, "2", 10**400)] == [True, "2", 10**400]
+
+
 def test_a_rig_file_may_be_in_psi(tmp_path):
     (tmp_path / "rig.toml").write_text(
         'units = "psi"\nsupply_psi = 10.0\n[channels.foot]\nmaximum_psi = 8.0\nslew_psi_per_s = 20.0\n'
