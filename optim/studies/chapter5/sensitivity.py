@@ -38,8 +38,15 @@ class Variant:
     """A robot of which one thing is different."""
 
     geometry: InflatableGeometry = PUBLISHED  # shape and materials
-    actuation: InflatableActuation = ACTUATION  # rates and timing
+    timing: InflatableActuation | None = ACTUATION  # None: gaits take as many seconds as those of the published robot
     pressure: float = FULL_PRESSURE  # of the core of the round robot [Pa]
+
+    @property
+    def actuation(self) -> InflatableActuation:
+        """Rates and timing, worked out when they are asked for: a time step takes the whole body."""
+        if self.timing is not None:
+            return self.timing
+        return retimed(PUBLISHED.time_step / self.geometry.time_step)
 
 
 def retimed(steps: float) -> InflatableActuation:
@@ -55,8 +62,7 @@ def retimed(steps: float) -> InflatableActuation:
 
 def in_the_same_time(**changed: Any) -> Variant:
     """A robot of a changed geometry, whose gait takes as many seconds as the published one, whatever its time step."""
-    geometry = replace(PUBLISHED, **changed)
-    return Variant(geometry, retimed(PUBLISHED.time_step / geometry.time_step))
+    return Variant(replace(PUBLISHED, **changed), timing=None)
 
 
 def with_modulus(factor: float) -> Variant:
@@ -80,7 +86,7 @@ def with_time_step(factor: float) -> Variant:
 
 def with_duration(factor: float) -> Variant:
     """All that happens takes a factor times as long, in time steps of the same length."""
-    return Variant(actuation=retimed(factor))
+    return Variant(timing=retimed(factor))
 
 
 def with_pressure(factor: float) -> Variant:
@@ -89,7 +95,7 @@ def with_pressure(factor: float) -> Variant:
     if not 0 < pressure <= MAXIMUM_PRESSURE:
         allowed = f"give a positive one, at most {MAXIMUM_PRESSURE / FULL_PRESSURE:g}"
         raise ValueError(f"maximum pressure: a factor of {factor:g} is not allowed; {allowed}")
-    return Variant(actuation=replace(ACTUATION, round_pressure=pressure), pressure=pressure)
+    return Variant(timing=replace(ACTUATION, round_pressure=pressure), pressure=pressure)
 
 
 def with_voxels(factor: float) -> Variant:
@@ -185,11 +191,10 @@ class Sensitivity(Settings):
 def study(folder: Path, settings: Sensitivity, progress: Progress = None, threads: int | None = None) -> dict[str, Any]:
     """Write a table, a figure and all numbers; more factors may follow in the same folder."""
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
-    parts = {
-        _part(*change): partial(travelled, settings, variant, threads) for change, variant in settings.variants.items()
-    }
+    variants = settings.variants
+    parts = {_part(*change): partial(travelled, settings, variant, threads) for change, variant in variants.items()}
     lengths = computed_arrays(ResultsFolder(folder, NAME, about), "lengths", parts, progress)
-    return _report(folder, about, dict(zip(settings.variants, lengths, strict=True)))
+    return _report(folder, about, dict(zip(variants, lengths, strict=True)))
 
 
 def tell(data: Data, folder: Path) -> None:

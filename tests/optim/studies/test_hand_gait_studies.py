@@ -166,6 +166,12 @@ def test_a_slower_gait_has_more_steps_of_smaller_rates():
     assert with_pressure(0.5).pressure == with_pressure(0.5).actuation.round_pressure == 6000
 
 
+def test_settings_build_no_body(monkeypatch):
+    """Budgets are made when the module is imported, which whoever lists the studies does: bodies took a second."""
+    monkeypatch.setattr(type(PUBLISHED), "body", property(lambda _: pytest.fail("a body was built")))
+    assert len(sensitivity.Sensitivity().variants) == 22
+
+
 @pytest.mark.parametrize(
     ("factors", "message"),
     [
