@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from robots.hardware.lines import ACTUATORS
+from robots.hardware.lines import core_count
 from robots.hardware.rig_table import RigTable
 from robots.inflatable.view.colours import BLADDERS, FEET
 from robots.view.scene import GROUND, INK
@@ -33,7 +33,7 @@ def gait_chart(table: RigTable) -> Figure:
         table: a table that was made in this process, not read from a file: only such a table knows its states.
     """
     names = table.channels
-    colours = (*(_CORE,) * (len(names) - ACTUATORS), *BLADDERS, *FEET)
+    colours = (*(_CORE,) * core_count(len(names)), *BLADDERS, *FEET)
     figure = Figure(figsize=(_WIDTH, _ROW * len(names) + _MARGINS), facecolor="white")
     axes = figure.add_axes((0.09, 0.5 / figure.get_figheight(), 0.78, 1 - _MARGINS / figure.get_figheight()))
     for row, (name, colour) in enumerate(zip(names, colours, strict=True)):

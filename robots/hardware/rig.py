@@ -16,7 +16,16 @@ import numpy as np
 import tomli_w
 
 from robots.hardware.line_map import RAMP_PA, LineMap
-from robots.hardware.lines import ACTUATORS, BLADDER_LINES, BLADDERS, CHANNELS, FEET, FOOT_LINES, channel_names
+from robots.hardware.lines import (
+    ACTUATORS,
+    BLADDER_LINES,
+    BLADDERS,
+    CHANNELS,
+    FEET,
+    FOOT_LINES,
+    channel_names,
+    core_count,
+)
 from robots.hardware.units import (
     KPA_PER_UNIT,
     NotNegativePressure,
@@ -115,9 +124,8 @@ class PneumaticRig(ShortText):
         choice("units", self.units, KPA_PER_UNIT)
         check_fields(self)
         object.__setattr__(self, "channels", tuple(self.channels))
-        if (given := len(self.channels)) < len(CHANNELS):
-            raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)}")
         if self.cores > MOST_CORES:
+            given = len(self.channels)
             raise ValueError(f"channels: {given} are not allowed; give {len(CHANNELS)} to {ACTUATORS + MOST_CORES}")
         for name, channel in zip(self.channel_names, self.channels, strict=True):
             if channel.maximum_kpa > self.supply_kpa:
@@ -138,7 +146,7 @@ class PneumaticRig(ShortText):
     @property
     def cores(self) -> int:
         """How many of its lines are for cores."""
-        return len(self.channels) - ACTUATORS
+        return core_count(len(self.channels))
 
     @property
     def channel_names(self) -> tuple[str, ...]:

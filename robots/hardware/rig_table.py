@@ -17,7 +17,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from robots.hardware.lines import ACTUATORS, channel_names
+from robots.hardware.lines import channel_names, core_count
 from robots.hardware.units import KPA_PER_UNIT, UNIT_SPELLING
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text, write_text
@@ -82,7 +82,7 @@ class RigTable(ShortText, ABC):
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of what the lines drive, in the order of their pressures."""
-        return channel_names(self.pressures.shape[1] - ACTUATORS)
+        return channel_names(core_count(self.pressures.shape[1]))
 
     @property
     @abstractmethod

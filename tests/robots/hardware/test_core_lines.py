@@ -176,3 +176,11 @@ def test_commands_export_a_gait_of_several_cores(rig, tmp_path, monkeypatch, mor
     assert morpholab("play gait.csv --rig two.toml --dry-run")[0] == 0
     code, _, error = morpholab(f"export {LATTICE} --rig two.toml --csv other.csv")
     assert code == 2 and "rig: 2 lines for cores are not allowed for channels; give a rig with one" in error
+
+
+def test_a_table_without_a_line_for_a_core_has_no_names():
+    """It was named as if it had none, and of fewer lines as if all were there."""
+    for lines in (10, 3):
+        table = dataclasses.replace(gait_table(ROLLING), pressures=np.zeros((5, lines)))
+        with pytest.raises(ValueError, match=rf"^channels: {lines} are not allowed; give 11$"):
+            _ = table.channels
