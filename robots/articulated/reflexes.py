@@ -31,7 +31,7 @@ class DriveReflexes(Answering):
         senses: names in ``SENSES`` of ``robots.articulated.senses``.
         gain: of a network, most by which an answer changes a command; commands stay from -1 to 1.
         delay: in commands.
-        noise: is the same for all robots of a batch.
+        noise: is the same for all robots of a batch, and of their seed.
 
     Example:
         >>> DriveReflexes.parse("tilt,clock+hidden:8,4+gain:0.3").hidden
@@ -104,9 +104,10 @@ class ReflexLoop:
     """
 
     def __init__(
-        self, reflexes: DriveReflexes, sensed: Sensed, weights: Floats, rhythms: Rhythms, start: Floats
+        self, reflexes: DriveReflexes, sensed: Sensed, weights: Floats, rhythms: Rhythms, start: Floats, seed: int = 0
     ) -> None:
-        """Set up; ``start`` is the place of the bases at the start, (B, 3) or (1, 3) [m]."""
+        """Set up; ``start`` is the place of the bases at the start, (B, 3) or (1, 3) [m], ``seed`` that of noise."""
+        self.seed = seed
         self.reflexes, self.sensed, self.weights, self.rhythms = reflexes, sensed, weights, rhythms
         first = np.broadcast_to(start, (len(weights), 3))
         self.reader = DriveReader(reflexes.senses, sensed, rhythms.span, rhythms.points, first)
@@ -134,7 +135,9 @@ class ReflexLoop:
         found = self.reader.read(number, felt)
         if not self.reflexes.noise:
             return found
-        return found + np.random.default_rng(number).normal(0.0, self.reflexes.noise, found.shape[1])
+        # Of seed 0 these are the numbers of ``default_rng(number)``, which earlier versions drew.
+        drawn = np.random.default_rng((number, self.seed)).normal(0.0, self.reflexes.noise, found.shape[1])
+        return found + drawn
 
     def _answer(self, number: int, weights: Any, points: Any, wave: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
         """Command number so and so, and the oscillators' state after it; ``wave`` is the rhythm's command."""

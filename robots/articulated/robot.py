@@ -66,6 +66,7 @@ class ArticulatedRobot(Robot):
         fastest: rate of drives by torque at full command [rad/s].
         time_step: of the simulation [s]; None: that of the file, or 2 ms.
         reflexes: what it feels, and how that changes its rhythm; None for a robot that feels nothing.
+        seed: of the noise of its senses.
         model: what the file describes; made of the text.
 
     Raises:
@@ -89,6 +90,7 @@ class ArticulatedRobot(Robot):
     reflexes: DriveReflexes | None = None
     time_step: float | None = None
     slip: float | None = None
+    seed: int = 0
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
@@ -109,6 +111,7 @@ class ArticulatedRobot(Robot):
         if self.command_rate is not None:
             checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
         checks.flag("fixed", self.fixed)
+        checks.whole_number("seed", self.seed, 0)
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
         if self.friction is not None and self.friction != math.inf:
@@ -224,6 +227,8 @@ class ArticulatedRobot(Robot):
         found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
         if self.reflexes is None:  # a record is as before there were any
             del found["reflexes"]
+        if self.seed == 0:  # as before there was any
+            del found["seed"]
         if self.slip == FORMER_SLIP:  # as a record of those versions is
             del found["slip"]
         return found

@@ -202,7 +202,7 @@ def _loop(robot: "ArticulatedRobot", points: Floats, start: State) -> ReflexLoop
     if robot.reflexes.weights is not None:
         weights = np.tile(robot.reflexes.weights, (len(points), 1))
     rhythms = Rhythms(points[:, :split], rhythm(robot, points), span)
-    return ReflexLoop(robot.reflexes, sensed_of(robot), weights, rhythms, start.position)
+    return ReflexLoop(robot.reflexes, sensed_of(robot), weights, rhythms, start.position, robot.seed)
 
 
 def _slopes(robot: "ArticulatedRobot", points: Floats, of_commands: Floats, loop: ReflexLoop | None) -> Floats:

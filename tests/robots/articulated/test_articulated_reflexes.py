@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -93,7 +94,7 @@ def test_reflexes_matter_and_robots_of_a_batch_have_their_own():
     assert np.abs(found.runs[0].frames.neurons).max() == 1.0
 
 
-def felt(name: str, number: int = 0, **given) -> np.ndarray:
+def felt(name: str, number: int = 0, noise: float = 0.0, seed: int = 0, **given) -> np.ndarray:
     """What a robot at its start feels by a sense, in the second command after it moved by ``moved``."""
     sensed = Sensed(touch=2, hinges=2, light=True, drives=1, length=0.5)
     now = {
@@ -103,9 +104,9 @@ def felt(name: str, number: int = 0, **given) -> np.ndarray:
         "readings": np.array([[1.0, 0.0, 0.25]]),
     }
     rhythms = Rhythms(np.array([[2.0, 0, 0, 0]]), np.zeros((1, 3, 1)), 0.02)
-    reflexes = DriveReflexes((name,))
+    reflexes = DriveReflexes((name,), noise=noise)
     width = network_of(reflexes, sensed).weight_count
-    loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)))
+    loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)), seed)
     for each in range(number + 1):
         loop.decide(each, Felt(**{**now, **given}) if each == number else Felt(**now))
     return loop.felt[-1][0]
@@ -120,6 +121,26 @@ def test_senses_feel_what_they_say():
     assert felt("velocity", 1, position=np.array([[0.01, 0.02, 0.3]])) == pytest.approx([1.0, 2.0])
     assert felt("clock", 2) == pytest.approx([np.sin(0.16 * np.pi), np.cos(0.16 * np.pi)])
     assert np.isfinite(felt("tilt", orientation=np.full((1, 4), np.nan))).all()
+
+
+def test_noise_is_of_the_seed_and_by_default_as_ever():
+    """Runs of earlier versions, which had one noise for all, go on to the same bits."""
+    drawn = [[felt("angles", number, 0.1, seed) - felt("angles") for number in range(3)] for seed in (0, 1, 2)]
+    ever = [np.random.default_rng(number).normal(0.0, 0.1, 2) for number in range(3)]
+    assert np.array_equal(drawn[0], [felt("angles") + each - felt("angles") for each in ever])
+    assert len(np.unique(np.round(drawn, 12))) == 18  # no seed and no reading has the numbers of another
+
+
+@pytest.mark.kernels
+def test_the_seed_of_a_robot_is_that_of_its_noise():
+    robot = crawler(every(noise=0.05))
+    point, other = some_points(robot, 1), replace(robot, seed=7)
+    told = [simulate(each, point, **HERE).distance.tolist() for each in (robot, other, replace(robot, seed=0))]
+    assert told[0] == told[2] != told[1]
+    assert "seed" not in robot.describe()  # a record is as before there was any
+    assert robot_of_record(robot.describe()).seed == 0 and robot_of_record(other.describe()).seed == 7
+    with pytest.raises(ValueError, match=r"^seed: -1 is not allowed; give a whole number, at least 0$"):
+        replace(robot, seed=-1)
 
 
 def test_acceleration_is_that_of_a_fall():
