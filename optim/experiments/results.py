@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.tables import write_records
 from taichi_sim.base import files, line_files
 from taichi_sim.base.arrays import Arrays
@@ -79,29 +80,40 @@ def computed(
     parts: Mapping[Key, Part],
     progress: Progress = None,
     name: str = "{}",
-    check: Check = None,
+    check: Check | Mapping[Key, Check] = None,
 ) -> dict[Key, Arrays]:
     """Load or compute the parts of a study one after the other; a kill loses at most one; see :func:`cached`.
 
-    Parts are kept by ``name``, in which their key stands for ``{}``.
+    Parts are kept by ``name``, in which their key stands for ``{}``. A ``check`` is of all, or each has its own.
     """
     found = {}
     for number, (key, compute) in enumerate(parts.items()):
-        found[key] = cached(folder, name.format(key), partial(compute, part_of(progress, number, len(parts))), check)
+        own = check[key] if isinstance(check, Mapping) else check
+        found[key] = cached(folder, name.format(key), partial(compute, part_of(progress, number, len(parts))), own)
         if progress:
             progress((number + 1) / len(parts))
     return found
 
 
 def computed_arrays(
-    folder: ResultsFolder, key: str, parts: Mapping[str, Callable[[Progress], NDArray[Any]]], progress: Progress
+    folder: ResultsFolder,
+    key: str,
+    parts: Mapping[str, Callable[[Progress], NDArray[Any]]],
+    progress: Progress,
+    allowed: Mapping[str, Allowed] | None = None,
 ) -> list[NDArray[Any]]:
-    """Load or compute parts of a single array each, which files call ``key``; see :func:`computed`."""
+    """Load or compute parts of a single array each, which files call ``key``; see :func:`computed`.
+
+    A file whose array is not what is ``allowed`` of its part is damaged.
+    """
+    checks: Check | Mapping[str, Check] = None
+    if allowed is not None:
+        checks = {name: partial(check_arrays, {key: each}) for name, each in allowed.items()}
 
     def named(compute: Callable[[Progress], NDArray[Any]], progress: Progress) -> Arrays:
         return {key: compute(progress)}
 
-    found = computed(folder, {name: partial(named, compute) for name, compute in parts.items()}, progress)
+    found = computed(folder, {name: partial(named, compute) for name, compute in parts.items()}, progress, check=checks)
     return [arrays[key] for arrays in found.values()]
 
 

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data
 from optim.experiments.figures import COLUMN, caption, figure, save_arrays
 from optim.experiments.results import Progress, check_folder, computed, part_of, write_json
@@ -71,7 +72,8 @@ def successes(
         return {"success": done.success.reshape(settings.weights, settings.weights, -1)}
 
     parts = {design: partial(reached, design) for design in sorted({design for design, _ in stand_ins})}
-    found = computed(results, parts, progress, "design_{}")
+    reaches = Allowed((settings.weights, settings.weights, len(MIRRORED_LIGHTS)), kind="b")
+    found = computed(results, parts, progress, "design_{}", partial(check_arrays, {"success": reaches}))
     known = [(found[design]["success"], mirrored) for design, mirrored in stand_ins]
     return np.array([s.transpose(1, 0, 2)[..., MIRRORED_LIGHTS] if mirrored else s for s, mirrored in known])
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed
 from optim.experiments.results import Costs, Progress, computed_arrays
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
@@ -45,17 +46,24 @@ class Player:
         """Play rolling and inching as they were made by hand, on both terrains, in f64."""
         gaits = [repeated(design, self.settings.repeats) for design in BY_HAND.values()]
         cases = [Case(gait, self.settings.terrain(place)) for gait in gaits for place in PLACES]
-        computed_arrays(self.folder, "speeds", {"by_hand": partial(self._in_copies, "by hand", cases)}, progress)
+        allowed = {"by_hand": Allowed((len(cases), self.settings.copies), failed=np.nan)}
+        parts = {"by_hand": partial(self._in_copies, "by hand", cases)}
+        computed_arrays(self.folder, "speeds", parts, progress, allowed)
 
     def play_found(self, found: Mapping[str, Found], progress: Progress) -> None:
         """Play the best design of every experiment again, and the best few of those on both terrains elsewhere."""
         parts: dict[str, Callable[[Progress], Floats]] = {}
+        allowed: dict[str, Allowed] = {}
         for experiment, one in _with_designs(found):
             generation = len(one.scores) - 1
-            parts[_part("again", experiment, generation)] = partial(self._again, experiment, one)
+            parts[again := _part("again", experiment, generation)] = partial(self._again, experiment, one)
+            allowed[again] = Allowed((self.settings.copies,), failed=np.nan)
             if experiment.row in PAIRED:
-                parts[_part("elsewhere", experiment, generation)] = partial(self._elsewhere, experiment, one)
-        computed_arrays(self.folder, "speeds", parts, progress)
+                parts[elsewhere := _part("elsewhere", experiment, generation)] = partial(
+                    self._elsewhere, experiment, one
+                )
+                allowed[elsewhere] = Allowed((2, len(one.best(self.settings.others))), failed=np.nan)
+        computed_arrays(self.folder, "speeds", parts, progress, allowed)
 
     def played(self, found: Mapping[str, Found]) -> Played:
         """What was played: of the newest generation of which all best designs were, with what there is elsewhere."""

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.allowed import Allowed
 from optim.experiments.data import Data
 from optim.experiments.results import Progress, computed_arrays
 from optim.experiments.study import Settings, Whole
@@ -102,7 +103,12 @@ class Robot(Settings):
         size = -(-BATCH // self.copies)
         batches = [cases[first : first + size] for first in range(0, len(cases), size)]
         parts = {f"speeds_{n}": partial(self.speeds, batch, threads) for n, batch in enumerate(batches)}
-        return np.concatenate(computed_arrays(folder, "speeds", parts, progress))
+        allowed = {f"speeds_{n}": self.allowed_speeds(len(batch)) for n, batch in enumerate(batches)}
+        return np.concatenate(computed_arrays(folder, "speeds", parts, progress, allowed))
+
+    def allowed_speeds(self, cases: int) -> Allowed:
+        """What kept speeds of so many cases may be, see :meth:`speeds`."""
+        return Allowed((cases, self.copies), failed=np.nan)
 
 
 def kept_speeds(data: Data, cases: int) -> Floats:

@@ -107,7 +107,8 @@ def study(
     parts = ResultsFolder(folder, "hardware-friction", settings.describe())
     batches = _batches(settings)
     compute = {batch.name: partial(batch.speeds, settings.robot, threads) for batch in batches}
-    speeds = computed_arrays(parts, "speeds", compute, progress)
+    allowed = {batch.name: settings.robot.allowed_speeds(len(batch.cases)) for batch in batches}
+    speeds = computed_arrays(parts, "speeds", compute, progress, allowed)
     copies = [
         {**about, "copy": copy, "speed": float(speed)}
         for batch, found in zip(batches, speeds, strict=True)

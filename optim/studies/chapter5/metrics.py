@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed
 from optim.experiments.data import Data
 from optim.experiments.figures import PAGE, caption, figure
 from optim.experiments.results import Progress, computed_arrays, write_summary
@@ -94,7 +95,9 @@ def study(
     results = ResultsFolder(folder, NAME, {**settings.sample, "robot": settings.robot.describe()})
     flat = {_flat_part(pressure): partial(on_flat, settings, pressure, threads) for pressure in settings.pressures}
     hill = {_hill_part(*body): partial(on_hill, settings, body, threads) for body in settings.bodies}
-    found = computed_arrays(results, "speeds", flat | hill, progress)
+    allowed = dict.fromkeys(flat, Allowed((2, settings.gaits), failed=np.nan))
+    allowed |= dict.fromkeys(hill, Allowed((settings.gaits,), failed=np.nan))
+    found = computed_arrays(results, "speeds", flat | hill, progress, allowed)
     return _report(folder, settings, found[: len(flat)], found[len(flat) :])
 
 

@@ -193,7 +193,8 @@ def study(folder: Path, settings: Sensitivity, progress: Progress = None, thread
     about = {"robot": settings.robot.describe(), "repeats": settings.repeats, "slope": settings.slope}
     variants = settings.variants
     parts = {_part(*change): partial(travelled, settings, variant, threads) for change, variant in variants.items()}
-    lengths = computed_arrays(ResultsFolder(folder, NAME, about), "lengths", parts, progress)
+    allowed = dict.fromkeys(parts, settings.robot.allowed_speeds(len(settings.behaviours)))
+    lengths = computed_arrays(ResultsFolder(folder, NAME, about), "lengths", parts, progress, allowed)
     return _report(folder, about, dict(zip(variants, lengths, strict=True)))
 
 

@@ -189,6 +189,31 @@ def test_universal_control_goes_on_where_it_was(tmp_path):
     assert "universal, told the body" in (tmp_path / "a/table.md").read_text()
 
 
+@pytest.mark.parametrize(
+    ("part", "changed", "why"),
+    [
+        ("trained_told", {"weights": np.zeros((2, 2))}, r"weights: shape \(2, 2\) is not allowed; give \(\d+, 13\)"),
+        ("tested_told", {"speeds": np.zeros(3)}, r"speeds: shape \(3,\) is not allowed; give \(2,\)"),
+        ("tested_each", {"speeds": np.array([0.1, np.inf])}, "speeds: inf is not allowed; give finite numbers"),
+        ("tested_each", {"seconds": np.array(np.nan)}, "seconds: nan is not allowed; give finite numbers"),
+    ],
+)
+def test_what_no_training_can_have_found_is_found_again(tmp_path, monkeypatch, part, changed, why):
+    settings = replace(universal.STUDY.scales["small"], tested=2)
+    size = universal.Walks(settings.cycles).space.size
+    trained = {"weights": np.zeros((size, len(described(0)))), "seconds": np.array(2.0)}
+    tested = {"speeds": np.array([0.1, np.nan]), "seconds": np.array(3.0)}
+    monkeypatch.setattr(universal, "train", lambda *_: trained)
+    monkeypatch.setattr(universal, "test", lambda *_: {"speeds": tested["speeds"]})
+    monkeypatch.setattr(universal, "train_each", lambda *_: tested)
+    rows = universal.seed_part(tmp_path, settings, 0, {}, None)
+    assert [row["failed"] for row in rows] == [1] * len(rows)
+    (path,) = tmp_path.glob(f"parts/0/{part}-*.npz")
+    np.savez(path, **(trained if part.startswith("trained") else tested) | changed)
+    with pytest.warns(UserWarning, match=rf"{part}-.*: is damaged, and as good as missing \({why}"):
+        assert universal.seed_part(tmp_path, settings, 0, {}, None) == rows
+
+
 def test_a_universal_training_meets_every_body():
     """As often as any other, but for a last round that ends early; seeds meet them in their own order."""
     settings = replace(universal.STUDY.scales["medium"], trained=7, gradients=25, batch=5)

@@ -12,6 +12,7 @@ from optim.problem import Evaluation, Problem, Request, judge
 from optim.search import build_method
 from optim.space import Space, Variable
 from optim.studies.beyond.evolving_vehicles import searches
+from optim.studies.beyond.evolving_vehicles import study as of_study
 from optim.studies.beyond.evolving_vehicles.bodies import (
     BODY,
     BOUND,
@@ -100,6 +101,28 @@ def test_evaluations_with_gradients_have_their_price():
 
     run_with_budget([method], 12, evaluate, lambda n, points, found: bool(seen.extend(points)), price=3.0)
     assert len(seen) == 4
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"costs": np.linspace(0, 9999, MARKS)}, r"costs: \d.* is not allowed; give 0 to "),
+        ({"best": np.zeros(MARKS - 1)}, rf"best: shape \({MARKS - 1},\) is not allowed; give \({MARKS},\)"),
+        ({"best": np.full(MARKS, np.nan)}, "best: nan is not allowed; give finite numbers"),
+        ({"seconds": np.array(-1.0)}, "seconds: -1.0 is not allowed; give 0 to inf"),
+    ],
+)
+def test_a_course_that_no_loop_can_take_is_taken_again(tmp_path, monkeypatch, changed, why):
+    settings = STUDY.scales["small"]
+    course = {"costs": np.linspace(0, settings.loop_budget, MARKS), "best": np.full(MARKS, -np.inf)}
+    monkeypatch.setattr(of_study, "loop", lambda *_: course)
+    monkeypatch.setattr(Part, "_evolved", lambda *_: {})
+    _, rows = Part(tmp_path, settings, 0)({}, None)
+    (part,) = tmp_path.glob("parts/0/loop_flat-*.npz")
+    np.savez(part, **course | {"seconds": np.array(0.0)} | changed)
+    with pytest.warns(UserWarning, match=rf"loop_flat-.*: is damaged, and as good as missing \({why}"):
+        _, again = Part(tmp_path, settings, 0)({}, None)
+    assert [row["best"] for row in again] == [row["best"] for row in rows] == [None] * MARKS * len(LOOPS)
 
 
 @pytest.mark.slow

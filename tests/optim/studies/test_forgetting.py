@@ -13,7 +13,7 @@ from optim.experiments.tables import read_records, write_records
 from optim.measures.factorial import two_way
 from optim.studies.beyond.forgetting import methods
 from optim.studies.beyond.forgetting import study as of_study
-from optim.studies.beyond.forgetting.families import FAMILIES, Learning
+from optim.studies.beyond.forgetting.families import FAMILIES, LOST, Learning
 from optim.studies.beyond.forgetting.methods import METHODS, Recipe, shortened, train
 from optim.studies.beyond.forgetting.report import analyse, contrasts, verdict
 from optim.studies.beyond.forgetting.study import (
@@ -123,6 +123,27 @@ def test_controllers_that_were_not_tried_so_are_tried_again(tmp_path, monkeypatc
     np.savez(part, succeeded=succeeded)
     with pytest.warns(UserWarning, match=rf"tried-.*: is damaged, and as good as missing \({why}"):
         assert measure(tmp_path, "vehicle", effort, 0, {}, None) == row
+
+
+@pytest.mark.parametrize(
+    ("changed", "why"),
+    [
+        ({"final": np.zeros((4, 2, 2))}, r"final: shape \(4, 2, 2\) is not allowed; give \(5, 2, 2\)"),
+        ({"learned": np.full((2, 2), np.nan)}, "learned: nan is not allowed; give finite numbers"),
+        ({"first": np.array([0.5, 2.0])}, "first: 2.0 is not allowed; give 0.25 to 1"),
+        ({"again": np.zeros((4, 2))}, "again: 0.0 is not allowed; give 0.25 to 1"),
+    ],
+)
+def test_what_nobody_can_have_learned_is_learned_again(tmp_path, monkeypatch, changed, why):
+    learned = {"start": np.zeros((2, 2)), "learned": np.ones((2, 2)), "final": np.full((5, 2, 2), LOST)}
+    learned |= {"first": np.array([0.25, 1.0]), "again": np.full((4, 2), 0.5)}
+    monkeypatch.setattr(of_study, "_learned", lambda *_: learned)
+    effort = Effort(1, starts=2, steps=4)
+    rows = of_study.learn(tmp_path, "vehicle", effort, 0, {}, None)
+    (part,) = tmp_path.glob("learned/vehicle-0/trained-*.npz")
+    np.savez(part, **learned | changed)
+    with pytest.warns(UserWarning, match=rf"trained-.*: is damaged, and as good as missing \({why}"):
+        assert of_study.learn(tmp_path, "vehicle", effort, 0, {}, None) == rows
 
 
 def test_levels_are_the_ends_of_what_was_measured():

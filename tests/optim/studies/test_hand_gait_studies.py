@@ -10,7 +10,7 @@ import pytest
 from graded import QUICK, TINY
 
 from optim.experiments.data import Data
-from optim.studies.chapter5 import friction, metrics, sensitivity, slopes
+from optim.studies.chapter5 import friction, hardware_friction, metrics, sensitivity, slopes
 from optim.studies.chapter5.gaits import Case, Robot
 from optim.studies.chapter5.metrics import draw
 from optim.studies.chapter5.sensitivity import VARIATIONS, retimed, with_duration, with_pressure, with_voxels
@@ -228,6 +228,30 @@ def test_sensitivity_is_studied_robot_by_robot(simulator, tmp_path):
     sensitivity.study(tmp_path / "a", replace(settings, factors=more))
     assert [call.geometry.density for call in simulator.calls] == [1500.0]
     assert (tmp_path / "a/sensitivity.png").exists()
+
+
+SOME = {
+    friction: friction.FrictionSweeps(TWO),
+    slopes: slopes.SlopeSweep((0.0, 15.0), TWO),
+    sensitivity: sensitivity.Sensitivity({"density": (2.0,)}, TWO, repeats=1),
+    hardware_friction: replace(hardware_friction.STUDY.scales["small"], robot=TWO),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("module", SOME, ids=lambda module: module.__name__.rpartition(".")[2])
+@pytest.mark.parametrize("damage", [lambda kept: kept[1:], lambda kept: np.where(kept == kept.max(), np.inf, kept)])
+def test_speeds_that_no_robot_can_have_are_played_again(simulator, tmp_path, module, damage):
+    """A row less, or an infinite one, goes into no table."""
+    module.study(tmp_path / "a", SOME[module])
+    tables = {path.name: path.read_bytes() for path in (tmp_path / "a").glob("*.csv")}
+    (path, *_) = sorted((tmp_path / "a").rglob("*.npz"))
+    with np.load(path) as kept:
+        (name,) = (each for each in kept.files if each in ("speeds", "lengths"))
+        np.savez(path, **{name: damage(kept[name])})
+    with pytest.warns(UserWarning, match=rf"{path.name}: is damaged, and as good as missing \({name}: "):
+        module.study(tmp_path / "a", SOME[module])
+    assert tables and {path.name: path.read_bytes() for path in (tmp_path / "a").glob("*.csv")} == tables
 
 
 def test_metrics_of_made_up_gaits(monkeypatch):

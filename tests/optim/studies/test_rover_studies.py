@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from shutil import copytree
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,6 +47,17 @@ def test_a_grid_shares_sweeps_between_mirror_images_and_says_what_single_runs_sa
         single = simulate(Rover.published(number), settings.pairs, steps=900, precision="f32", threads=1).success
         assert np.array_equal(found, single.reshape(5, 5, 4))
     assert both.any() and settings.pairs[1].tolist() == [-1.0, -0.5]
+
+
+@pytest.mark.parametrize("damaged", [np.zeros((2, 2, 4)), np.zeros((2, 2, 3), bool)])
+def test_a_grid_of_another_kind_is_tried_again(tmp_path, monkeypatch, damaged):
+    reached = SimpleNamespace(success=np.arange(16).reshape(4, 4) % 3 == 0)
+    monkeypatch.setattr(rover_success, "simulate", lambda *_, **__: reached)
+    found = successes([1], RoverGrid(2), tmp_path / "a")
+    (part,) = (tmp_path / "a").glob("design_1-*.npz")
+    np.savez(part, success=damaged)
+    with pytest.warns(UserWarning, match=r"design_1-.*: is damaged, and as good as missing \(success: (type|shape)"):
+        assert np.array_equal(successes([1], RoverGrid(2), tmp_path / "a"), found)
 
 
 @pytest.mark.kernels

@@ -16,6 +16,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of, write_json
@@ -184,19 +185,24 @@ def _description(number: int, told: bool) -> Floats:
 def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progress: Progress) -> list[Record]:
     """All trainings and tests of a seed, unless they are done: a row for each kind."""
     kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", {"seed": seed, **settings.lasting("seeds")})
+    speeds_of, seconds_of = {"speeds": Allowed((settings.tested,), failed=np.nan)}, {"seconds": Allowed((), 0.0)}
+    weights_of = {"weights": Allowed((Walks(settings.cycles).space.size, len(described(0))))}
+    tested, alone = partial(check_arrays, speeds_of), partial(check_arrays, speeds_of | seconds_of)
     rows: list[Record] = []
     weights = {}
     for count, name in enumerate(ARMS):
         part = part_of(progress, count, len(ARMS))
         if name in ("universal", "told"):
             told = name == "told"
-            trained = cached(kept, f"trained_{name}", partial(train, settings, seed, told, part))
+            run, check = partial(train, settings, seed, told, part), partial(check_arrays, weights_of | seconds_of)
+            trained = cached(kept, f"trained_{name}", run, check)
             weights[name] = trained["weights"]
-            found = cached(kept, f"tested_{name}", partial(test, settings, weights[name], told))
+            found = cached(kept, f"tested_{name}", partial(test, settings, weights[name], told), tested)
             seconds = float(trained["seconds"])
         else:
             first = weights["told"] if name == "tuned" else None
-            found = cached(kept, f"tested_{name}", partial(train_each, settings, seed, first, part))
+            run = partial(train_each, settings, seed, first, part)
+            found = cached(kept, f"tested_{name}", run, alone)
             seconds = float(found["seconds"])
         speeds = np.nan_to_num(found["speeds"])
         quarters = np.percentile(speeds, [25, 75])

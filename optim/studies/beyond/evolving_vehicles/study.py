@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, part_of
@@ -21,7 +22,7 @@ from optim.experiments.tables import Record, write_records
 from optim.studies.beyond.body_and_learning.study import LEARNERS, check_learned, learn_until
 from optim.studies.beyond.evolving_vehicles.bodies import BOUND, drawn_body, exact, problem_of, tried
 from optim.studies.beyond.evolving_vehicles.report import ARMS, BODIES, COLUMNS, LEARNED, LOOPED, PICTURE, write_report
-from optim.studies.beyond.evolving_vehicles.searches import LOOPS, OBJECTIVES, BodyProblem, evolve, loop
+from optim.studies.beyond.evolving_vehicles.searches import LOOPS, MARKS, OBJECTIVES, BodyProblem, evolve, loop
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import positive
 from taichi_sim.base.results_folder import ResultsFolder
@@ -79,7 +80,7 @@ class Part:
         for number, arm in enumerate(LOOPS, len(arms)):
             told, how = part_of(progress, number, steps), self.settings
             run = partial(loop, arm, how.pairs, how.life, how.loop_budget, how.price, self.seed, told)
-            found = cached(kept, f"loop_{arm}", partial(_timed, run))
+            found = cached(kept, f"loop_{arm}", partial(_timed, run), partial(check_loop, how.loop_budget))
             for cost, best in zip(found["costs"].tolist(), found["best"].tolist(), strict=True):
                 row = {"arm": arm, "seed": self.seed, "evaluations": cost}
                 known = best if np.isfinite(best) else None  # nothing yet
@@ -119,6 +120,12 @@ class Part:
         values = {"M_L": learnability, "M_CI": resistance, "performance": performance}
         values |= {"seen_M_L": seen.learnability.value, "seen_M_CI": seen.resistance.value}
         return {name: np.array(value) for name, value in values.items()}
+
+
+def check_loop(budget: float, arrays: Arrays) -> None:
+    """Refuse a file that holds no course of a loop of this budget, see ``searches.loop``, by a ValueError."""
+    best = Allowed((MARKS,), failed=-np.inf)  # nothing yet
+    check_arrays({"costs": Allowed((MARKS,), 0.0, budget), "best": best, "seconds": Allowed((), 0.0)}, arrays)
 
 
 def _timed(run: Callable[[], Arrays]) -> Arrays:

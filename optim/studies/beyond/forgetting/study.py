@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.body_metrics import Measuring, Tries, check_succeeded, controllers_of
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
@@ -186,7 +187,7 @@ def learn(
     """
     known = {"starts": effort.starts, "steps": effort.steps}
     kept = ResultsFolder(folder / "learned" / f"{name}-{number}", "body", known)
-    found = cached(kept, "trained", partial(_learned, name, effort, number))
+    found = cached(kept, "trained", partial(_learned, name, effort, number), partial(check_trained, effort))
     if progress:
         progress(1.0)
     again = dict(zip(SEQUENTIAL, found["again"], strict=True))
@@ -200,6 +201,18 @@ def learn(
             failed = int((final[start] == LOST).sum())
             rows.append({"robot": name, "body": number, "method": method, "start": start, **one, "failed": failed})
     return rows
+
+
+def check_trained(effort: Effort, arrays: Arrays) -> None:
+    """Refuse a file that holds nothing that ``methods.train`` can have found, by a ValueError."""
+    starts, least = effort.starts, 1 / effort.steps  # of the looks, the first of which may be enough
+    allowed = {
+        **dict.fromkeys(("start", "learned"), Allowed((starts, 2))),
+        "final": Allowed((len(METHODS), starts, 2)),
+        "first": Allowed((starts,), least, 1.0),
+        "again": Allowed((len(SEQUENTIAL), starts), least, 1.0),
+    }
+    check_arrays(allowed, arrays)
 
 
 def _tried(name: str, effort: Effort, number: int) -> Arrays:
