@@ -1,5 +1,6 @@
 """Data of a study that has been run: tables and settings, read and checked, from which it can be told again."""
 
+import math
 import types
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
@@ -33,7 +34,14 @@ class Data:
         packed = self.folder / f"{name}.gz"
         return packed if packed.is_file() and not path.is_file() else path
 
-    def records(self, name: str, columns: Mapping[str, Kind], *groups: str, may_be_empty: bool = False) -> list[Record]:
+    def records(
+        self,
+        name: str,
+        columns: Mapping[str, Kind],
+        *groups: str,
+        may_be_empty: bool = False,
+        finite: Collection[str] = (),
+    ) -> list[Record]:
         """Read the rows of a table, which may have more columns than these.
 
         Args:
@@ -42,6 +50,7 @@ class Data:
                 None, which is an empty cell, such as ``float | None``; or one of some texts.
             groups: columns with some texts, whose every combination must have a row.
             may_be_empty: whether a table without rows is allowed.
+            finite: columns of numbers of which none may be NaN or infinite.
 
         Raises:
             ValueError: if the file cannot be read, lacks a column or a group, or has a cell of another kind.
@@ -56,6 +65,10 @@ class Data:
         for number, row in enumerate(rows, 2):  # the header is the first
             cells = dict(zip(header, row, strict=True))
             checked = {column: _cell(path, number, column, cells[column], kind) for column, kind in columns.items()}
+            for column in finite:
+                if checked[column] is not None and not math.isfinite(checked[column]):
+                    told = checks.shown(checked[column])
+                    raise ValueError(f"{path}: row {number} has {told} as {column}; it must be a finite number")
             found.append({name: checked[name] if name in checked else value_of(cell) for name, cell in cells.items()})
         there = {tuple(row[group] for group in groups) for row in found}
         allowed = (kind for kind in map(columns.__getitem__, groups) if isinstance(kind, Collection))

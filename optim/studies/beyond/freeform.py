@@ -22,7 +22,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, part_of, write_json
 from optim.experiments.study import Count, Settings, Study
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, read_records, where, write_records
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import mean_interval, ratio_of_means
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
@@ -35,9 +35,14 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
 
 NAME = "freeform"
-TABLES = ("runs.csv", "curves.csv", "trials.csv")
+TABLES = {"run": "runs.csv", "curve": "curves.csv", "trials": "trials.csv"}  # by what they hold of each run
+COLUMNS: dict[str, dict[str, Kind]] = {  # of each, beside those that tell the run
+    "run": {"seconds": float, "evaluations": int, "score": float | None, "speed": float, "kept": float | None},
+    "curve": {"cpu_s": float, "evaluations": int, "best": float | None},
+    "trials": {"seconds": float, "trial": str, "speed": float},
+}
 FIGURE = "advantage.png"
-FILES = ("table.md", *TABLES, "summary.json", FIGURE, "runs", "designs")
+FILES = ("table.md", *TABLES.values(), "summary.json", FIGURE, "runs", "designs")
 EXACT = Compute(precision="f64", threads=1)
 CURVE = 40  # points of a curve in the table, at most
 
@@ -96,17 +101,17 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
     Runs that are whole in the tables of the folder are not run again.
     """
     check_folder(folder, FILES, NAME)
-    known = [read_records(folder / name) if (folder / name).exists() else [] for name in TABLES]
+    known = [_read(folder / name, what) if (folder / name).exists() else [] for what, name in TABLES.items()]
     missing = [run for run in settings.runs if not settings.has_rows(run, known[0])]
     tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in missing]
     run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
     for number, (run, (_, task)) in enumerate(zip(missing, tasks, strict=True)):
         task(where, None)
         about = dict(zip(("problem", "search", "seed"), run, strict=True))
-        for place, what in enumerate(("run", "curve", "trials")):
+        for place, what in enumerate(TABLES):
             others = [row for row in known[place] if any(row[name] != value for name, value in about.items())]
-            known[place] = others + read_records(_kept(folder, *run, what))
-        for name, records in zip(TABLES, known, strict=True):  # what there is so far is of use
+            known[place] = others + _read(_kept(folder, *run, what), what)
+        for name, records in zip(TABLES.values(), known, strict=True):  # what there is so far is of use
             write_records(folder / name, records)
         if progress:
             progress((number + 1) / len(tasks))
@@ -116,10 +121,15 @@ def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: i
 def tell(data: Data, folder: Path) -> None:
     """Write the tables of all problems, and ``summary.json``, from the tables of runs and of trials."""
     share = data.from_summary(lambda summary: positive("share", summary["share"]))
+    rows, trials = (_read(data.folder / TABLES[what], what) for what in ("run", "trials"))
+    _report(folder, share, rows, trials)
+
+
+def _read(path: Path, what: str) -> list[Record]:
+    """Read a table of what runs have found; raises ValueError if it cannot be one."""
     about: dict[str, Kind] = {"problem": tuple(PROBLEMS), "search": tuple(ARMS), "seed": int}
-    about |= dict.fromkeys(("seconds", "speed"), float)
-    rows = data.records(TABLES[0], {**about, "evaluations": int, **dict.fromkeys(("score", "kept"), float | None)})
-    _report(folder, share, rows, data.records(TABLES[2], {**about, "trial": str}))
+    numbers = [name for name, kind in COLUMNS[what].items() if kind is not str]
+    return Data(path.parent).records(path.name, about | COLUMNS[what], finite=numbers, may_be_empty=what == "curve")
 
 
 def _kept(folder: Path, problem: str, arm: str, seed: int, what: str = "run") -> Path:
@@ -133,7 +143,7 @@ def _task(
     """Run a search, and judge what it had found at each time, if that is not done."""
     problem, name, seed = run
     kept, contest = _kept(folder, *run), settings.contest(problem, folder)
-    if kept.exists() and settings.has_rows(run, read_records(kept)):
+    if kept.exists() and settings.has_rows(run, _read(kept, "run")):
         return
     warm_up(contest.entries[name].problem(), ARMS[name].gradients)
     contest.run_one(name, seed)

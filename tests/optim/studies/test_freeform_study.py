@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from optim.experiments.data import Data
 from optim.experiments.tables import column, read_records, where
 from optim.measures.statistics import ratio_of_means
 from optim.studies.beyond import freeform
@@ -58,6 +59,24 @@ def test_kept_speeds_are_those_of_the_last_designs_of_searches_with_gradients():
         "| half the time step | 2 | 0.85 | 0.60 | 1.10 |",
     ]
     assert kept_speeds(runs, trials, {"hill-climb"}) == {} and kept_table({}) == []
+
+
+@pytest.mark.parametrize("value", ["nan", "inf"])
+@pytest.mark.parametrize(
+    ("name", "column"), [("runs.csv", "speed"), ("runs.csv", "score"), ("runs.csv", "kept"), ("trials.csv", "speed")]
+)
+def test_numbers_that_no_run_can_have_found_are_refused(tmp_path, value, name, column):
+    """Where a study is told from its tables, and where it goes on from them."""
+    shutil.copytree(DOCS / "data/freeform", tmp_path / "a")
+    header, row, *rest = (tmp_path / "a" / name).read_text().splitlines()
+    cells = row.split(",")
+    cells[header.split(",").index(column)] = value
+    (tmp_path / "a" / name).write_text("\n".join([header, ",".join(cells), *rest]) + "\n")
+    why = rf"a/{name}: row 2 has {value} as {column}; it must be a finite number$"
+    with pytest.raises(ValueError, match=why):
+        STUDY.tell(Data(tmp_path / "a"), tmp_path / "b")
+    with pytest.raises(ValueError, match=why):
+        freeform.study(tmp_path / "a", QUICK)
 
 
 def test_the_page_has_what_the_study_writes():
