@@ -24,7 +24,7 @@ from taichi_sim.base.files import read_text
 from taichi_sim.base.plain_xml import parse_xml
 from taichi_sim.rigid import Network, Senses
 from taichi_sim.rigid.model.assembly import Model, check_start
-from taichi_sim.rigid.model.files import parse_model
+from taichi_sim.rigid.model.files import parse_model, read_model
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
@@ -33,6 +33,7 @@ Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
 USUAL_RATE = 50.0  # of commands [Hz]
 FORMER_SLIP = 0.01  # m/(N s), of earlier versions, whose records do not tell it
+READING = ("angles", "fixed", "speed", "fastest", "time_step")  # settings that say how the file is read
 STEADY = 16  # commands of a cycle at least, with which coupled oscillators are stable
 
 
@@ -120,8 +121,7 @@ class ArticulatedRobot(Robot):
             checks.positive("slip", self.slip)
         if self.light is not None:
             object.__setattr__(self, "light", _place("light", self.light))
-        settings = ("angles", "fixed", "speed", "fastest", "time_step")
-        model = parse_model(self.text, **{name: getattr(self, name) for name in settings})
+        model = parse_model(self.text, **{name: getattr(self, name) for name in READING})
         object.__setattr__(self, "model", model)
         self._check_command_rate()
         if not self.drives:
@@ -334,9 +334,9 @@ def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:
     """
     text = read_text(path)
     try:
-        robot = ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
-        check_start(robot.model.tree)
-        return robot
+        reading = {name: value for name, value in settings.items() if name in READING}
+        check_start(read_model(text, **reading).tree)  # before anything is told of a robot that is refused
+        return ArticulatedRobot(text, **{"name": Path(path).stem, **settings})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

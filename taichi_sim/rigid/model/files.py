@@ -27,10 +27,11 @@ def load_model(
     """
     text = read_text(path)
     try:
-        model = parse_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
+        model = read_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
         check_start(model.tree)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    _tell(model)
     return model
 
 
@@ -61,6 +62,21 @@ def parse_model(
     Raises:
         ValueError: for a text that is not such a file, or needs what the engine does not support.
     """
+    model = read_model(text, angles=angles, fixed=fixed, speed=speed, fastest=fastest, time_step=time_step)
+    _tell(model)
+    return model
+
+
+def read_model(
+    text: str,
+    *,
+    angles: Mapping[str, float] | None = None,
+    fixed: bool = False,
+    speed: float = 10.0,
+    fastest: float = 10.0,
+    time_step: float | None = None,
+) -> Model:
+    """Read a robot as :func:`parse_model` does, without its warning of what is ignored."""
     positive("speed", speed)
     positive("fastest", fastest)
     if time_step is not None:
@@ -69,11 +85,13 @@ def parse_model(
     if root.tag == "mujoco" and fixed:
         raise ValueError("fixed: True is not allowed of MJCF; leave the free joint out of the file")
     if root.tag == "mujoco":
-        model = read_mjcf(root, dict(angles or {}), speed, fastest, time_step)
-    elif root.tag == "robot":
-        model = read_urdf(root, dict(angles or {}), fixed, speed, time_step)
-    else:
-        raise ValueError(f"model: <{root.tag}> is unknown; give a file of <mujoco> (MJCF) or <robot> (URDF)")
+        return read_mjcf(root, dict(angles or {}), speed, fastest, time_step)
+    if root.tag == "robot":
+        return read_urdf(root, dict(angles or {}), fixed, speed, time_step)
+    raise ValueError(f"model: <{root.tag}> is unknown; give a file of <mujoco> (MJCF) or <robot> (URDF)")
+
+
+def _tell(model: Model) -> None:
+    """Name what is ignored of a file in one warning, if anything is."""
     if model.ignored:
-        warnings.warn(f"model: ignored are {'; '.join(model.ignored)}", stacklevel=2)
-    return model
+        warnings.warn(f"model: ignored are {'; '.join(model.ignored)}", stacklevel=3)
