@@ -18,6 +18,7 @@ _STRAIGHT = 1e-6  # sines below it are rounding
 DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
 _ROUNDED = 1e-2  # part of a moment of inertia that the digits of a file may lack; published files have two or three
 _COMPUTED = 1e-9  # part of a moment that is rounding of its computation
+_NONE = 1e-12  # part of the largest moment that counts as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +76,14 @@ class Lump:
             arm = part.centre - centre
             inertia = inertia + part.mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
         return Lump(mass, centre, inertia)
+
+    @property
+    def is_thin(self) -> bool:
+        """Whether nothing could move it on its own: it has no mass, or a moment of inertia of 0, as a point has."""
+        if self.mass == 0:
+            return True
+        small, _, large = np.linalg.eigvalsh((self.inertia + self.inertia.T) / 2)
+        return abs(float(small)) <= _NONE * float(large)
 
     @classmethod
     def of(cls, mass: float, place: Place, inertia: Floats) -> "Lump":
@@ -187,10 +196,10 @@ def placed(solid: Solid | Cylinder, name: str, place: Place) -> Solid:
 def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     """Build a tree from parts, which are given parents first.
 
-    Parts without mass that are fixed to another become one with it.
+    Parts without mass, or with a moment of inertia of 0, that are fixed to another become one with it.
 
     Raises:
-        ValueError: for a part without mass that moves on its own, or parts that ``Tree`` does not allow.
+        ValueError: for such a part that moves on its own, or parts that ``Tree`` does not allow.
     """
     found: dict[str, Part] = {}
     joined: dict[str, str] = {}
@@ -198,7 +207,7 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
         joint = part.joint
         if joint is not None:
             joint = replace(joint, parent=joined.get(joint.parent, joint.parent))
-        if isinstance(joint, Weld) and 0 in (part.lump.mass, found[joint.parent].lump.mass):
+        if isinstance(joint, Weld) and (part.lump.is_thin or found[joint.parent].lump.is_thin):
             carrier = found[joint.parent]
             found[joint.parent] = replace(carrier, lump=carrier.lump + part.lump, shapes=carrier.shapes + part.shapes)
             joined[part.name] = joint.parent
@@ -207,10 +216,12 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     bodies = []
     for part in found.values():
         lump = part.lump
-        if lump.mass == 0 and part.joint is None and fixed:
-            lump = Lump(1.0, lump.centre, np.eye(3))  # whatever does not move
+        if lump.is_thin and part.joint is None and fixed:
+            lump = Lump(lump.mass or 1.0, lump.centre, np.eye(3))  # whatever does not move
         if lump.mass == 0:
             raise ValueError(f"mass of {part.name}: 0 is not allowed; give an inertial or solids with a mass")
+        if lump.is_thin:
+            raise ValueError(f"inertia of {part.name}: a moment of 0 is not allowed; give moments above 0")
         shapes = [replace(shape, centre=np.asarray(shape.centre) - lump.centre) for shape in part.shapes]
         bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
     return Tree(bodies, [part.joint for part in found.values() if part.joint is not None], fixed)

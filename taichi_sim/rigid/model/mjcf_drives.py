@@ -8,6 +8,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from taichi_sim.rigid.model.mjcf_compiler import Compiler
+from taichi_sim.rigid.model.mjcf_schema import DRIVE_NOTES
 from taichi_sim.rigid.model.tree import Motor
 from taichi_sim.rigid.model.xml_values import keyword, named, not_negative, number, numbers
 
@@ -20,6 +22,7 @@ def drive(
     speed: float,
     fastest: float,
     quickest: float,
+    compiler: Compiler,
 ) -> tuple[Motor, list[str]]:
     """Convert an actuator to a drive of its hinge, and name the settings that are ignored.
 
@@ -36,6 +39,7 @@ def drive(
         speed: speed of position drives without any damping [1/s].
         fastest: rate of drives by torque at full command [rad/s].
         quickest: largest speed of a position drive [1/s].
+        compiler: settings of the file.
 
     Raises:
         ValueError: for other actuators, or if a range is missing or not symmetric.
@@ -43,37 +47,56 @@ def drive(
     gear = float(numbers(actuator, "gear", "1")[0])
     if actuator.tag not in ("position", "velocity", "motor") or gear == 0:
         raise ValueError(f"{named(actuator)}: not allowed; give position, velocity or motor, with a gear")
-    limited = keyword(actuator, "forcelimited", "auto", "true", "false") != "false" and "forcerange" in actuator.attrib
-    torque = abs(gear) * _symmetric(actuator, "forcerange") if limited else np.inf
+    limited = compiler.limits(actuator, "forcerange", "forcelimited") is not None
+    torque = abs(gear) * symmetric(actuator, "forcerange") if limited else np.inf
+    keyword(actuator, "ctrllimited", "auto", "true", "false")
+    if "inheritrange" not in actuator.attrib:
+        compiler.limits(actuator, "ctrlrange", "ctrllimited")
+    also = [f"{name} of drives" for name in DRIVE_NOTES if numbers(actuator, name, "0").any()]
     if actuator.tag == "motor":
-        torque = min(torque, abs(gear) * _symmetric(actuator, "ctrlrange"))
-        return Motor(torque, float(np.sign(gear)) * fastest), ["torques of motors, which are driven by rate"]
+        torque = min(torque, abs(gear) * symmetric(actuator, "ctrlrange"))
+        return Motor(torque, float(np.sign(gear)) * fastest), ["torques of motors, which are driven by rate", *also]
     low, high = _range(actuator, span, gear)
     middle, half = (low + high) / 2 / gear, (high - low) / 2 / gear
+    also = ["gains of drives", *also]
     if actuator.tag == "velocity":
         strongest = abs(gear) * _gain(actuator, "kv", "1") * (high - low)
-        return Motor(min(torque, strongest), half, 0.0, middle), ["gains of drives"]
+        return Motor(min(torque, strongest), half, 0.0, middle), also
     gain = _gain(actuator, "kp", "1")
     drag = gear**2 * _gain(actuator, "kv", "0") + damping
     eagerness = min(gear**2 * gain / drag if drag > 0 else speed, quickest)
     strongest = abs(gear) * gain * (high - low)
-    return Motor(min(torque, strongest), eagerness * half, -eagerness, eagerness * (middle - rest)), ["gains of drives"]
+    return Motor(min(torque, strongest), eagerness * half, -eagerness, eagerness * (middle - rest)), also
 
 
 def _gain(actuator: Element, attribute: str, default: str) -> float:
     return not_negative(actuator, attribute, number(actuator, attribute, default))
 
 
-def _symmetric(actuator: Element, attribute: str) -> float:
-    low, high = numbers(actuator, attribute, None, 2)
+def symmetric(element: Element, attribute: str) -> float:
+    """Read an attribute that holds a largest number in both directions, -x and x.
+
+    Raises:
+        ValueError: if it holds anything else.
+    """
+    low, high = numbers(element, attribute, None, 2)
     if not -low == high > 0:
-        raise ValueError(f"{named(actuator)}: {attribute} {actuator.get(attribute)!r} is not allowed; give -x and x")
+        raise ValueError(f"{named(element)}: {attribute} {element.get(attribute)!r} is not allowed; give -x and x")
     return float(high)
 
 
 def _range(actuator: Element, span: tuple[float, float] | None, gear: float) -> tuple[float, float]:
     """Smallest and largest control; a position actuator without a range has that of its hinge."""
-    if "ctrlrange" not in actuator.attrib and actuator.tag == "position" and span is not None:
+    given = bool(numbers(actuator, "ctrlrange", "0 0", 2).any())
+    if share := number(actuator, "inheritrange", "0"):
+        if given or span is None or share < 0:
+            raise ValueError(
+                f"{named(actuator)}: inheritrange {share:g} is not allowed; give a positive share of the range that "
+                "its joint has, or a ctrlrange"
+            )
+        middle, half = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
+        return middle - share * half, middle + share * half
+    if not given and actuator.tag == "position" and span is not None:
         return min(gear * span[0], gear * span[1]), max(gear * span[0], gear * span[1])
     low, high = numbers(actuator, "ctrlrange", None, 2)
     if not low < high:

@@ -176,9 +176,12 @@ def _ignored(root: Element, angles: dict[str, float]) -> tuple[str, ...]:
     revolute = [joint for joint in root.findall("joint") if joint.get("type") == "revolute"]
     if any(rest_within(_range(joint), 0.0)[1] for joint in revolute if joint.get("name", "") not in angles):
         found.append(OUTSIDE)
-    friction = [
-        each for each in root.findall("joint/dynamics") if number(each, "friction", "0") or number(each, "damping", "0")
+    own = [
+        not_negative(joint, name, number(each, name, "0"))
+        for joint in root.findall("joint")
+        for each in joint.findall("dynamics")
+        for name in ("friction", "damping")
     ]
-    if friction:
+    if any(own):
         found.append("friction and damping of joints")
     return tuple(found)

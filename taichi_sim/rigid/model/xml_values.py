@@ -9,6 +9,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, shown
 
 _OF_NUMBERS = re.compile(r"[0-9.eE+\-\s]*", re.ASCII)  # what remains of Python's syntax is that of C and XML
+_INTEGER = re.compile(r"[+-]?[0-9]{1,10}", re.ASCII)
 
 
 def named(element: Element) -> str:
@@ -39,6 +40,48 @@ def numbers(element: Element, attribute: str, default: str | None = None, count:
 def number(element: Element, attribute: str, default: str | None = None) -> float:
     """Read an attribute with a single number, with the errors of :func:`numbers`."""
     return float(numbers(element, attribute, default, 1)[0])
+
+
+def integer(element: Element, attribute: str, default: str) -> int:
+    """Read an attribute with a whole number of 32 bits.
+
+    Raises:
+        ValueError: if it holds anything else.
+    """
+    text = element.get(attribute, default).strip()
+    if not _INTEGER.fullmatch(text) or not -(2**31) <= int(text) < 2**31:
+        raise ValueError(f"{named(element)}: {attribute} {shown(text)} is not allowed; give a whole number")
+    return int(text)
+
+
+def limits(element: Element, attribute: str, limited: str, automatic: bool) -> tuple[float, float] | None:
+    """Read two limits that hold only if the element says so, or may be told from their being given.
+
+    Args:
+        element: that has them.
+        attribute: of the limits; ``0 0`` counts as none.
+        limited: attribute that says whether they hold: ``true``, ``false`` or, by default, ``auto``.
+        automatic: whether ``auto`` is allowed of limits that are given; they hold then.
+
+    Returns:
+        The lower and the upper limit, or None without.
+
+    Raises:
+        ValueError: for limits that are missing, or not in order, or if it is not told whether they hold.
+    """
+    rule = keyword(element, limited, "auto", "true", "false")
+    low, high = numbers(element, attribute, None if rule == "true" else "0 0", 2)
+    if rule == "auto" and (low or high) and not automatic:
+        raise ValueError(
+            f"{named(element)}: {attribute} without {limited} is not allowed with autolimits false; give it"
+        )
+    if rule == "false" or (rule == "auto" and not (low or high)):
+        return None
+    if not low < high:
+        raise ValueError(
+            f"{named(element)}: {attribute} {element.get(attribute)!r} is not allowed; give two limits, the lower first"
+        )
+    return float(low), float(high)
 
 
 def not_negative(owner: Element, attribute: str, value: float) -> float:

@@ -67,6 +67,31 @@ REFUSED = {
     "a gain below 0": (driven(actuator='kp="-1"'), "position servo: kp -1 is not allowed; give at least 0"),
     "a drag below 0": (driven(actuator='kp="1" kv="-1"'), "position servo: kv -1 is not allowed; give at least 0"),
     "damping below 0": (driven('damping="-1"'), "joint hip: damping -1 is not allowed; give at least 0"),
+    "damping below 0 of a joint without a drive": (
+        driven('damping="-1"')
+        .replace('joint="hip"', 'joint="knee"')
+        .replace(
+            "</body></body>", '<body name="shin"><joint name="knee"/><geom size="0.1" mass="1"/></body></body></body>'
+        ),
+        "joint hip: damping -1 is not allowed; give at least 0",
+    ),
+    "damping below 0 of a link": (
+        cart().replace("<limit", '<dynamics damping="-1"/><limit'),
+        "joint axle: damping -1 is not allowed; give at least 0",
+    ),
+    "friction below 0 of a link": (
+        cart().replace("<limit", '<dynamics friction="-1"/><limit'),
+        "joint axle: friction -1 is not allowed; give at least 0",
+    ),
+    "an unknown rule of controls": (driven(actuator='ctrllimited="no"'), "ctrllimited of position servo: 'no' is"),
+    "an unknown sequence": (
+        ball(head='<compiler eulerseq="abc"/>'),
+        "compiler: eulerseq 'abc' is not allowed; give three of x, y, z, X, Y and Z",
+    ),
+    "an unknown number of dimensions": (
+        ball('size="0.5" condim="2"'),
+        "geom skin: condim 2 is not allowed; give 1, 3, 4 or 6",
+    ),
     "no time": (
         ball(head='<option timestep="0"/>'),
         "timestep of option: 0.0 is not allowed; give a positive finite number",

@@ -73,8 +73,8 @@ def test_an_ant_has_its_hinges_drives_and_senses():
     assert model.commands == ("first", "hip 0", "hip 1") and knee.command == 0 and tree.motors == 3
     # kp / (kv + damping) = 20 of what lacks in a second; controls of +-0.5 are angles, commands of +-1
     assert (knee.motor.torque, knee.motor.by_angle, knee.motor.by_command, knee.motor.offset) == (15, -20, 10, 0)
-    wheel = hinges["aux 0"].motor  # gear 2: half the rate, and at most 2 x 4 x 6 N m
-    assert (wheel.torque, wheel.by_angle, wheel.by_command, wheel.offset) == (48, 0, 1.5, 0)
+    wheel = hinges["aux 0"].motor  # gear 2: half the rate; 2 x the default forcerange, which all kinds share
+    assert (wheel.torque, wheel.by_angle, wheel.by_command, wheel.offset) == (30, 0, 1.5, 0)
     assert (hinges["aux 1"].motor.torque, hinges["aux 1"].motor.by_command) == (150, 12)
     assert hinges["aux 3"].motor is None
     assert list(model.senses.touch) == ["shin 3", "torso"]
@@ -424,7 +424,10 @@ BAD = {
         "joint k: stiffness '5' is not allowed without an actuator",
     ),
     "an axis of no length": (with_joint('<joint name="k" axis="0 0 0"/>'), "joint k: axis '0 0 0' is not allowed"),
-    "stops that exclude the rest": (with_joint('<joint range="20 10"/>'), "stops of leg"),
+    "stops that exclude the rest": (
+        with_joint('<joint range="20 10"/>'),
+        "joint: range '20 10' is not allowed; give two limits, the lower first",
+    ),
     "an unknown class": (with_joint('<joint name="k" class="x"/>'), "joint k: there is no class 'x'; there are main"),
     "a mesh": (mjcf(BALL.replace("sphere", "mesh")), "geom: type 'mesh' is not allowed; give sphere, capsule, box"),
     "a turned box": (
