@@ -18,6 +18,7 @@ _STRAIGHT = 1e-6  # sines below it are rounding
 DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
 _ROUNDED = 1e-2  # part of a moment of inertia that the digits of a file may lack; published files have two or three
 _COMPUTED = 1e-9  # part of a moment that is rounding of its computation
+_MOST = 1e150  # kg m^2; eigenvalues of more do not converge
 _NONE = 1e-12  # part of the largest moment that counts as none
 
 
@@ -161,7 +162,7 @@ def possible_inertia(name: str, inertia: Floats, balanced: bool) -> Floats:
     Raises:
         ValueError: for an inertia that is impossible by more than its digits explain.
     """
-    small, middle, large = np.linalg.eigvalsh(inertia)
+    small, middle, large = np.linalg.eigvalsh(computable(name, inertia))
     if balanced and large - small - middle > _COMPUTED * large:
         return np.eye(3) * (small + middle + large) / 3
     if large - small - middle > _ROUNDED * large:
@@ -169,6 +170,17 @@ def possible_inertia(name: str, inertia: Floats, balanced: bool) -> Floats:
             f"{name}: an inertia of moments {small:g}, {middle:g}, {large:g} is not allowed; give ones of which none "
             'exceeds the sum of the others, or a compiler with balanceinertia="true"'
         )
+    return inertia
+
+
+def computable(name: str, inertia: Floats) -> Floats:
+    """Return an inertia whose moments can be computed.
+
+    Raises:
+        ValueError: for one that is too large.
+    """
+    if not np.abs(inertia).max() <= _MOST:
+        raise ValueError(f"{name}: moments of inertia beyond {_MOST:g} kg m^2 are not allowed; give less mass")
     return inertia
 
 
@@ -205,6 +217,7 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
     joined: dict[str, str] = {}
     for part in parts:
         joint = part.joint
+        computable(f"inertia of {part.name}", part.lump.inertia)
         if joint is not None:
             joint = replace(joint, parent=joined.get(joint.parent, joint.parent))
         if isinstance(joint, Weld) and (part.lump.is_thin or found[joint.parent].lump.is_thin):

@@ -26,7 +26,7 @@ from taichi_sim.rigid.model.mjcf_compiler import Compiler, merged
 from taichi_sim.rigid.model.mjcf_contact import Contacts
 from taichi_sim.rigid.model.mjcf_defaults import Defaults
 from taichi_sim.rigid.model.mjcf_drives import drive, symmetric
-from taichi_sim.rigid.model.mjcf_matter import read_matter
+from taichi_sim.rigid.model.mjcf_matter import check_solid, read_matter
 from taichi_sim.rigid.model.mjcf_schema import (
     IGNORED,
     TRANSMISSIONS,
@@ -127,7 +127,9 @@ class _Reader:
         """Read all bodies; return whether the base is fixed to the world."""
         for worldbody in self.root.iterfind("worldbody"):
             for geom in worldbody.iterfind("geom"):
-                self.contacts.add(self.defaults.resolved(geom, "main"))
+                solid = self.defaults.resolved(geom, "main")
+                check_solid(solid, self.compiler)
+                self.contacts.add(solid)
         base, world = self.base, Place(np.zeros(3), np.eye(3))
         loose = [_is_free(joint) for joint in self._joints_of(base, "main")]
         hanging = bool(loose) and not loose[0]
@@ -283,4 +285,6 @@ def _is_free(joint: Element) -> bool:
 
 def _unlike(name: str, taken: set[str]) -> str:
     """A name for what has none, which nothing in the file has."""
-    return name if name not in taken else _unlike(f"{name}'", taken)
+    while name in taken:
+        name += "'"
+    return name

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.rigid.model.assembly import computable
 from taichi_sim.rigid.model.mjcf_schema import checked
 from taichi_sim.rigid.model.xml_values import direction, keyword, limits, named, number, numbers
 
@@ -107,10 +108,10 @@ class Compiler:
         """Two limits of an element, None without, with the errors of :func:`limits`."""
         return limits(element, attribute, limited, self.automatic)
 
-    def bounded(self, mass: float, inertia: Floats) -> tuple[float, Floats]:
-        """A body's mass and inertia, with the least mass and the least principal moments that the file allows."""
+    def bounded(self, name: str, mass: float, inertia: Floats) -> tuple[float, Floats]:
+        """The mass and inertia of what has a name, with the least mass and principal moments that the file allows."""
         if self.smallest > 0:
-            moments, axes = np.linalg.eigh(inertia)
+            moments, axes = np.linalg.eigh(computable(name, inertia))
             if moments[0] < self.smallest:
                 inertia = axes @ np.diag(np.maximum(moments, self.smallest)) @ axes.T
         return max(mass, self.lightest), inertia

@@ -57,7 +57,11 @@ class Defaults:
             self._read(child, inner, own)
 
     def named(self, name: str, element: Element) -> str:
-        """Return the name of a class, with the errors of :meth:`resolved`; the element is that which has it."""
+        """Return the name of a class that an element gives.
+
+        Raises:
+            ValueError: if there is no such class.
+        """
         if name not in self.classes:
             raise ValueError(f"{named(element)}: there is no class {name!r}; there are {', '.join(self.classes)}")
         return name
@@ -86,7 +90,7 @@ class Defaults:
                 f"{named(element)}: defaults of <{settings['of']}> are not allowed for it; give it a class without them"
             )
         if element.tag != "position":
-            for name in ("dampratio", "timeconst", "inheritrange"):
+            for name in ("dampratio", "dyntype", "inheritrange", "timeconst"):
                 settings.pop(name, None)
         return Element(element.tag, {**{each: element.get(each, "") for each in _OWN}, **settings})
 

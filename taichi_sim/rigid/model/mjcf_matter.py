@@ -17,6 +17,17 @@ from taichi_sim.rigid.model.shapes import Solid
 from taichi_sim.rigid.model.xml_values import integer, keyword, named, not_negative, number, numbers, single
 
 _SIZES = {"sphere": 1, "capsule": 2, "box": 3, "cylinder": 2}  # numbers in size; halves of lengths and edges
+_HEAVIEST = 1e100  # kg; the squares of distances times it stay numbers
+
+
+def check_solid(geom: Element, compiler: Compiler) -> None:
+    """Check that a solid of the world that touches nothing is one that there is.
+
+    Raises:
+        ValueError: for sizes or places that are not allowed.
+    """
+    if geom.get("type", "sphere") in _SIZES:
+        _read_geom(geom, geom.get("type", "sphere"), Place(np.zeros(3), np.eye(3)), compiler)
 
 
 def read_matter(
@@ -51,7 +62,7 @@ def read_matter(
             if keyword(geom, "shellinertia", "false", "true") == "true":
                 raise ValueError(f"{named(geom)}: shellinertia is not allowed; give solids, with a mass")
             density = not_negative(geom, "density", number(geom, "density", "1000"))
-            mass = not_negative(geom, "mass", number(geom, "mass", str(density * solid.volume)))
+            mass = _mass(geom, number(geom, "mass", str(min(density * solid.volume, 2 * _HEAVIEST))))
             lump = lump + Lump.of(mass, at, solid.inertia(mass))
         if touches:
             shapes.append(placed(solid, named(geom), at))
@@ -63,9 +74,9 @@ def read_matter(
                 contacts.ignored["edges of cylinders, which touch the ground as capsules of their length"] = None
     if own is not None and (not from_geoms or lump.mass == 0):
         at, mass, matrix = own
-        mass, matrix = compiler.bounded(mass, matrix)
+        mass, matrix = compiler.bounded(owner, mass, matrix)
         return Lump.of(mass, at, possible_inertia(owner, matrix, compiler.balanced)), shapes
-    mass, inertia = compiler.bounded(lump.mass, lump.inertia)
+    mass, inertia = compiler.bounded(f"inertia of {named(body)}", lump.mass, lump.inertia)
     if mass != lump.mass or inertia is not lump.inertia:
         # MuJoCo has a body's place in its carrier as the centre of what has none, in the body's own frame.
         alone = place.position + place.rotation @ numbers(body, "pos", "0 0 0", 3)
@@ -84,7 +95,13 @@ def _read_inertial(inertial: Element, owner: str, place: Place, compiler: Compil
         matrix = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     else:
         matrix = np.diag(numbers(inertial, "diaginertia", None, 3))
-    return at, not_negative(inertial, "mass", number(inertial, "mass")), matrix
+    return at, _mass(inertial, number(inertial, "mass")), matrix
+
+
+def _mass(element: Element, mass: float) -> float:
+    if mass > _HEAVIEST:
+        raise ValueError(f"{named(element)}: mass {mass:g} is not allowed; give at most {_HEAVIEST:g} kg")
+    return not_negative(element, "mass", mass)
 
 
 def _read_geom(geom: Element, kind: str, place: Place, compiler: Compiler) -> tuple[Place, Solid | Cylinder]:

@@ -67,6 +67,22 @@ REFUSED = {
     "a gain below 0": (driven(actuator='kp="-1"'), "position servo: kp -1 is not allowed; give at least 0"),
     "a drag below 0": (driven(actuator='kp="1" kv="-1"'), "position servo: kv -1 is not allowed; give at least 0"),
     "damping below 0": (driven('damping="-1"'), "joint hip: damping -1 is not allowed; give at least 0"),
+    "a mass beyond all": (
+        ball('size="0.5" mass="1e308"'),
+        "geom skin: mass 1e+308 is not allowed; give at most 1e+100",
+    ),
+    "a density beyond all": (
+        ball('size="1e5" density="1e307"'),
+        "geom skin: mass 2e+100 is not allowed; give at most 1e+100 kg",
+    ),
+    "moments beyond all": (
+        ball(inertial=inertial('diaginertia="1e308 1e308 1e308"')),
+        "inertial of body ball: moments of inertia beyond 1e+150 kg m^2 are not allowed; give less mass",
+    ),
+    "a moment of 0 of what moves": (
+        ball(inertial=inertial('diaginertia="0 1 1"')),
+        "inertia of ball: a moment of 0 is not allowed; give moments above 0",
+    ),
     "damping below 0 of a joint without a drive": (
         driven('damping="-1"')
         .replace('joint="hip"', 'joint="knee"')
