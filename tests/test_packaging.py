@@ -128,3 +128,9 @@ def test_type_checks_are_relaxed_only_for_modules_that_exist():
 def test_only_the_runtime_imports_taichi():
     places = [place for folder in PACKAGES for place, package in imports(folder) if package in ("taichi", "quadrants")]
     assert {place.partition(":")[0] for place in places} == {"taichi_sim/runtime.py"}
+
+
+def test_only_tests_need_mujoco():
+    assert [place for folder in PACKAGES for place, package in imports(folder) if package == "mujoco"] == []
+    needing = {extra for extra, texts in PROJECT["optional-dependencies"].items() if "mujoco" in " ".join(texts)}
+    assert needing == {"dev"} and "mujoco" not in " ".join(PROJECT["dependencies"])
