@@ -15,7 +15,7 @@ from taichi_sim.rigid import slots
 from taichi_sim.rigid.feedback import Feedback, felt_slots, go_back, roll
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.run import Run, bodies_of
-from taichi_sim.rigid.tables import parameters_of, points_of
+from taichi_sim.rigid.tables import parameters_of, points_of, portions_of
 
 _SHIFT = 1e-5  # part of a number by which descriptions are shifted; they are polynomials of low degree
 
@@ -37,6 +37,8 @@ class RigidGradient:
         places: of bodies on their own at the start, (B, bodies, 3) [1/m]; zero unless they may drift.
         carried: velocities, or momenta, of bodies at the start, (B, bodies, 6); all other derivatives hold them fixed.
         described: whether robots started as their trees describe them.
+        portions: of portions in water, (B, portions, 17), as ``tables.portions_of`` orders them.
+        drag: coefficients of pressure drag and friction drag; None without water.
     """
 
     weights: Floats
@@ -51,6 +53,8 @@ class RigidGradient:
     places: Floats
     carried: Floats
     described: bool
+    portions: Floats
+    drag: tuple[float, float] | None = None
 
     def by_design(self, tree_of: Callable[[float], Tree], value: float) -> Floats:
         """Derivatives by a number that robots are described by, (B,): of each robot, if its tree is that of the number.
@@ -65,16 +69,16 @@ class RigidGradient:
         if not self.described:
             raise ValueError("start: derivatives by a design are those of robots that start as described; give None")
         shift = _SHIFT * max(abs(value), 1e-3)
-        lower, upper = (_numbers(tree_of(value + side * shift)) for side in (-1, 1))
+        lower, upper = (self._numbers(tree_of(value + side * shift)) for side in (-1, 1))
         slopes = [(high - low) / (2 * shift) for low, high in zip(lower, upper, strict=True)]
-        mine = (self.parameters, self.points, self.places, self.position)
+        mine = (self.parameters, self.points, self.places, self.position, self.portions)
         found = [(x * slope).reshape(len(x), -1).sum(1) for x, slope in zip(mine, slopes, strict=True)]
         return np.asarray(sum(found), float)
 
-
-def _numbers(tree: Tree) -> tuple[Floats, ...]:
-    places = np.array([body.position for body, _ in tree.ordered], float)
-    return parameters_of(tree), points_of(tree), places, places[0]
+    def _numbers(self, tree: Tree) -> tuple[Floats, ...]:
+        places = np.array([body.position for body, _ in tree.ordered], float)
+        portions = np.zeros((0, slots.PORTION_WIDTH)) if self.drag is None else portions_of(tree, *self.drag)
+        return parameters_of(tree), points_of(tree), places, places[0], portions
 
 
 class RigidTape:
@@ -135,7 +139,7 @@ class RigidTape:
         if self._run.world.slip is None:  # the strength of friction grows with each kilogram
             of_mass = found[slots.SLIP_STRENGTH] * self._run.world.slip_strength(1.0)
             parameters[:, self._run.moving, slots.MASS] += of_mass[:, None]
-        bodies = np.moveaxis(bodies_of(found, plan), -1, 0)
+        bodies, world = np.moveaxis(bodies_of(found, plan), -1, 0), self._run.world
         return RigidGradient(
             weights=section(plan[slots.WEIGHT], 0 if commands else sensors, motors),
             commands=section(plan[slots.COMMAND], commands, motors),
@@ -149,4 +153,6 @@ class RigidTape:
             places=bodies[..., slots.OWN : slots.OWN + 3],
             carried=bodies[..., slots.CARRIED : slots.CARRIED + 6],
             described=self._run.described,
+            portions=section(plan[slots.PORTION], plan[slots.PORTIONS], slots.PORTION_WIDTH),
+            drag=(world.pressure_drag, world.friction_drag) if self._run.wet else None,
         )

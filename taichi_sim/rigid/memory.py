@@ -38,6 +38,7 @@ class Block(NamedTuple):
         settings: numbers of the run, see ``slots.TIME_STEP`` and so on.
         drifting: whether bodies carry velocities and may drift off their hinges; else they carry momenta.
         ground: uneven ground, or None.
+        wet: whether there is water on it.
     """
 
     m: Any
@@ -48,6 +49,7 @@ class Block(NamedTuple):
     settings: Any
     drifting: bool
     ground: Uneven | None = None
+    wet: bool = False
 
     @property
     def uneven(self) -> bool:

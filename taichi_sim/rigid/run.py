@@ -89,6 +89,11 @@ class Run:
         return found
 
     @property
+    def wet(self) -> bool:
+        """Whether there is water."""
+        return self.ground is not None and self.ground.water
+
+    @property
     def moving(self) -> slice:
         """Bodies that may move: all but a base that is fixed to the world."""
         return slice(1 if self.trees[0].fixed else 0, None)
@@ -157,7 +162,8 @@ class Part:
         self.memory = self.store(int(self._plan[slots.SLOTS]))
         self.memory.write(run.memory(self.padded))
         listed = np.zeros((self._blocks, max(1, int(self._plan[slots.POINTS]))), np.int32)
-        self._kind = run.real, GRAIN if self._on_cpu else 1, run.world.integration == "velocity", run.ground is not None
+        drifting, grain = run.world.integration == "velocity", GRAIN if self._on_cpu else 1
+        self._kind = run.real, grain, drifting, run.ground is not None, run.wet
         self._shared = self._plan, listed, run.settings, *run.grids(self.padded)
 
     def store(self, count: int) -> Store:

@@ -5,15 +5,14 @@ makes the plan.
 """
 
 # Places in the plan: counts; first slots of sections of the memory; then where lists begin in the plan itself: the body
-# of each point, the hinged bodies between the base and each body, the body of each light sensor, the slots that a step
-# starts from (KEPT of them), and those that are recorded (FRAME_WIDTH). Before these lists, after the places, lie the
-# integers of bodies. A launch goes from step FIRST to step UNTIL of the STEPS of a run.
-BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS = range(8)
-HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH, FIRST, UNTIL = range(8, 17)
-BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = (
-    range(17, 29)
-)
-POINT_BODIES, PATHS, EYES, STATE, FRAME, PLACES = range(29, 35)
+# of each point, the hinged bodies between the base and each body, the body of each light sensor and of each portion,
+# the slots that a step starts from (KEPT of them), and those that are recorded (FRAME_WIDTH). Before these lists, after
+# the places, lie the integers of bodies. A launch goes from step FIRST to step UNTIL of the STEPS of a run.
+BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS, PORTIONS = range(9)
+HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH, FIRST, UNTIL = range(9, 18)
+BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, WATER, PORTION, WET_BODY = range(18, 26)
+READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = range(26, 33)
+POINT_BODIES, PATHS, EYES, PORTION_BODIES, STATE, FRAME, PLACES = range(33, 40)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
 # reduction in a second, FLOATING 0 where the base is fixed to the world; GRAVITY is the first of three.
@@ -50,6 +49,12 @@ AT, DEEP, IMPULSES, RUBS, ROW, RIGHT, MEMBER, SCRATCH, EXCESS, SLIDES = 0, 3, 4,
 NORMAL, ROUGHNESS, HINGES = 18, 21, 22
 POINT_PARAMETER_WIDTH = 4  # offset from the body's centre, radius
 LIGHT_PARAMETER_WIDTH = 3
+
+# Only of robots in water. The water: level of its surface; weight, mass that is carried along and half the mass, per
+# volume. A portion of a body: its centre from the body's, spread, volume, whether it is a ball (1 or 0), drag areas.
+# Of a body: its motion before the step, and what water adds to its spatial inertia.
+WATER_WIDTH, PORTION_WIDTH = 4, 17
+MOTION_BEFORE, WATER_INERTIA, WET_BODY_WIDTH = 0, 6, 27
 
 # Columns of the integers of bodies and points.
 PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.shapes import Vector, vector
 from taichi_sim.rigid.model.tree import Hinge, Tree
@@ -32,19 +33,21 @@ class Senses:
         return len(self.touch) + len(self.light)
 
 
-def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
+def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False) -> Ints:
     """The plan of a tree's memory (see ``slots``), but for the numbers of a run; trees of one structure have the same.
 
     Args:
         tree: the robot.
         senses: what it senses.
         commands: how many commands it is given over time, 0 for neurons.
+        wet: whether there is water, in which its bodies are portions.
 
     Raises:
         ValueError: for senses of bodies that do not exist or cannot touch.
     """
     points = [n for n, _, _ in tree.points()]
     eyes = [tree.place_of(name) for name, _ in senses.light]
+    portions = [n for n, *_ in tree.portions()] if wet else []
     rows, paths = _structure(tree, senses)
     bodies, depth, sensors, motors, pairs = (
         *paths.shape,
@@ -54,11 +57,13 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
     )
     point_width = slots.HINGES + depth
     plan: Ints = np.zeros(slots.PLACES, np.int32)
-    plan[: slots.HOLD] = bodies, len(points), len(senses.touch), len(eyes), sensors, motors, depth, commands
+    touches, parts = len(senses.touch), len(portions)
+    plan[: slots.HOLD] = bodies, len(points), touches, len(eyes), sensors, motors, depth, commands, parts
     widths = (  # from BODY to FACTOR
         *(slots.BODY_WIDTH * bodies, slots.PARAMETER_WIDTH * bodies, point_width * len(points)),
-        *(slots.POINT_PARAMETER_WIDTH * len(points), slots.LIGHT_PARAMETER_WIDTH * len(eyes), sensors, motors),
-        *(sensors * motors, commands * motors, pairs, pairs),
+        *(slots.POINT_PARAMETER_WIDTH * len(points), slots.LIGHT_PARAMETER_WIDTH * len(eyes)),
+        *(slots.WATER_WIDTH * wet, slots.PORTION_WIDTH * parts, slots.WET_BODY_WIDTH * bodies * wet),
+        *(sensors, motors, sensors * motors, commands * motors, pairs, pairs),
     )
     plan[slots.BODY : slots.SLOTS + 1] = slots.HEAD + np.cumsum([0, *widths])
     body_slots = plan[slots.BODY] + slots.BODY_WIDTH * np.arange(bodies)[:, None]
@@ -67,7 +72,8 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0) -> Ints:
     readings = plan[slots.READING] + np.arange(sensors)
     state = _listed(pose, body_slots + np.arange(slots.STATE_WIDTH), neurons, impulses + np.arange(2))
     frame = _listed(pose, body_slots[tree.hinged] + slots.ANGLE, readings, neurons)
-    lists = rows.ravel(), _listed(points), paths.ravel(), _listed(eyes), state, frame  # the latter from POINT_BODIES on
+    # All but the first from POINT_BODIES on.
+    lists = rows.ravel(), _listed(points), paths.ravel(), _listed(eyes), _listed(portions), state, frame
     plan[[slots.KEPT, slots.FRAME_WIDTH]] = len(state), len(frame)
     plan[slots.POINT_BODIES :] = slots.PLACES + np.cumsum([len(each) for each in lists[:-1]])
     return np.concatenate([plan, *lists])
@@ -128,6 +134,23 @@ def parameters_of(tree: Tree) -> Floats:
 def points_of(tree: Tree) -> Floats:
     """Centres and radii of all points, (points, 4)."""
     return np.array([(*centre, radius) for _, centre, radius in tree.points()]).reshape(-1, 4)
+
+
+def portions_of(tree: Tree, pressure_drag: float, friction_drag: float) -> Floats:
+    """What water knows of the portions of a tree, (portions, PORTION_WIDTH), see ``slots``."""
+    lower, found = np.tril_indices(3), []
+    for _, each, faces in tree.portions():
+        drag = pressure_drag * faces.pressure + friction_drag * faces.friction
+        found.append((*each.centre, *each.spread[lower], each.volume, each.is_ball, *drag[lower]))
+    return np.array(found).reshape(-1, slots.PORTION_WIDTH)
+
+
+def water_of(relief: Relief) -> Floats:
+    """The water on a ground, (WATER_WIDTH,), see ``slots``."""
+    water = relief.water
+    assert water is not None
+    per_volume = water.gravity, water.added_mass, 0.5
+    return np.array([water.level, *(water.density * factor for factor in per_volume)])
 
 
 def eyes_of(senses: Senses) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Literal
 
-from taichi_sim.base.checks import Finite, Positive, check_fields, number, numbers
+from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, numbers
 
 CREEP = 1e-4  # m/s, of a robot that a force of its weight on earth drags along
 EARTH = 9.81  # m/s^2
@@ -41,6 +41,9 @@ class World:
             ``"velocity"`` carries each body's velocity, adds the gyroscopic moment at the start of the step and lets
             bodies drift off their hinges, as the solver does that the studies of chapters 2 and 3 ran on (ODE).
         gravity_across: gravity along x and y [m/s^2], of ground that is tilted, whose normal is z.
+        pressure_drag: in water, coefficient of faces that it meets; 1.2 is that of a plate broadside on (Hoerner,
+            Fluid-Dynamic Drag, 1965, ch. III).
+        friction_drag: in water, coefficient of faces that it flows along.
     """
 
     time_step: Positive = 0.05
@@ -50,6 +53,8 @@ class World:
     error_reduction: Annotated[float, partial(number, low=0.0, high=1.0)] = 0.2
     integration: Literal["momentum", "velocity"] = "momentum"
     gravity_across: Annotated[tuple[float, float], _two] = (0.0, 0.0)
+    pressure_drag: NotNegative = 1.2
+    friction_drag: NotNegative = 0.02
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -1,4 +1,4 @@
-"""Solids that bodies are made of: where they may touch flat ground, and how mass lies in them."""
+"""Solids that bodies are made of: where they touch flat ground, how mass lies in them, what water finds of them."""
 
 import math
 from collections.abc import Sequence
@@ -54,9 +54,53 @@ def _direction(field: str, value: Vector) -> tuple[float, ...]:
 
 
 Place = Annotated[Vector, triple]
+MOST_SLICES, MOST_BLOCKS = 6, 3  # of a capsule and along an edge of a box, in water
 LARGEST = 1e6  # m; the fifth powers of sizes in inertias stay far within single precision
 _size = partial(positive, high=LARGEST)
 Size = Annotated[float, _size]
+
+
+@dataclass(frozen=True, eq=False)
+class Portion:
+    """A part of a solid as water sees it.
+
+    Attributes:
+        centre: from the body's centre of mass [m].
+        spread: three times the covariance of its places about its centre, (3, 3) [m^2]; along a direction n its heights
+            lie evenly within sqrt(n.spread n) of the centre's, so that of a block at rest is exact.
+        volume: [m^3].
+        is_ball: whether it is a ball instead, exactly; ``spread`` has its squared radius then.
+    """
+
+    centre: Floats
+    spread: Floats
+    volume: float
+    is_ball: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """Areas by which a fluid resists a solid that moves, as symmetric matrices in the axes at rest, (3, 3) [m^2].
+
+    They are what drag on faces, as of lattice robots, comes to where a solid moves along one of its own axes: pressure
+    on a face by the square of the cosine between its normal and the motion, friction by that of the sine.
+
+    Attributes:
+        pressure: that meet the fluid.
+        friction: that it flows along.
+    """
+
+    pressure: Floats
+    friction: Floats
+
+    def shared(self, count: int) -> "Faces":
+        """One of so many equal shares."""
+        return Faces(self.pressure / count, self.friction / count)
+
+
+def _about(axis: Floats, along: float, across: float) -> Floats:
+    """The symmetric matrix with one value along a unit vector, and another across it."""
+    return across * np.eye(3) + (along - across) * np.outer(axis, axis)
 
 
 @dataclass(frozen=True)
@@ -82,6 +126,15 @@ class Sphere:
     def points(self) -> list[tuple[Floats, float]]:
         """Balls that stand for the solid in contact: centres from the body's centre of mass, and radii [m]."""
         return [(np.array(self.centre), self.radius)]
+
+    def portions(self) -> list[Portion]:
+        """Itself."""
+        return [Portion(np.array(self.centre), self.radius**2 * np.eye(3), self.volume, is_ball=True)]
+
+    def faces(self) -> Faces:
+        """Areas that a fluid resists."""
+        section = math.pi * self.radius**2
+        return Faces(section / 2 * np.eye(3), 8 / 3 * section * np.eye(3))
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
@@ -117,6 +170,24 @@ class Capsule:
         arm = unit("axis", self.axis) * self.length / 2
         return [(np.array(self.centre) + side * arm, self.radius) for side in (-1.0, 1.0)]
 
+    def portions(self) -> list[Portion]:
+        """One for either half ball, and some along the cylinder, about as long as thick where they are not too many."""
+        r, axis, cap = self.radius, unit("axis", self.axis), 3 / 8 * self.radius  # of a half ball, to its centre
+        count = min(MOST_SLICES, max(1, round(self.length / (2 * r))))
+        thick = self.length / count
+        middles = thick * (np.arange(count) + 0.5) - self.length / 2
+        slices = [(at, _about(axis, thick**2 / 4, 3 / 4 * r**2), math.pi * r**2 * thick) for at in middles]
+        half = _about(axis, 57 / 320 * r**2, 3 / 5 * r**2), 2 / 3 * math.pi * r**3
+        ends = [(side * (self.length / 2 + cap), *half) for side in (-1.0, 1.0)]
+        return [Portion(np.array(self.centre) + at * axis, spread, volume) for at, spread, volume in slices + ends]
+
+    def faces(self) -> Faces:
+        """Areas that a fluid resists."""
+        r, l, axis = self.radius, self.length, unit("axis", self.axis)
+        ends, side = math.pi * r**2, math.pi * r * l
+        pressure = _about(axis, ends / 2, ends / 2 + 4 / 3 * r * l)
+        return Faces(pressure, _about(axis, 8 / 3 * ends + 2 * side, 8 / 3 * ends + side))
+
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
         r, l = self.radius, self.length
@@ -125,7 +196,7 @@ class Capsule:
         along = (0.5 * cylinder + 0.4 * ends) * r**2
         across = cylinder * (r**2 / 4 + l**2 / 12) + ends * (0.4 * r**2 + 0.375 * r * l + l**2 / 4)
         axis = unit("axis", self.axis)
-        return across * np.eye(3) + (along - across) * np.outer(axis, axis)
+        return _about(axis, along, across)
 
 
 @dataclass(frozen=True)
@@ -155,6 +226,20 @@ class Box:
         half = np.array(self.size) / 2
         signs = np.array([(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
         return [(np.array(self.centre) + half * each, 0.0) for each in signs]
+
+    def portions(self) -> list[Portion]:
+        """Equal blocks, three along the longest edge and fewer along much shorter ones."""
+        size = np.array(self.size)
+        counts = np.minimum(np.ceil(5 * size / size.max()), MOST_BLOCKS).astype(int)
+        edges = size / counts
+        spread, volume = np.diag((edges / 2) ** 2), float(np.prod(edges))
+        places = (np.array(self.centre) + edges * (np.add(n, 0.5)) - size / 2 for n in np.ndindex(*counts))
+        return [Portion(place, spread, volume) for place in places]
+
+    def faces(self) -> Faces:
+        """Areas that a fluid resists."""
+        x, y, z = self.size
+        return Faces(np.diag([y * z, z * x, x * y]), 2 * np.diag([x * (y + z), y * (z + x), z * (x + y)]))
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""

@@ -12,7 +12,7 @@ import numpy as np
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
-from taichi_sim.rigid.model.shapes import Solid, Vector, unit, vector
+from taichi_sim.rigid.model.shapes import Faces, Portion, Solid, Vector, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +237,15 @@ class Tree:
             for shape in body.shapes
             for centre, radius in shape.points()
         ]
+
+    def portions(self) -> list[tuple[int, Portion, Faces]]:
+        """Portions that stand for the bodies in water: place of the body, and each with its share of drag areas."""
+        found = []
+        for n, (body, _) in enumerate(self.ordered):
+            for shape in body.shapes:
+                parts = shape.portions()
+                found += [(n, part, shape.faces().shared(len(parts))) for part in parts]
+        return found
 
     def balls(self) -> tuple[Floats, Floats]:
         """Centres (N, 3) and radii (N,) of what may touch the ground, at rest [m]; else of the bodies' centres."""

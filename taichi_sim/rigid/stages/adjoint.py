@@ -45,6 +45,7 @@ from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_p
 from taichi_sim.rigid.stages.control import commanded
 from taichi_sim.rigid.stages.motion import common_motion
 from taichi_sim.rigid.stages.spatial import Reals
+from taichi_sim.rigid.stages.water import unimmerse
 from taichi_sim.runtime import ti
 
 CARRIED, OWN = 3, 4  # pieces of ``body_slots`` and ``moving_slots`` whose cotangents become those before the step
@@ -186,6 +187,8 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
         scatter(cotangents, pieces, to[:-7])
         add(cotangents, body + slots.MOMENTUM, to[-7:-1])
         add_one(cotangents, slots.SLIP_STRENGTH, select(strength > 0.0, to[-1], 0.0 * one))
+    if ti.static(robots.wet):
+        unimmerse(robots, motion, cotangents)
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body, parent = body_at(robots, b), parent_at(robots, b)

@@ -10,6 +10,7 @@ from taichi_sim.autodiff.lanes import larger
 from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
+    add,
     body_at,
     given_at,
     is_hinged,
@@ -23,6 +24,7 @@ from taichi_sim.rigid.memory import (
 )
 from taichi_sim.rigid.stages import spatial
 from taichi_sim.rigid.stages.friction import axes_of
+from taichi_sim.rigid.stages.water import water_inertia
 from taichi_sim.runtime import ti
 
 
@@ -34,6 +36,8 @@ def assemble(robots: ti.template(), count, phase, push_out):
         mass = read(robots, given_at(robots, b) + slots.MASS)
         inertia, place = ti.static(row(robots, body + slots.INERTIA, 6)), ti.static(row(robots, body + slots.PLACE, 3))
         put(robots, body + slots.ARTICULATED, spatial.rigid_matrix(inertia, mass, place))
+        if ti.static(robots.wet):
+            add(robots, body + slots.ARTICULATED, water_inertia(robots, b))
         put(robots, body + slots.IMPULSE, row(robots, body + slots.MOMENTUM, 6))
         write(robots, body + slots.CONTACT, 0.0 * mass)
     if phase > 0:

@@ -16,15 +16,6 @@ from taichi_sim.rigid.stages import spatial
 Reals = Sequence[Any]
 
 
-def _cut(values: Reals, *widths: int) -> list[list[Any]]:
-    """Values, cut into pieces."""
-    found, first = [], 0
-    for width in widths:
-        found.append(list(values[first : first + width]))
-        first += width
-    return found
-
-
 @primitive
 def prepared(*values: Any) -> list[Any]:
     """A body's inertia about the common point (6), and its spatial momentum (6) with what a step adds to it.
@@ -34,12 +25,12 @@ def prepared(*values: Any) -> list[Any]:
     Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3); then time step, gravity
     (3), correction, drifting.
     """
-    (mass,), at_rest, rotation, place, angular, linear, drift = _cut(values, 1, 6, 9, 3, 3, 3, 3)
+    (mass,), at_rest, rotation, place, angular, linear, drift = spatial.cut(values, 1, 6, 9, 3, 3, 3, 3)
     time_step, *gravity, correction, drifting = values[28:]
     turned = spatial.turned_inertia(rotation, at_rest)
     falling = [time_step * g * mass for g in gravity]
     if drifting:
-        spin = [spatial.dot([turned[i] for i in row], angular) for row in ((0, 1, 3), (1, 2, 4), (3, 4, 5))]
+        spin = spatial.times_triangle(turned, angular)
         gyroscopic = spatial.cross(angular, spin)
         v = spatial.plus_times(linear, drift, correction)
         linear = [mass * x + added for x, added in zip(v, falling, strict=True)]
@@ -57,8 +48,8 @@ def work(*values: Any) -> Any:
     Values: mass, inertia at rest (6), rotation (9), place (3), carried (6), drift (3), y (6), z (6); then time step,
     gravity (3), correction, drifting.
     """
-    own, y, z = _cut(values, 28, 6, 6)
-    inertia, momentum = _cut(prepared(*own, *values[40:]), 6, 6)
+    own, y, z = spatial.cut(values, 28, 6, 6)
+    inertia, momentum = spatial.cut(prepared(*own, *values[40:]), 6, 6)
     held = spatial.times(spatial.rigid_matrix(inertia, own[0], own[16:19]), y)
     return spatial.dot(z, spatial.minus_times(momentum, held, 1.0))
 
@@ -70,7 +61,7 @@ def contact_work(*values: Any) -> Any:
     Values: rotation (9), place (3), drift (3), offset (3), radius, height of the base, y (6), z (6), strength of
     friction; then normal impulse, multiplier, push-out rate, drifting.
     """
-    rotation, place, drift, offset, (radius, base), y, z = _cut(values, 9, 3, 3, 3, 2, 6, 6)
+    rotation, place, drift, offset, (radius, base), y, z = spatial.cut(values, 9, 3, 3, 3, 2, 6, 6)
     strength, impulse, multiplier, push_out, drifting = values[32:]
     at = spatial.plus(place, spatial.turned(rotation, offset))
     depth = radius - base - at[2]  # what drift takes off it, the correction of the drift asks for again
@@ -90,7 +81,7 @@ def uneven_contact_work(*values: Any) -> Any:
     Values: rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6), strength
     of friction; then normal impulse, multiplier, push-out rate, drifting, n (3).
     """
-    rotation, place, drift, offset, (radius,), base, y, z = _cut(values, 9, 3, 3, 3, 1, 3, 6, 6)
+    rotation, place, drift, offset, (radius,), base, y, z = spatial.cut(values, 9, 3, 3, 3, 1, 3, 6, 6)
     strength, impulse, multiplier, push_out, drifting, *normal = values[34:]
     axes = spatial.tangents(normal)
     at = spatial.plus(place, spatial.turned(rotation, offset))
@@ -109,7 +100,7 @@ def hinged_place(*values: Any) -> tuple[Any, ...]:
 
     Values: the parent's rotation (9) and place (3), anchor (3), centre (3), sine, cosine; then the axis (3).
     """
-    of_parent, at_parent, anchor, centre, (sine, cosine), axis = _cut(values, 9, 3, 3, 3, 2, 3)
+    of_parent, at_parent, anchor, centre, (sine, cosine), axis = spatial.cut(values, 9, 3, 3, 3, 2, 3)
     turned_axis = spatial.turned(of_parent, axis)
     at = spatial.plus(at_parent, spatial.turned(of_parent, anchor))
     rotation = spatial.product(spatial.about_axis(turned_axis, sine, cosine), of_parent)
@@ -120,7 +111,7 @@ def hinged_place(*values: Any) -> tuple[Any, ...]:
 @primitive
 def welded_place(*values: Any) -> tuple[Any, ...]:
     """Place (3) of a body that is fixed to its parent: of the parent's rotation (9), place (3), anchor, centre (3)."""
-    of_parent, at_parent, anchor, centre = _cut(values, 9, 3, 3, 3)
+    of_parent, at_parent, anchor, centre = spatial.cut(values, 9, 3, 3, 3)
     return tuple(spatial.plus(at_parent, spatial.turned(of_parent, spatial.plus(anchor, centre))))
 
 
@@ -131,7 +122,7 @@ def carried_on(*values: Any) -> tuple[Any, ...]:
     Values: mass, inertia at rest (6), rotation (9), place (3), drift (3), own place (3), velocity (6); then time step,
     correction, drifting.
     """
-    (mass,), at_rest, rotation, place, drift, own, velocity = _cut(values, 1, 6, 9, 3, 3, 3, 6)
+    (mass,), at_rest, rotation, place, drift, own, velocity = spatial.cut(values, 1, 6, 9, 3, 3, 3, 6)
     time_step, correction, drifting = values[31:]
     if not drifting:  # see ``moment_shift``
         inertia = spatial.moved_inertia(spatial.turned_inertia(rotation, at_rest), mass, place)
@@ -150,7 +141,7 @@ def moment_shift(*values: Any) -> tuple[Any, ...]:
 
     Values: mass, place (3), momentum (3); centre of mass (3), its velocity (3).
     """
-    (mass,), place, linear, centre, going = _cut(values, 1, 3, 3, 3, 3)
+    (mass,), place, linear, centre, going = spatial.cut(values, 1, 3, 3, 3, 3)
     arm = spatial.minus_times(place, centre, 1.0)
     whole = [mass * x for x in going]
     return tuple(spatial.plus(spatial.cross(centre, linear), spatial.cross(arm, whole)))
@@ -159,7 +150,7 @@ def moment_shift(*values: Any) -> tuple[Any, ...]:
 @primitive
 def moved_base(*values: Any) -> tuple[Any, ...]:
     """Place (3) and orientation (4) of the base after a step; of these before, its velocity (6); then the time step."""
-    position, q, velocity = _cut(values, 3, 4, 6)
+    position, q, velocity = spatial.cut(values, 3, 4, 6)
     time_step = values[13]
     w = velocity[:3]
     turn = [
@@ -201,7 +192,7 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
 @primitive
 def light_reading(*values: Any) -> Any:
     """Reading of a light sensor: of the base's place, its body's rotation (9) and place (3), offset; then the light."""
-    base, rotation, place, offset, light = _cut(values, 3, 9, 3, 3, 3)
+    base, rotation, place, offset, light = spatial.cut(values, 3, 9, 3, 3, 3)
     at = spatial.plus(spatial.plus(base, place), spatial.turned(rotation, offset))
     away = spatial.minus_times(light, at, 1.0)
     return 1.0 / spatial.dot(away, away)

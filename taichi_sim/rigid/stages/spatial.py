@@ -22,6 +22,15 @@ def _at(i: int, j: int) -> int:
     return i * (i + 1) // 2 + j if i >= j else j * (j + 1) // 2 + i
 
 
+def cut(values: Reals, *widths: int) -> list[list[Any]]:
+    """Values, cut into pieces."""
+    found, first = [], 0
+    for width in widths:
+        found.append(list(values[first : first + width]))
+        first += width
+    return found
+
+
 @primitive
 def joined(*parts: Any) -> list[Any]:
     """Reals, and sequences of them, one after the other."""
@@ -71,6 +80,12 @@ def minus_times(a: Reals, b: Reals, factor: Any) -> list[Any]:
 def turned(rotation: Reals, v: Reals) -> list[Any]:
     """Rotation matrix (row by row) times vector."""
     return [dot(rotation[3 * i : 3 * i + 3], v) for i in range(3)]
+
+
+@primitive
+def times_triangle(matrix: Reals, v: Reals) -> list[Any]:
+    """Symmetric 3 x 3 matrix, a triangle, times vector."""
+    return [dot([matrix[_at(i, j)] for j in range(3)], v) for i in range(3)]
 
 
 @primitive
@@ -144,6 +159,16 @@ def drag(place: Reals, strength: Any, axes: Axes = None) -> list[tuple[int, Any]
     mixed = {(3, 1): sz, (3, 2): 0.0 - sy, (4, 0): 0.0 - sz, (4, 2): sx}
     entries = moments | mixed | {(3, 3): strength, (4, 4): strength}
     return [(_at(i, j), emit(value)) for (i, j), value in entries.items()]
+
+
+@primitive
+def at_point(place: Reals, matrix: Reals) -> list[Any]:
+    """Spatial matrix of a symmetric 3 x 3 one, triangles, that turns the velocity of a point into an impulse there."""
+    rows = [[matrix[_at(i, j)] for j in range(3)] for i in range(3)]
+    moments = [cross(place, row) for row in rows]  # of the impulses that velocities along the axes have
+    turning = [cross(place, column) for column in zip(*moments, strict=True)]
+    angular = [turning[j][i] for i in range(3) for j in range(i + 1)]
+    return joined(angular, *(joined(moments[i], rows[i][: i + 1]) for i in range(3)))
 
 
 @primitive

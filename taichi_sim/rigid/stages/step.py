@@ -22,6 +22,7 @@ from taichi_sim.rigid.stages.contact import (
 from taichi_sim.rigid.stages.control import clear_touch, command_hinges, sense_light, think
 from taichi_sim.rigid.stages.friction import rub
 from taichi_sim.rigid.stages.motion import gather_momentum, place_bodies
+from taichi_sim.rigid.stages.water import immerse
 from taichi_sim.runtime import ti
 
 MOST_SWITCHES, SWITCHES_TOGETHER = 30, 8  # solutions a phase, while hinges' rows change; all at once in the first
@@ -45,6 +46,8 @@ def respond(robots: ti.template(), count):
     """Velocities of all bodies at the end of the step."""
     command_hinges(robots)
     gather_momentum(robots)
+    if ti.static(robots.wet):
+        immerse(robots)
     phases = robots.plan[slots.PHASES]
     for phase in range(phases):
         if phase == 0 or count > 0:

@@ -1,0 +1,272 @@
+"""Rigid robots in water: closed forms of what floats, sinks and rises, energy, and gradients on a shore."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from taichi_sim.ground import Relief
+from taichi_sim.ground.relief import Water
+from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Sphere, Tree, World
+from taichi_sim.rigid.pose import rotation_matrix
+
+pytestmark = pytest.mark.kernels
+
+GRAVITY, DENSITY = 9.81, 1000.0
+HERE = {"precision": "f64", "threads": 1}
+SOLIDS = {"ball": Sphere(0.1), "box": Box((0.3, 0.2, 0.1)), "capsule": Capsule(0.05, 0.3)}
+BOTH = [pytest.param("momentum"), pytest.param("velocity", marks=pytest.mark.slow)]
+
+
+def sea(level: float = 0.0, bottom: float = -50.0, **water) -> Relief:
+    return Relief(np.full((2, 2), bottom), 1.0, (-0.5, -0.5), water=Water(level, **{"gravity": GRAVITY, **water}))
+
+
+def shore(level: float = 0.05) -> Relief:
+    """A beach that goes down along x, where the walker stands with its front in the water."""
+    heights = np.array([[0.2, 0.2], [-0.2, -0.2]])
+    return Relief(heights, 4.0, (-2.0, -2.0), water=Water(level, gravity=GRAVITY))
+
+
+def one(solid, density: float, height: float = 0.0) -> Tree:
+    return Tree([Body("it", (0.0, 0.0, height), density * solid.volume, [solid])])
+
+
+def engine_of(tree, ground=None, time_step: float = 2e-3, **world) -> RigidEngine:
+    return RigidEngine(tree, World(time_step, **world), ground=sea() if ground is None else ground, **HERE)
+
+
+def walker(radius: float = 0.06) -> Tree:
+    """A trunk with a leg before and behind, one a ball, the other a capsule; it would float."""
+    trunk = Body("trunk", (0.0, 0.0, 0.31), 2.0, [Box((0.4, 0.2, 0.1))])
+    front = Body("front", (0.25, 0.0, 0.1), 0.3, [Sphere(radius)])
+    back = Body("back", (-0.25, 0.0, 0.09), 0.3, [Capsule(0.05, 0.2, (0.0, 1.0, 0.0))])
+    motor = Motor(4.0, 3.0, -5.0)
+    hinges = [
+        Hinge("trunk", "front", (0.25, 0.0, 0.31), (0.0, 1.0, 0.0), motor, command=0),
+        Hinge("trunk", "back", (-0.25, 0.0, 0.31), (0.0, 1.0, 0.0), motor, command=1),
+    ]
+    return Tree([trunk, front, back], hinges)
+
+
+def swinging(steps: int) -> np.ndarray:
+    times = np.arange(steps // 10)[:, None]
+    return np.sin(2 * math.pi * (0.08 * times + [0.0, 0.3]))[None]
+
+
+@pytest.mark.parametrize("integration", BOTH)
+def test_a_ball_floats_at_the_depth_of_archimedes_and_bobs_about_it(integration):
+    """Its period is that of the water line's stiffness and its mass with half of what it displaces."""
+    radius, share = 0.1, 0.6
+    ball = Sphere(radius)
+    s = brentq(lambda s: s * s * (3 - 2 * s) - share, 0, 1)
+    depth = radius * (2 * s - 1)
+    engine = engine_of(one(ball, share * DENSITY, -depth), time_step=1e-3, integration=integration)
+    still = engine.run(1000)
+    assert still.position[0, 2] == pytest.approx(-depth, abs=1e-12)
+    raised = replace(engine.rest(), position=np.array([[0.0, 0.0, 1e-4 - depth]]))
+    bobbing = engine.run(3000, record_every=1, start=raised)
+    heights = bobbing.frames.position[:, 0, 2] + depth
+    (falling,) = np.nonzero((heights[:-1] > 0) & (heights[1:] <= 0))
+    stiffness = DENSITY * GRAVITY * math.pi * (radius**2 - depth**2)
+    mass = share * ball.volume * DENSITY * 1.5
+    period = np.diff(bobbing.frames.times[falling]).mean()
+    assert period == pytest.approx(2 * math.pi * math.sqrt(mass / stiffness), rel=5e-3)
+
+
+@pytest.mark.parametrize("integration", BOTH)
+@pytest.mark.parametrize(
+    ("solid", "pressure", "friction"),
+    [
+        (Sphere(0.1), math.pi * 0.1**2 / 2, 8 / 3 * math.pi * 0.1**2),
+        (Box((0.2, 0.1, 0.05)), 0.02, 2 * (0.2 + 0.1) * 0.05),
+        (Capsule(0.05, 0.3, (1.0, 0.0, 0.0)), 0.02 + math.pi * 0.05**2 / 2, math.pi * 0.05 * (0.3 + 8 / 3 * 0.05)),
+        (Capsule(0.05, 0.3), math.pi * 0.05**2 / 2, math.pi * 0.05 * (2 * 0.3 + 8 / 3 * 0.05)),
+    ],
+    ids=["ball", "box", "across", "along"],
+)
+def test_what_sinks_reaches_the_speed_at_which_drag_bears_its_weight(solid, pressure, friction, integration):
+    engine = engine_of(one(solid, 3 * DENSITY, -1.0), sea(bottom=-1e3), integration=integration)
+    velocity = engine.run(4000).velocities[0, 0]
+    drag = 0.5 * DENSITY * (1.2 * pressure + 0.02 * friction)
+    weight = 2 * DENSITY * solid.volume * GRAVITY
+    assert velocity == pytest.approx([0, 0, 0, 0, 0, -math.sqrt(weight / drag)], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS)
+def test_a_light_body_rises_as_its_added_mass_lets_it(solid):
+    """With (rho_w - rho) g / (rho + rho_w / 2) at first, and displaced volumes add up to its own."""
+    density, step = 200.0, 1e-4
+    velocity = engine_of(one(solid, density, -1.0), time_step=step).run(1).velocities[0, 0, 3:]
+    assert velocity / step == pytest.approx([0, 0, (DENSITY - density) * GRAVITY / (density + DENSITY / 2)], rel=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [2.0, 10.0])
+@pytest.mark.parametrize(("size", "share"), [((0.3, 0.3, 0.1), 0.3), ((0.3, 0.3, 0.1), 0.5), ((0.6, 0.2, 0.1), 0.7)])
+def test_a_box_rights_itself_by_its_metacentric_height(size, share, degrees):
+    """The moment of a wall-sided body, W sin(t) (GM + BM tan(t)^2 / 2); of blocks, which are few, to an eighth."""
+    solid, angle, step = Box(size), math.radians(degrees), 1e-6
+    draught = share * size[2]
+    tree = one(solid, share * DENSITY, size[2] / 2 - draught)
+    engine = engine_of(tree, sea(added_mass=0.0), step)
+    turned = np.array([[math.cos(angle / 2), math.sin(angle / 2), 0.0, 0.0]])
+    spin = engine.run(1, start=replace(engine.rest(), orientation=turned)).velocities[0, 0, 0]
+    body = tree.bodies[0]
+    metacentre = size[1] ** 2 / (12 * draught)
+    lever = draught / 2 + metacentre - size[2] / 2 + metacentre * math.tan(angle) ** 2 / 2
+    expected = -body.mass * GRAVITY * lever * math.sin(angle)
+    assert body.inertia[0, 0] * spin / step == pytest.approx(expected, rel=0.125)
+
+
+def energy(engine: RigidEngine, done) -> float:
+    """Of a single body: kinetic with added mass, and potential in the air and the water [J]."""
+    tree, rotation = engine.tree, rotation_matrix(done.orientation)[0]
+    body, place = tree.bodies[0], done.position[0]
+    spin, velocity = done.velocities[0, 0, :3], done.velocities[0, 0, 3:]
+    turning = spin @ rotation @ np.asarray(body.inertia) @ rotation.T @ spin
+    found = 0.5 * (body.mass * velocity @ velocity + turning) + GRAVITY * body.mass * place[2]
+    for _, part, _ in tree.portions():
+        arm = rotation @ part.centre
+        reach = math.sqrt((rotation @ part.spread @ rotation.T)[2, 2])
+        s = np.clip((1 - (place[2] + arm[2]) / reach) / 2, 0, 1)
+        above = max(-(place[2] + arm[2]) - reach, 0.0)
+        share, depths = (s * s * (3 - 2 * s), s**3 * (2 - s)) if part.is_ball else (s, s * s)
+        moving = velocity + np.cross(spin, arm)
+        found += 0.25 * DENSITY * part.volume * share * moving @ moving
+        found += DENSITY * GRAVITY * part.volume * (reach * depths + above)
+    return found
+
+
+@pytest.mark.parametrize("integration", BOTH)
+@pytest.mark.parametrize("solid", SOLIDS.values(), ids=SOLIDS)
+@pytest.mark.parametrize("drag", [0.0, 1.2])
+def test_water_at_rest_never_gives_energy(solid, drag, integration):
+    """To what is thrown in, turning, comes up again, bobs and rolls."""
+    engine = engine_of(one(solid, 500.0, 0.5), time_step=5e-4, pressure_drag=drag, friction_drag=0.0)
+    session = engine.session(start=replace(engine.rest(), velocity=np.array([[2.0, 3.0, 1.0, 0.6, 0.2, -1.0]])))
+    energies = np.array([energy(engine, session.advance(steps=10)) for _ in range(800)])
+    excess = (energies - np.minimum.accumulate(energies)).max()
+    assert excess < 2e-3 * (energies[0] - energies[-1] if drag else energies[0])
+    assert energies[-1] < 0.9 * energies[0]
+
+
+@pytest.mark.parametrize("ground", [shore(), sea(0.25, -1.0)], ids=["shore", "sea"])
+@pytest.mark.parametrize(
+    ("part", "integration"),
+    [
+        *((part, "momentum") for part in ("commands", "position", "orientation", "angles")),
+        *(pytest.param(part, "velocity", marks=pytest.mark.slow) for part in ("commands", "position")),
+    ],
+)
+def test_gradients_agree_with_differences(part, ground, integration):
+    """With contact, motors at their limits, slamming, and parts that come out of the water."""
+    steps, rng = 200, np.random.default_rng(3)
+    engine = engine_of(walker(), ground, 5e-3, integration=integration)
+    rest, aim, turn, of_angles = engine.rest(), rng.normal(size=3), rng.normal(size=4), rng.normal(size=2)
+    values = {"commands": swinging(steps), **{name: getattr(rest, name) for name in ("position", "orientation")}}
+    values |= {"angles": rest.angles}
+
+    def arguments(**changed):
+        given = {**values, **changed}
+        count = max(map(len, given.values()))
+        start = replace(rest, **{name: np.resize(x, (count, x.shape[1])) for name, x in given.items() if x.ndim == 2})
+        start = replace(start, orientation=start.orientation / np.linalg.norm(start.orientation, axis=1)[:, None])
+        return {"commands": given["commands"], "hold": 10, "start": start}
+
+    def cost(changed):
+        done = engine.run(steps, **arguments(**{part: changed}))
+        assert (done.residual < 1e-9).all()
+        return done.position @ aim + done.orientation @ turn + done.angles @ of_angles
+
+    tape = engine.record(steps, **arguments())
+    gradient = tape.pull_back(position=aim[None], orientation=turn[None], angles=of_angles[None])
+    directions = rng.normal(size=(8, *values[part].shape[1:]))
+    if part == "orientation":
+        directions[:, 0] = 0.0  # along the sphere of unit quaternions
+    slopes = getattr(gradient, part)
+    if part == "position":
+        slopes = slopes + gradient.places.sum(axis=1)  # bodies that may drift have places of their own
+    found = (directions * slopes).reshape(8, -1).sum(1)
+    errors = []
+    for step in (1e-6, 1e-7, 1e-8):
+        shifted = values[part] + step * np.concatenate([directions, -directions])
+        high, low = np.split(cost(shifted), 2)
+        errors.append(np.linalg.norm(found - (high - low) / (2 * step)) / np.linalg.norm(found))
+    assert min(errors) < 1e-6, errors
+
+
+@pytest.mark.parametrize(
+    ("tree_of", "value"),
+    [
+        (walker, 0.06),
+        (lambda size: one(Box((size, 0.2, 0.1)), 500.0, 0.03), 0.3),
+        (lambda mass: Tree([Body("it", (0.0, 0.0, 0.03), mass, [Capsule(0.06, 0.3, (1.0, 0.0, 0.2))])]), 2.0),
+    ],
+    ids=["radius", "size", "mass"],
+)
+def test_gradients_by_a_design_agree_with_differences(tree_of, value):
+    """Through displaced volumes, drag areas and masses."""
+    aim, step, steps = np.array([[1.0, -0.5, 2.0]]), 1e-6, 150
+    commands = swinging(steps)[..., : tree_of(value).motors]
+
+    def engine(size: float) -> RigidEngine:
+        return engine_of(tree_of(size), sea(0.05, -1.0), 5e-3)
+
+    tape = engine(value).record(steps, commands=commands, hold=10)
+    (found,) = tape.pull_back(position=aim).by_design(tree_of, value)
+    high, low = (engine(value + x).run(steps, commands=commands, hold=10).position @ aim[0] for x in (step, -step))
+    assert found == pytest.approx((high - low)[0] / (2 * step), rel=1e-6)
+
+
+def test_water_that_nobody_reaches_changes_no_bit():
+    """Beside the same ground without any."""
+    dry = shore()
+    found = [
+        engine_of(walker(), each, 5e-3).run(200, commands=swinging(200), hold=10)
+        for each in (replace(dry, water=Water(-9.0)), replace(dry, water=None))
+    ]
+    for part in ("position", "orientation", "angles", "velocities", "residual"):
+        assert np.array_equal(*(getattr(each, part) for each in found)), part
+
+
+def test_robots_of_a_batch_are_in_water_of_their_own():
+    """As each is alone, whatever the width."""
+
+    def run(ground, width=None):
+        engine = RigidEngine(walker(), World(5e-3), ground=ground, width=width, **HERE)
+        return engine.run(100, commands=swinging(100), hold=10).position
+
+    waters = [shore(0.05), sea(0.2, -1.0, density=1200.0), sea(0.25, -1.0, added_mass=1.0)]
+    grounds = [replace(each, spacing=4.0) for each in waters]
+    alone = np.concatenate([run(each) for each in grounds])
+    assert np.array_equal(run(grounds), alone) and len(np.unique(alone[:, 2])) == 3
+    assert np.array_equal(run(grounds, width=2), alone)
+
+
+@pytest.mark.slow
+def test_single_precision_agrees():
+    found = []
+    for precision in ("f64", "f32"):
+        engine = RigidEngine(walker(), World(5e-3), ground=sea(0.25, -1.0), precision=precision, threads=1)
+        found.append(engine.run(100, commands=swinging(100), hold=10).position)
+    assert np.abs(found[0] - found[1]).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: engine_of(walker(), gravity_across=(1.0, 0.0)),
+            "gravity_across: not allowed with water",
+        ),
+        (lambda: engine_of(walker(), replace(sea(), yield_per_depth=1e5)), "ground: sand is not allowed under rigid"),
+        (lambda: engine_of(walker(), [sea(), replace(sea(), water=None)]), "ground: water for some robots of a batch"),
+        (lambda: World(pressure_drag=-1.0), "pressure_drag: -1.0 is not allowed"),
+    ],
+)
+def test_bad_input(make, message):
+    """One line each."""
+    with pytest.raises(ValueError, match="^" + message):
+        make()
