@@ -206,9 +206,14 @@ class Terrain:
         """Half the density of the fluid or water times the coefficients of pressure drag and friction [kg/m^3]."""
         water = self.uneven.water if self.uneven else None
         half = 0.5 * (water.density if water else self.fluid_density or 0.0)
-        pressure = PRESSURE_DRAG if self.pressure_drag is None else self.pressure_drag
-        friction = FRICTION_DRAG if self.friction_drag is None else self.friction_drag
+        pressure, friction = self.drag
         return half * pressure, half * friction
+
+    @property
+    def drag(self) -> tuple[float, float]:
+        """Coefficients of pressure drag and friction in the fluid or water."""
+        pressure = PRESSURE_DRAG if self.pressure_drag is None else self.pressure_drag
+        return pressure, FRICTION_DRAG if self.friction_drag is None else self.friction_drag
 
     def _with_its_file(self) -> Self:
         """Itself, if the file of its ground is there: who names a terrain means to use it."""

@@ -76,7 +76,10 @@ class ArticulatedKind(RobotKind):
     @property
     def world_options(self) -> tuple[Option, ...]:
         """A world by its name; terrains by the option that other kinds have, too."""
-        told = "a slope or uneven ground, such as hill:5 or rough:0.01; the same as --world (default: level)"
+        told = (
+            "a slope, uneven ground or water, such as hill:5, rough:0.01 or ramp:-5+water:0; the same as --world "
+            "(default: level)"
+        )
         return (*super().world_options, Option("terrain", told, checked(Terrain.parse), "TERRAIN"))
 
     def chosen_world(self, options: Mapping[str, Any]) -> World | None:

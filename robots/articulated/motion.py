@@ -1,13 +1,21 @@
-"""Build motions of articulated robots of files, with what they sense and are told."""
+"""Build motions of articulated robots of files, with what they sense, what they are told, and the ground below."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from robots.view.motion import Motion
+from robots.articulated.simulation import relief_under
+from robots.outcome import World
+from robots.view.motion import Ground, Motion
 from robots.view.rigid_motion import LIGHT, SWITCH, VALUE, frame_channels, rigid_motion
 from robots.view.scene import HUES, SUN
+from robots.world import Terrain
 from taichi_sim.rigid import Frames, Tree
+
+if TYPE_CHECKING:
+    from robots.articulated.robot import ArticulatedRobot
 
 
 def driven_motion(
@@ -39,3 +47,13 @@ def driven_motion(
     told = [(drive, hue, VALUE) for drive, hue in zip(drives, hues, strict=False)]
     channels = frame_channels(tree, frames, robot, [*read, *told])
     return rigid_motion(tree, frames, robot, name=name, channels=channels, lights=lights)
+
+
+def on_its_ground(motion: Motion, robot: "ArticulatedRobot", world: World) -> Motion:
+    """The motion with the ground of its world, tilted, uneven or below water; in a fluid below all that it reaches."""
+    if not isinstance(world, Terrain):
+        return motion
+    if world.is_fluid:
+        level = float(motion.translation[..., 2].min() - motion.scale.max())
+        return replace(motion, ground=Ground(level, solid=False))
+    return replace(motion, ground=Ground(0.0, world.slope, robot.heading, relief=relief_under(robot, world)))

@@ -259,11 +259,12 @@ class ArticulatedRobot(Robot):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its sensors and commands."""
-        from robots.articulated.motion import driven_motion
+        from robots.articulated.motion import driven_motion, on_its_ground
 
         (run,), lights = outcome.result.runs, [] if self.light is None else [self.light]
         sensors = [*(f"{body} on ground" for body in self.senses.touch), *(["light"] if self.light else [])]
-        return driven_motion(self.model.tree, run.frames, sensors, self.drives, name=name, lights=lights)
+        motion = driven_motion(self.model.tree, run.frames, sensors, self.drives, name=name, lights=lights)
+        return on_its_ground(motion, self, world)
 
     def facts(self) -> Facts:
         """Body, drives and trial."""

@@ -11,7 +11,7 @@ from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
 from robots.articulated.senses import Sensed
 from robots.robot import Place, Progress, Trial, World
 from robots.terrain_fields import not_taken
-from robots.world import Terrain, terrain_of
+from robots.world import FLUID_FIELDS, Terrain, terrain_of
 from taichi_sim import rigid
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from taichi_sim.ground import Relief
 
 GROUND = Place("ground")
-TERRAIN_FIELDS = ("slope", "ground")  # which articulated robots take
+TERRAIN_FIELDS = ("slope", "ground", *FLUID_FIELDS)  # which articulated robots take
+DEEP = 1e5  # m: how far a fluid all around reaches up, and down to the ground
 FINENESS = 50  # nodes of uneven ground along a robot
 TAPE_BYTES = 2**29  # of the states of robots that are differentiated at once
 ROBOTS_AT_ONCE = 1024  # between two calls of progress
@@ -65,7 +66,7 @@ def simulate(
     Args:
         robot: the robot.
         points: values of its parameters, (N, P).
-        terrain: ``GROUND``, or a ``Terrain`` with uneven ground.
+        terrain: ``GROUND``, or a ``Terrain`` with a slope, uneven ground, or water.
         record_every: time steps between frames; None for none.
         progress: called with the fraction done.
         **compute: device, precision and threads, as of :class:`Compute`.
@@ -136,14 +137,15 @@ def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, comp
 
 
 def _engine(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:
-    """The engine that moves a robot in a world, and its state at the start; None on the level floor."""
-    relief, physics = relief_under(robot, world), tilted(robot, world)
+    """The engine that moves a robot in a world, and its state at the start; None as its file has it."""
+    relief, physics = relief_under(robot, world), physics_in(robot, world)
     engine = RigidEngine(robot.model.tree, physics, robot.senses, robot.network, ground=relief, **compute.options)
-    return engine, None if relief is None else engine.standing()
+    afloat = isinstance(world, Terrain) and world.is_fluid
+    return engine, None if relief is None or afloat else engine.standing()
 
 
 def on_ground(world: World) -> World:
-    """A world that robots of this kind can be in: ground that is level, tilted or uneven.
+    """A world that robots of this kind can be in: ground that is level, tilted or uneven, maybe with water, or a fluid.
 
     Raises:
         ValueError: for worlds of other kinds, and terrains that are more than ground.
@@ -153,12 +155,12 @@ def on_ground(world: World) -> World:
     terrain = terrain_of(world)
     if not_taken(terrain, TERRAIN_FIELDS):
         raise ValueError(
-            f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope or uneven ground, "
-            "such as hill:5 or rough:0.01, and friction by the robot"
+            f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope, uneven ground or "
+            "water, such as hill:5, rough:0.01 or ramp:-5+water:0, and friction by the robot"
         )
-    if terrain.uneven is not None and (covers := terrain.uneven.covers):
+    if terrain.uneven is not None and "yield_per_depth" in terrain.uneven.laws:
         raise ValueError(
-            f"terrain: {covers[0]!r} is not allowed for an articulated robot; it stands on firm, dry ground"
+            f"terrain: {terrain.ground!r} is not allowed for an articulated robot; give firm ground, without sand"
         )
     return terrain
 
@@ -173,12 +175,32 @@ def tilted(robot: "ArticulatedRobot", world: World) -> rigid.World:
     return replace(robot.physics, gravity=down * math.cos(angle), gravity_across=(float(x), float(y)))
 
 
+def physics_in(robot: "ArticulatedRobot", world: World) -> rigid.World:
+    """The physics of a robot in a world: in a fluid it neither sinks nor rises, and feels its drag."""
+    physics = tilted(robot, world)
+    if not isinstance(world, Terrain) or not world.is_wet:
+        return physics
+    pressure, friction = world.drag
+    gravity = 0.0 if world.is_fluid else physics.gravity
+    return replace(physics, gravity=gravity, pressure_drag=pressure, friction_drag=friction)
+
+
 def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
-    """The uneven ground around a robot, whose x axis is its heading; None for the level floor."""
+    """The uneven ground around a robot, whose x axis is its heading, with its water; None for the level floor."""
+    from taichi_sim.ground.relief import Relief, Water
+
     terrain = on_ground(world)
-    if not isinstance(terrain, Terrain) or terrain.uneven is None:
+    if not isinstance(terrain, Terrain):
         return None
-    return terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS)
+    if terrain.fluid_density is not None:
+        around = Water(DEEP, terrain.fluid_density, gravity=0.0)
+        return Relief(np.full((2, 2), -DEEP), 1.0, water=around)
+    if terrain.uneven is None:
+        return None
+    found = terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS)
+    if found.water is None:
+        return found
+    return replace(found, water=replace(found.water, gravity=max(0.0, -robot.physics.gravity)))
 
 
 def _length(robot: "ArticulatedRobot") -> float:

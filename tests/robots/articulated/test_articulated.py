@@ -12,8 +12,9 @@ from articulated_files import CRAWLER
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
 from robots.articulated.robot import robot_of_record
 from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
-from robots.robot import KINDS, Place, find_robot, load_design, make_robot
+from robots.robot import KINDS, Place, Trial, find_robot, load_design, make_robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain
+from robots.view.motion import Ground
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 from taichi_sim.rigid import RigidEngine
@@ -282,6 +283,8 @@ def test_a_file_that_starts_deep_in_the_ground_is_refused_but_not_in_records(tmp
 
 
 UNEVEN = Terrain(ground="rough:0.02,0.2")
+SHORE = Terrain(ground="ramp:-10,0.1+water:0.02")
+TERRAINS = [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), SHORE, Terrain.water()]
 
 
 @pytest.mark.kernels
@@ -303,7 +306,7 @@ def test_it_stands_on_uneven_ground_and_walks_there():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("terrain", [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground)], ids=lambda t: t.name)
+@pytest.mark.parametrize("terrain", TERRAINS, ids=lambda t: t.name)
 def test_derivatives_on_terrains_agree_with_differences(terrain):
     robot = crawler()
     points = some_points(robot, 1, seed=2)
@@ -313,6 +316,40 @@ def test_derivatives_on_terrains_agree_with_differences(terrain):
     around = points + step * np.array([[1.0], [-1.0]]) * direction
     ahead, behind = simulate(robot, around, terrain=terrain, **HERE).distance
     assert found @ direction == pytest.approx((ahead - behind) / (2 * step), rel=1e-5)
+
+
+@pytest.mark.kernels
+def test_it_swims_in_a_fluid_and_floats_on_water():
+    """In a fluid it stays, without drives, where its file has it; heavy or light, it has the fluid's density."""
+    robot = crawler(friction=None, duration=1.0)
+    still = [[1.0, *([0.0] * 6)]]
+    (found,) = simulate(robot, still, terrain=Terrain.water(), **HERE).runs
+    assert found.position == pytest.approx(engine_rest(robot), abs=1e-9)
+    (deep,) = simulate(robot, still, terrain=Terrain.parse("water:1"), **HERE).runs
+    assert deep.position[0, 2] > engine_rest(robot)[0, 2] + 0.1  # 1.6 kg displace 4.3
+    points = some_points(robot, 2)
+    slow, thick = (Terrain(fluid_density=1000.0, pressure_drag=drag) for drag in (0.0, 5.0))
+    there = [simulate(robot, points, terrain=each, **HERE).distance for each in (slow, Terrain.water(), thick)]
+    assert len(np.unique(np.concatenate(there))) == 6
+
+
+def engine_rest(robot) -> np.ndarray:
+    """Where the base of a robot is at the start."""
+    return np.array([robot.model.tree.ordered[0][0].position])
+
+
+@pytest.mark.kernels
+def test_motions_show_what_is_below():
+    """The ground of its world, uneven, tilted or below water; nothing solid in a fluid."""
+    robot = crawler(duration=0.1)
+    shown = {}
+    for world in (GROUND, UNEVEN, Terrain(5.0), SHORE, Terrain.water()):
+        outcome = robot.run(some_points(robot, 1), Trial(world, Compute(**HERE), 1))
+        shown[world.name] = robot.motion(outcome, world, "it").ground
+    assert shown["ground"] == Ground() and shown["hill:5"] == Ground(slope=5.0)
+    assert shown[UNEVEN.name].relief.heights.max() > 0.01 and shown[UNEVEN.name].relief.water is None
+    assert shown[SHORE.name].relief.water.level == 0.02
+    assert not shown["water"].solid and shown["water"].level < 0
 
 
 @pytest.mark.kernels
@@ -346,9 +383,12 @@ def test_terrains_by_name():
     assert kind.chosen_world({"terrain": UNEVEN}) == kind.world(UNEVEN.name) == kind.world_of(UNEVEN.name) == UNEVEN
     assert kind.world("flat") == kind.chosen_world({"terrain": Terrain()}) == GROUND
     assert kind.world("hill:5+rough:0.02,0.2") == Terrain(5.0, ground=UNEVEN.ground)
-    for terrain in (Terrain(5.0, high_friction=1.0), Terrain.water(), Terrain(ground="rough:0.01", high_friction=1.0)):
+    assert kind.world("water") == Terrain.water() and kind.world(SHORE.name) == SHORE
+    for terrain in (Terrain(5.0, high_friction=1.0), Terrain(ground="rough:0.01", high_friction=1.0)):
         with pytest.raises(ValueError, match=r"^terrain: .* is not allowed for an articulated robot; give"):
             kind.chosen_world({"terrain": terrain})
+    with pytest.raises(ValueError, match=r"^terrain: 'rough:0\.01\+sand:1e5' is not allowed .* give firm ground"):
+        kind.world("rough:0.01+sand:1e5")
     with pytest.raises(ValueError, match=r"^terrain: rough:0\.02,0\.2 is not allowed beside --world"):
         kind.chosen_world({"terrain": UNEVEN, "world": "ground"})
 
