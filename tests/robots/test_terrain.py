@@ -139,10 +139,10 @@ TAKING = {
     "articulated": (
         on_ground,
         {
-            name: "terrain: .* is not allowed for an articulated robot; give a slope or uneven ground, such as "
-            "hill:5 or rough:0.01, and friction by the robot"
+            name: "terrain: .* is not allowed for an articulated robot; give a slope, uneven ground or water, such as "
+            "hill:5, rough:0.01 or ramp:-5.water:0, and friction by the robot"
             for name in GIVEN
-            if name not in ("slope", "ground")
+            if name not in ("slope", "fluid_density", "ground")
         },
     ),
 }
