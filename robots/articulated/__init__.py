@@ -1,4 +1,4 @@
-"""Articulated robots from MJCF and URDF files, on level or uneven ground, moved by rhythms or by networks."""
+"""Articulated robots from MJCF and URDF files, on any ground or in water, moved by rhythms or by networks."""
 
 from typing import TYPE_CHECKING
 

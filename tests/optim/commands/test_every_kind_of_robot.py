@@ -10,11 +10,13 @@ pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:model. ign
 
 QUICK = "--threads 1 --quiet"
 SEARCH = f"--climbers 2 --generations 0 {QUICK}"
+SHORE = "ramp:-10,0.1+water:0.02"
 # By name: the robot, what belongs to it alone, the world, and the objective with its unit.
 KINDS = {
     "quadruped": ("legged", "--looks 12 --limb-length 0.5", "--environment 2", "light", "1/m²", "0,9"),
     "rover": ("rover", "--looks 12 --body-mass 5", "--environment 2", "approach", "m", "-4,4"),
     "model of MuJoCo": ("crawler.xml", "--duration 0.1 --friction inf", "", "speed", "m/s", "ground"),
+    "model in water": ("crawler.xml", "--duration 0.1 --friction inf", f"--terrain {SHORE}", "speed", "m/s", SHORE),
     "pouch": ("pouch", "--cycles 1 --settling 0.02 --frequency 8", "", "speed", "BL/s", "flat"),
     "model of ROS": ("cart.urdf", "--duration 0.1 --controller network --light 1,0,0.5", "", "speed", "m/s", "ground"),
 }

@@ -103,6 +103,21 @@ def test_a_light_body_rises_as_its_added_mass_lets_it(solid):
     assert velocity / step == pytest.approx([0, 0, (DENSITY - density) * GRAVITY / (density + DENSITY / 2)], rel=1e-9)
 
 
+def test_a_pendulum_below_water_swings_more_slowly():
+    """By what its bob weighs there, and by its added mass; its base is fixed to the world."""
+    length, ball = 0.4, Sphere(0.05)
+    bodies = [Body("base", (0.0, 0.0, 0.0), 1.0, [ball]), Body("bob", (0.0, 0.0, -length), 1.0, [ball])]
+    tree = Tree(bodies, [Hinge("base", "bob", (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))], fixed=True)
+    engine = engine_of(tree, sea(0.5), 1e-3, pressure_drag=0.0, friction_drag=0.0)
+    swung = engine.run(6000, start=replace(engine.rest(), angles=np.array([[1e-3]])), record_every=1)
+    angles = swung.frames.angles[:, 0, 0]
+    (back,) = np.nonzero((angles[:-1] > 0) & (angles[1:] <= 0))
+    displaced = DENSITY * ball.volume
+    inertia = length**2 * (1 + displaced / 2) + np.asarray(bodies[1].inertia)[0, 0]
+    period = 2 * math.pi * math.sqrt(inertia / ((1 - displaced) * GRAVITY * length))
+    assert np.diff(swung.frames.times[back]).mean() == pytest.approx(period, rel=1e-3)
+
+
 @pytest.mark.parametrize("degrees", [2.0, 10.0])
 @pytest.mark.parametrize(("size", "share"), [((0.3, 0.3, 0.1), 0.3), ((0.3, 0.3, 0.1), 0.5), ((0.6, 0.2, 0.1), 0.7)])
 def test_a_box_rights_itself_by_its_metacentric_height(size, share, degrees):
