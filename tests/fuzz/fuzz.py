@@ -5,31 +5,67 @@ in ``build/fuzz/NAME/``. Add it to ``tests/fuzz/corpus/NAME/`` with the mended c
 """
 
 import argparse
-import subprocess
+import io
+import os
+import re
 import sys
+import tempfile
+from contextlib import ExitStack, redirect_stderr, suppress
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 MEMORY, PATIENCE = 1000, 5  # MB and s of one input
 
 
-def fuzz(name: str, seconds: int, seed: int) -> None:
+def instrumented_targets() -> ModuleType:
+    """The targets, imported so that atheris sees which lines of them, and of what they read with, are run.
+
+    Readers import some of it when they first read; this is done here, as it would take long within an input's time.
+    """
+    import atheris
+
+    packages = ["taichi_sim", "robots", "optim", "fuzz_targets"]
+    with redirect_stderr(io.StringIO()), atheris.instrument_imports(include=packages):  # it tells of each module
+        import fuzz_targets
+
+        for name in fuzz_targets.TARGETS:
+            for content in fuzz_targets.seeds(name):
+                with suppress(Exception):  # what is wrong is found, and told, by fuzzing
+                    fuzz_targets.attack(name, content, fuzz_targets.room())
+    return fuzz_targets
+
+
+def fuzz(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> None:
     """Fuzz one target in this process; never returns."""
     import atheris
 
-    with atheris.instrument_imports(include=["taichi_sim", "robots", "optim", "fuzz_targets"]):
-        import fuzz_targets as targets
-
     folder = ROOT / "build/fuzz" / name
-    corpus = folder / "corpus"
+    folder.mkdir(parents=True, exist_ok=True)
     corpus.mkdir(parents=True, exist_ok=True)
     for number, content in enumerate(targets.seeds(name)):
         (corpus / f"seed-{number}").write_bytes(content[: targets.LARGEST])
-    options = [f"-max_total_time={seconds}", f"-seed={seed}", f"-rss_limit_mb={MEMORY}", f"-timeout={PATIENCE}"]
-    options += [f"-max_len={targets.LARGEST}", f"-artifact_prefix={folder}/", "-print_final_stats=1", "-verbosity=0"]
+    options = [*options, f"-rss_limit_mb={MEMORY}", f"-timeout={PATIENCE}", f"-max_len={targets.LARGEST}"]
+    options += [f"-artifact_prefix={folder}/", "-print_final_stats=1", "-verbosity=0"]
     atheris.Setup([sys.argv[0], *options, str(corpus)], lambda content: targets.attack(name, content, targets.room()))
     atheris.Fuzz()
+
+
+def fuzz_apart(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> tuple[int, str]:
+    """Fuzz one target in a copy of this process, which has all imports already; its exit code and what it wrote."""
+    with tempfile.TemporaryFile() as said:
+        child = os.fork()
+        if not child:
+            for stream in (1, 2):
+                os.dup2(said.fileno(), stream)
+            try:
+                fuzz(targets, name, corpus, options)
+            finally:
+                os._exit(1)
+        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        said.seek(0)
+        return code, said.read().decode(errors="replace")
 
 
 def main() -> int:
@@ -37,22 +73,23 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("targets", nargs="*", help="names of targets; all by default")
     parser.add_argument("--seconds", type=int, default=120, help="for each target")
+    parser.add_argument("--runs", type=int, help="inputs for each target, instead: the same ones each time")
     parser.add_argument("--seed", type=int, default=1, help="of the changes")
-    parser.add_argument("--here", action="store_true", help="fuzz the one target in this process")
     args = parser.parse_args()
-    if args.here:
-        fuzz(args.targets[0], args.seconds, args.seed)
-    import fuzz_targets as targets
-
+    targets = instrumented_targets()
     failed = []
     for name in args.targets or targets.TARGETS:
-        command = [sys.executable, __file__, "--here", name, "--seconds", str(args.seconds), "--seed", str(args.seed)]
-        ended = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False)
-        runs = next((line.split()[-1] for line in ended.stdout.splitlines() if "number_of_executed_units" in line), "?")
-        print(f"{name}: {runs} executions, {'ok' if ended.returncode == 0 else 'FAILED'}", flush=True)
-        if ended.returncode:
+        with ExitStack() as held:
+            options, corpus = [f"-max_total_time={args.seconds}"], ROOT / "build/fuzz" / name / "corpus"
+            if args.runs is not None:  # they do not depend on what was found before
+                options = [f"-runs={args.runs}"]
+                corpus = Path(held.enter_context(tempfile.TemporaryDirectory()))
+            code, said = fuzz_apart(targets, name, corpus, [*options, f"-seed={args.seed}"])
+        runs = next(iter(re.findall(r"number_of_executed_units:\s*(\d+)", said)), "?")
+        print(f"{name}: {runs} executions, {'ok' if code == 0 else 'FAILED'}", flush=True)
+        if code:
             failed.append(name)
-            print(ended.stdout[-3000:], flush=True)
+            print(said[-3000:], flush=True)
     return 1 if failed else 0
 
 
