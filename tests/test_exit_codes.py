@@ -104,14 +104,31 @@ def full(*_, **options):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
+def forbidden(*_, **options):
+    raise OSError(errno.EACCES, os.strerror(errno.EACCES))
+
+
 @pytest.mark.parametrize("json", ["", " --json"])
-def test_what_was_computed_is_told_though_its_files_have_no_room(morpholab, simulator, monkeypatch, tmp_path, json):
+@pytest.mark.parametrize(("fails", "code", "how"), [(full, 1, "failed"), (forbidden, 2, "error")])
+@pytest.mark.parametrize(
+    ("writer", "file", "options"),
+    [
+        ("robots.inflatable.view.picture.save_motion_picture", "robot.png", ""),
+        ("robots.hardware.write_csv", "gait.csv", ""),
+        ("numpy.savez_compressed", "frames.npz", " --record-every 10"),
+    ],
+)
+def test_what_was_computed_is_told_though_a_file_cannot_be_written(
+    morpholab, simulator, monkeypatch, tmp_path, writer, file, options, fails, code, how, json
+):
     result = morpholab(f"simulate --gait rolling{json}")
     assert result[0] == 0 and result[1]
-    monkeypatch.setattr("robots.inflatable.view.picture.save_motion_picture", full)
-    code, out, error = morpholab(f"simulate --gait rolling --out a{json}")
-    assert (code, out) == (1, result[1])
-    assert error.splitlines()[-1] == "morpholab simulate: failed: [Errno 28] No space left on device"
+    monkeypatch.setattr(writer, fails)
+    found, out, error = morpholab(f"simulate --gait rolling --out a{options}{json}")
+    assert (found, out) == (code, result[1])
+    number = errno.ENOSPC if fails is full else errno.EACCES
+    told = f"morpholab simulate: {how}: out: a/{file} cannot be written ({os.strerror(number)})"
+    assert error.splitlines()[-1] == told
     assert not (tmp_path / "a").exists()
 
 

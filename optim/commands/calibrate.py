@@ -57,13 +57,16 @@ def _write_example(args: argparse.Namespace) -> Report:
     from robots.calibration import Laboratory, write_measurements
     from robots.calibration.example import TRUTH, example
     from robots.inflatable.body import NAMED_GEOMETRIES
-    from taichi_sim.base.claims import claimed_path
+    from taichi_sim.base.claims import claimed_path, undone_if_it_fails
 
     path, geometry = args.example, args.geometry or "small"
     args.held.enter_context(claimed_path("path", path))
     laboratory = Laboratory(NAMED_GEOMETRIES[geometry], precision=args.precision, threads=args.threads)
     with shown_progress("simulating the experiments", 1.0, args.quiet):
-        write_measurements(path, geometry, example(laboratory, args.seed))
+        measured = example(laboratory, args.seed)
+    with undone_if_it_fails() as made:  # also where the file is written, but not that its folder has it
+        made.append(path)
+        write_measurements(path, geometry, measured)
     truth = ", ".join(f"{name} {value:g}" for name, value in vars(TRUTH).items())
     return Report({"file": str(path), "geometry": geometry, "truth": vars(TRUTH)}, f"{path}: measurements of {truth}")
 

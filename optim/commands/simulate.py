@@ -146,9 +146,10 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
     from robots.hardware import write_csv
     from robots.view.picture import save_robot_picture
     from taichi_sim.base.claims import undone_if_it_fails
-    from taichi_sim.base.files import write_text
+    from taichi_sim.base.disk_faults import unwritten
+    from taichi_sim.base.files import make_folder, write_text
 
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     frames: dict[str, Any] = dict(outcome.frames or {})
     writers: dict[str, Callable[[Path], object]] = {
         "design.json": partial(robot.save, ()),
@@ -161,5 +162,8 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
     with undone_if_it_fails() as made:
         for name, write in writers.items():
             made.append(folder / name)
-            write(folder / name)
+            try:
+                write(folder / name)
+            except OSError as error:  # which need not tell of which file it is
+                raise unwritten(f"out: {folder / name} cannot be written", error) from None
     return ""

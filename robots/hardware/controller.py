@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from robots.hardware.stream import Format, Sample, Stream
+from taichi_sim.base.disk_faults import unwritten
 
 HEARTBEAT = 0.5  # of silence at most [s]
 STUCK = 5.0  # for which a line may take nothing [s]
@@ -132,6 +133,7 @@ def file_link(path: str) -> Iterator[Link]:
 
     Raises:
         ValueError: if it cannot be opened.
+        RuntimeError: if the disk is full or broken.
     """
     if path == "-":
         sys.stdout.flush()
@@ -142,7 +144,7 @@ def file_link(path: str) -> Iterator[Link]:
             raise ValueError(f"to: {path} is a folder; name a file")
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
     except OSError as error:
-        raise ValueError(f"to: {path} cannot be opened ({error.strerror})") from None
+        raise unwritten(f"to: {path} cannot be opened", error, begun=False) from None
     try:
         yield Link(descriptor, path)
     finally:

@@ -1,5 +1,6 @@
 """Tables are sent to a controller in order and in time, and lines are vented whatever happens."""
 
+import errno
 import json
 import os
 import pty
@@ -246,6 +247,19 @@ def test_what_is_refused(morpholab, folder, options, told):
     (folder / "weak.toml").write_text("[channels.bladder]\nmaximum_kpa = 15.0\n")
     code, _, error = morpholab(f"play {options}")
     assert code == 2 and told in error and error.count("\n") == 1
+
+
+def test_a_file_for_which_the_disk_has_no_room_is_work_that_failed(morpholab, folder, monkeypatch):
+    opened = os.open
+
+    def full(path, *given):
+        if path == "lines.jsonl":
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+        return opened(path, *given)
+
+    monkeypatch.setattr(os, "open", full)
+    told = "morpholab play: failed: to: lines.jsonl cannot be opened (No space left on device)\n"
+    assert morpholab("play gait.csv --to lines.jsonl --no-wait") == (1, "", told)
 
 
 def test_a_slow_stream_vents_quickly(folder):
