@@ -5,181 +5,282 @@ What was there before is as it was, what is there after is whole or absent, and 
 gives where nothing fails.
 """
 
-import errno
-import io
-import os
+import argparse
 import shutil
-import sys
+import tempfile
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from faults import Disk, Memory, contents
+from measurements import GRIPPING
+from shortened_commands import shorten
+from small_pipeline import write_task
+
+from optim.cli import build_parser
+from optim.problem import Request, judge
+from optim.problems import problem_of_run
+from optim.runs.config import read_config
+from optim.runs.workers import folder_files, shared_folder
+from optim.runs.workers.folder_files import Offer
+from robots.calibration import read_measurements
+from taichi_sim.base import files
 
 pytestmark = [pytest.mark.kernels, pytest.mark.long]
 
+ROOT = Path(__file__).resolve().parents[1]
 BRIEF = "--time-step 0.5 --steps 60 --threads 1 --quiet"
 RUN = "codesign --robot vehicle --climbers 2 --generations 2 --quiet --out"
-# What prepares the folder, the command, and what gives its result after a failure, if that is another command.
-COMMANDS = {
-    "export": ("", "export inching --csv gait.csv", ""),
-    "export a mould": ("", "export starfish.py --parts parts --mould draft=2,wall=3", ""),
-    "view": ("", "view vehicle --out page.html --picture still.png --glb motion.glb --quiet", ""),
-    "paraview": ("", "view vehicle --paraview frames --frames 20 --quiet", ""),
-    "simulate": ("", "simulate --robot vehicle --out a", ""),
-    "check gradients": ("", "gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out a", ""),
-    "codesign": ("", f"{RUN} a", "codesign --resume --quiet --out a"),
-    "report": (f"{RUN} a", "report a --out page.html --no-player --quiet", ""),
-    "track": (f"{RUN} a", "track a --parquet runs.parquet", ""),
-    "sweep": ("", f"sweep --designs 162,6553 --weights 5 {BRIEF} --out a", ""),
-    "train": ("", f"train --designs 162 --methods nes --repetitions 2 --budget-evaluations 6 {BRIEF} --out a", ""),
-    "measure": ("", "measure --robot vehicle --controllers 4 --success closest<=1 --quiet --out a", ""),
+EXAMPLES = ("starfish.py", "voxel_walker.vxa")
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command, in a folder with the examples, a task of the pipeline and measurements.
+
+    Attributes:
+        line: the words after ``morpholab``.
+        before: commands that prepare the folder.
+        again: what gives the result after a failure that has left a run, if that is another command.
+        most: calls that are tried, in equal steps, of a command that takes long; all others are tried at each.
+    """
+
+    line: str
+    before: tuple[str, ...] = ()
+    again: str = ""
+    keeps: bool = True
+    needs: str = ""
+    most: int = 100_000
+
+
+CASES = {
+    "export": Case("export inching --csv gait.csv --plain plain.csv --c-header gait.h --plot gait.png"),
+    "export a mould": Case("export starfish.py --parts parts --mould draft=2,wall=3"),
+    "export voxels": Case("export voxel_walker.vxa --voxels walker.vxl.json --parts walker.3mf"),
+    "view": Case(
+        "view vehicle --out page.html --picture still.png --glb motion.glb --strip strip.png --quiet", most=30
+    ),
+    "films": Case("view vehicle --gif motion.gif --mp4 motion.mp4 --seconds 0.5 --quiet", most=30),
+    "recording": Case("view vehicle --rerun motion.rrd --quiet", needs="rerun"),
+    "paraview": Case("view vehicle --paraview frames --frames 20 --quiet"),
+    "simulate": Case("simulate --robot vehicle --record-every 100 --out results"),
+    "simulate a gait": Case("simulate --gait round.json --geometry small --precision f32 --out results"),
+    "check gradients": Case("gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out results"),
+    "codesign": Case(f"{RUN} results", again="codesign --resume --quiet --out results"),
+    "codesign with seeds": Case(f"{RUN} results --seeds 2,3", again=f"{RUN} results --seeds 2,3 --resume"),
+    "codesign with workers": Case(
+        f"{RUN} results --workers-dir shared --workers 2",
+        again="codesign --resume --quiet --out results --workers-dir shared --workers 2",
+    ),
+    "compare": Case("compare one two --out curves.png", (f"{RUN} one", f"{RUN} two --seed 1")),
+    "report": Case("report one --out page.html --no-player --quiet", (f"{RUN} one",)),
+    "track": Case("track one --parquet runs.parquet", (f"{RUN} one",)),
+    "track events": Case("track one --tensorboard events", (f"{RUN} one",)),
+    "sweep": Case(f"sweep --designs 162,6553 --weights 5 {BRIEF} --out results"),
+    "train": Case(f"train --designs 162 --methods nes --repetitions 2 --budget-evaluations 6 {BRIEF} --out results"),
+    "measure": Case("measure --robot vehicle --controllers 4 --success closest<=1 --quiet --out results"),
+    "interference": Case(
+        "interference --robots legged --fitness sum --runs 1 --generations 2 --population 3 --steps 50 --threads 1 "
+        "--quiet --alone --figures --out results"
+    ),
+    "reproduce": Case("reproduce forgetting --budget small --quiet --out results", most=30),
+    "reproduce from data": Case(f"reproduce light-seeking --from-data {ROOT}/docs/data --quiet --out results"),
+    "calibrate": Case("calibrate drags.toml --threads 1 --quiet --out results"),
+    "example of measurements": Case("calibrate --example example.toml --threads 1 --quiet"),
+    "pipeline": Case("pipeline task.toml --threads 1 --quiet --out results", most=30),
+    "play": Case("play gait.csv --to lines.jsonl --no-wait", ("export inching --csv gait.csv",), most=30),
+    "work": Case("work shared --idle 0.1 --threads 1 --quiet", (f"{RUN} one",), keeps=False),
 }
-MOST = 30  # calls of a command that are tried
+# Commands that write nothing, and what others only read: no case is needed.
+WRITES_NOTHING = ("tasks", "status", "bench")
+READ = {
+    "compare": ("runs",),
+    "report": ("runs",),
+    "track": ("runs",),
+    "export": ("source",),
+    "play": ("table",),
+    "pipeline": ("task", "--replay"),
+    "calibrate": ("data",),
+    "codesign": ("--problem",),
+    "work": ("--problem",),
+    "simulate": ("--table",),
+    "train": ("--sweep",),
+    "reproduce": ("--from-data", "--sweep"),
+}
+MOST_ARRAYS = 30  # that are tried of a command
 # What tells times, or checksums of such.
 VOLATILE = ("timing.jsonl", "environment.json", ".lock", "checkpoint.npz", "checkpoint.previous.npz")
-
-
-class HalfWritten(io.FileIO):
-    """A file that takes half of what is written first, and then nothing, as on a full disk."""
-
-    full = False
-
-    def write(self, content):
-        if not self.full:
-            super().write(content[: len(content) // 2])
-        self.full = True
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-class Disk:
-    """Calls by which the lab changes the disk; the n-th fails as on a full disk, where it writes in the middle."""
-
-    CALLS = (
-        (os, "replace"),
-        (os, "rename"),
-        (os, "link"),
-        (os, "fsync"),
-        (os, "truncate"),
-        (os, "mkdir"),
-        (Path, "write_bytes"),
-        (Path, "write_text"),
-        (Path, "mkdir"),
-        (Path, "open"),  # to append
-    )
-
-    TOLD = ("No space left on device", "cannot be written")
-
-    def __init__(self, monkeypatch):
-        self.fails_at = self.count = 0
-        for owner, name in self.CALLS:
-            monkeypatch.setattr(owner, name, self._failing(getattr(owner, name)))
-
-    def _failing(self, function):
-        def call(*given, **options):
-            if function.__name__ == "open" and "a" not in given[1:2] and "ab" not in given[1:2]:
-                return function(*given, **options)
-            self.count += 1
-            if self.count == self.fails_at:
-                if "ab" in given[1:2]:  # a log
-                    return io.BufferedWriter(HalfWritten(given[0], "ab"))
-                if function.__name__.startswith("write"):  # a part of it still has room
-                    path, content = given[:2]
-                    function(path, content[: len(content) // 2])
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            return function(*given, **options)
-
-        return call
-
-    def begin(self, fails_at):
-        """Count anew, and fail at that call; never for 0."""
-        self.fails_at, self.count = fails_at, 0
-
-
-class Memory(Disk):
-    """Calls by which NumPy makes arrays; the n-th large one fails as where memory ends."""
-
-    NAMES = ("array", "asarray", "empty", "zeros", "ones", "full", "arange", "concatenate", "stack", "repeat", "tile")
-    CALLS = tuple((np, name) for name in NAMES)
-    TOLD = ("there is not enough memory for this",)
-    LARGE = 200  # bytes; the commands here are small
-
-    def _failing(self, function):
-        def call(*given, **options):
-            made = function(*given, **options)
-            # Where trimesh lacks memory for normals, it sums them in another order: other last bits, but no failure.
-            caller = sys._getframe(1).f_globals.get("__name__", "")
-            if getattr(made, "nbytes", 0) >= self.LARGE and not caller.startswith("trimesh"):
-                self.count += 1
-                if self.count == self.fails_at:
-                    raise MemoryError(f"Unable to allocate {made.nbytes} bytes")
-            return made
-
-        return call
-
-
 FAULTS = {"disk": Disk, "memory": Memory}
-QUICK = ("simulate", "codesign")  # of memory, in every run of the tests
+# What is tried at every call in every run of the tests, as it takes no second; and of which arrays fail there.
+QUICK = ("example of measurements", "track", "track events")
+QUICK_OF_MEMORY = ("simulate", "codesign")
 
 
-def contents(folder):
-    """Files below a folder that must not depend on failures."""
-    files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in VOLATILE]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+def prepare(folder, case, morpholab):
+    """Fill a folder with what the command of a case reads."""
+    for name in EXAMPLES:
+        shutil.copy(ROOT / "examples" / name, folder)
+    (folder / "drags.toml").write_text(GRIPPING)
+    write_task(folder)
+    for line in case.before:
+        assert morpholab(line)[0] == 0, line
+    if case.line.startswith("work "):
+        offer(folder)
+
+
+def offer(folder):
+    """Leave in a folder for workers what a search that was killed leaves there: an offer, and two parts that wait."""
+    problem = problem_of_run(folder / "one", read_config(folder / "one"))
+    made = Offer.here(problem.describe(), silence=60.0)
+    folder_files.make_folders(folder / "shared")
+    made.write(folder / "shared")
+    for points in problem.space.sample(np.random.default_rng(0), 4).reshape(2, 2, -1):
+        name, content = folder_files.packed_request(Request(points), made.digest)
+        files.write_bytes(folder_files.part_path(folder / "shared", folder_files.OPEN, name), content)
+
+
+def simplify(monkeypatch, case, fault):
+    """Let commands take little effort where that is not what fails: no simulation for an example, workers at hand."""
+    shorten(monkeypatch)
+    measured = lambda laboratory, seed: read_measurements(Path("drags.toml"), None).experiments  # noqa: E731
+    monkeypatch.setattr("robots.calibration.example.example", measured)
+
+    def answer(waited):
+        """Work for a search that waits, on a disk that does not fail."""
+        count, fails_at = fault.count, fault.fails_at
+        fault.begin(0)
+        part, claim = folder_files.claim_any(Path("shared"), "worker")
+        _, request = folder_files.unpacked_request(claim.read_bytes())
+        problem = problem_of_run(Path("results"), read_config(Path("results")))
+        content = folder_files.packed_answer(part, "worker", judge(problem, request))
+        files.write_bytes(folder_files.part_path(Path("shared"), folder_files.DONE, part), content)
+        claim.unlink()
+        fault.fails_at, fault.count = fails_at, count
+
+    if "--workers-dir" in case.line:
+        monkeypatch.setattr(shared_folder.protocol, "nap", answer)
+
+
+def lasting(folder):
+    """Files below a folder that must not depend on failures; of answers of workers all but the worker's name.
+
+    Recordings have numbers of their own in each row, so only that they are there.
+    """
+    found = contents(folder, VOLATILE)
+    for path in found:
+        if path.endswith(".rrd"):
+            found[path] = b""
+        if Path(path).parent.name == folder_files.DONE:
+            _, told = folder_files.unpacked_answer(found[path], Path(path).stem, 2)
+            found[path] = told.objectives.tobytes()
+    return found
+
+
+def written_by_commands():
+    """Commands that may write, each with the options and arguments that name files or folders it does not only read."""
+    commands = next(a for a in build_parser()._actions if isinstance(a, argparse._SubParsersAction)).choices
+    for command, parser in commands.items():
+        if command not in WRITES_NOTHING:
+            of_paths = [a for a in parser._actions if a.type is Path or a.metavar in ("FILE", "DIR", "PATH", "FOLDER")]
+            yield command, {(a.option_strings or [a.dest])[0] for a in of_paths} - set(READ.get(command, ()))
+
+
+def test_every_file_that_a_command_writes_is_in_a_case():
+    for command, names in written_by_commands():
+        words = {word for case in CASES.values() for word in case.line.split() if case.line.startswith(f"{command} ")}
+        assert words, f"{command}: which case lets its disk fail?"
+        missing = {name for name in names if name.startswith("--")} - words
+        assert not missing, f"{command}: in which case is {missing} written?"
+
+
+def misses(error, fault, places):
+    """What is missing from what a command said of a fault: that it is one line, which names the fault and the place."""
+    if "Traceback" in error or len(error.splitlines()) > 2:
+        return "it is not told in a line"
+    if not any(words in error for words in fault.TOLD):
+        return "it is not told what failed"
+    if fault.NAMES_PATHS and not any(place in error for place in places):
+        return "it is not told what could not be written"
+    return ""
+
+
+def wrong_after(n, case, fault, morpholab, whole):
+    """What is wrong with what comes of a command in the working directory whose n-th call fails; empty if nothing."""
+    folder = Path.cwd()
+    before = lasting(folder)
+    fault.begin(n)
+    code, _, error = morpholab(case.line)
+    calls = fault.count
+    fault.begin(0)
+    found = lasting(folder)
+    strangers = [path for path in found if path not in whole and path not in before]
+    places = {Path(path).parts[0] for path in whole.keys() - before.keys()} | {tempfile.gettempdir()}
+    wrong = [
+        calls < n and f"it calls only {calls} times",
+        code not in (0, 1) and f"it ends with code {code}",  # 0 where nothing was lost, see the end
+        code and misses(error, fault, places),
+        case.keeps and not before.items() <= found.items() and "something that was there has changed",
+        strangers and f"{strangers} are left",
+    ]
+    if code:
+        again = case.again if case.again and any(folder.glob("results/**/config.toml")) else case.line
+        code, _, after = morpholab(again)
+        wrong.append(code and f"{again} ends with code {code}: {after}")
+    wrong.append(lasting(folder) != whole and "it gives something else than where nothing fails")
+    told = "; ".join(filter(None, wrong))
+    return told and f"{told}; {error.strip()}"
+
+
+def is_slow(kind, name, every):
+    """Whether ``make validate`` alone tries a case: at every call, unless that takes no second; with little memory."""
+    if kind == "memory":
+        return every or name not in QUICK_OF_MEMORY
+    return every and name not in QUICK
+
+
+CHOSEN = [(kind, name, every) for kind in FAULTS for name in CASES for every in (False, True)]
 
 
 @pytest.mark.parametrize(
-    ("fault", "name", "every"),
+    ("kind", "name", "every"),
     [
         pytest.param(
-            *(fault, name, every),
-            marks=pytest.mark.slow if every or (fault == "memory" and name not in QUICK) else (),
-            id=f"{fault}-{name}-{'all' if every else 'one'}",
+            *(kind, name, every),
+            marks=pytest.mark.slow if is_slow(kind, name, every) else (),
+            id=f"{kind}-{name}-{'all' if every else 'one'}",
         )
-        for fault in FAULTS
-        for name in COMMANDS
-        for every in (False, True)
+        for kind, name, every in CHOSEN
+        if every or kind == "memory" or name not in QUICK
     ],
 )
-def test_a_fault_costs_nothing_but_the_command(fault, name, every, morpholab, tmp_path, monkeypatch):
-    prepare, line, after = COMMANDS[name]
-    root = Path(__file__).resolve().parents[1]
+def test_a_fault_costs_nothing_but_the_command(kind, name, every, morpholab, tmp_path, monkeypatch):
+    case = CASES[name]
 
-    def fresh(folder):
+    def enter(folder):
         shutil.copytree(tmp_path / "prepared", folder)
         monkeypatch.chdir(folder)
-        return contents(folder)
 
+    if case.needs:
+        pytest.importorskip(case.needs)
+    fault = FAULTS[kind](monkeypatch)
+    simplify(monkeypatch, case, fault)
     (tmp_path / "prepared").mkdir()
     monkeypatch.chdir(tmp_path / "prepared")
-    shutil.copy(root / "examples/starfish.py", ".")
-    assert not prepare or morpholab(prepare)[0] == 0
-    disk = FAULTS[fault](monkeypatch)
-    fresh(tmp_path / "first")
-    assert morpholab(line)[0] == 0  # so that what is made once a process is there
-    before = fresh(tmp_path / "whole")
-    disk.begin(0)
-    code, _, error = morpholab(line)
-    assert code == 0, error
-    calls, whole = disk.count, contents(tmp_path / "whole")
-    assert (calls and whole.keys() > before.keys()) or "page.html" in line
-    for n in range(1, calls + 1, 1 + calls // MOST) if every else range(1, calls + 1)[calls // 2 :][:1]:
-        folder = tmp_path / f"fails{n}"
-        disk.begin(0)
-        fresh(folder)
-        disk.begin(n)
-        code, _, error = morpholab(line)
-        assert disk.count >= n, f"{n}: {error}"
-        disk.begin(0)
-        assert code in (0, 1), f"{n}: {error}"  # 0 where nothing was lost, see the end
-        if code:
-            assert "Traceback" not in error and len(error.splitlines()) <= 2, f"{n}: {error}"
-            assert any(words in error for words in disk.TOLD), f"{n}: {error}"
-        found = contents(folder)
-        assert before.items() <= found.items(), f"{n}: something that was there has changed"
-        strangers = [path for path in found if path not in whole]
-        assert not strangers, f"{n}: {strangers} are left"
-        again = after if after and (folder / "a/config.toml").exists() else line
-        if code:
-            code, _, error = morpholab(again)
-            assert code == 0, f"{n}: {again}: {error}"
-        assert contents(folder) == whole, f"{n}: not what it gives where nothing fails"
+    prepare(tmp_path / "prepared", case, morpholab)
+    enter(tmp_path / "first")
+    assert morpholab(case.line)[0] == 0  # so that what is made once a process is there
+    enter(tmp_path / "whole")
+    before = lasting(tmp_path / "whole")
+    fault.begin(0)
+    code, _, error = morpholab(case.line)
+    calls, whole = fault.count, lasting(tmp_path / "whole")
+    assert code == 0 and calls, error
+    assert whole.keys() - before.keys()
+    most = case.most if kind == "disk" else min(case.most, MOST_ARRAYS)
+    wrong = []
+    for n in range(1, calls + 1, 1 + calls // most) if every else range(1, calls + 1)[calls // 2 :][:1]:
+        enter(tmp_path / f"fails{n}")
+        if found := wrong_after(n, case, fault, morpholab, whole):
+            wrong.append(f"{n}: {found}")
+    assert not wrong, "\n".join([f"of {calls} calls", *wrong])
