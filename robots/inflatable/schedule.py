@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from robots.hardware import lines
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import number, numbers, on_off, whole_number
+from taichi_sim.base.checks import number, numbers, on_off, shown, whole_number
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 BLADDERS, FEET = lines.BLADDERS, lines.FEET
@@ -260,6 +260,8 @@ class GaitSchedule:
         Raises:
             ValueError: if it is anything else.
         """
+        if not isinstance(text, str):  # as a damaged file may have it
+            raise ValueError(f"schedule: {shown(text)} is not allowed; give a text, such as rows of 0 and 1")
         if text.lstrip().startswith("{"):
             damaged = ValueError("schedule: its text is damaged; give the tables of a gait as JSON")
             try:

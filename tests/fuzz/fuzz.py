@@ -5,6 +5,7 @@ in ``build/fuzz/NAME/``. Add it to ``tests/fuzz/corpus/NAME/`` with the mended c
 """
 
 import argparse
+import hashlib
 import io
 import os
 import re
@@ -48,7 +49,17 @@ def fuzz(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> No
         (corpus / f"seed-{number}").write_bytes(content[: targets.LARGEST])
     options = [*options, f"-rss_limit_mb={MEMORY}", f"-timeout={PATIENCE}", f"-max_len={targets.LARGEST}"]
     options += [f"-artifact_prefix={folder}/", "-print_final_stats=1", "-verbosity=0"]
-    atheris.Setup([sys.argv[0], *options, str(corpus)], lambda content: targets.attack(name, content, targets.room()))
+
+    def attack(content: bytes) -> None:
+        try:
+            targets.attack(name, content, targets.room())
+        except Exception:  # libFuzzer keeps what hangs or takes too much, but not this
+            found = folder / f"crash-{hashlib.sha256(content).hexdigest()[:16]}"
+            found.write_bytes(content)
+            print(f"the input is {found}", flush=True)
+            raise
+
+    atheris.Setup([sys.argv[0], *options, str(corpus)], attack)
     atheris.Fuzz()
 
 
