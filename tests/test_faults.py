@@ -115,6 +115,7 @@ FAULTS = {"disk": Disk, "memory": Memory}
 # What is tried at every call in every run of the tests, as it takes no second; and of which arrays fail there.
 QUICK = ("example of measurements", "track", "track events")
 QUICK_OF_MEMORY = ("simulate", "codesign")
+NO_ARRAYS = ("track events", "reproduce from data", "example of measurements")  # that are large
 
 
 def prepare(folder, case, morpholab):
@@ -239,7 +240,13 @@ def is_slow(kind, name, every):
     return every and name not in QUICK
 
 
-CHOSEN = [(kind, name, every) for kind in FAULTS for name in CASES for every in (False, True)]
+CHOSEN = [
+    (kind, name, every)
+    for kind in FAULTS
+    for name in CASES
+    for every in (False, True)
+    if kind == "disk" or name not in NO_ARRAYS
+]
 
 
 @pytest.mark.parametrize(

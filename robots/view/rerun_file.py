@@ -82,6 +82,8 @@ def _content(motion: Motion) -> bytes:
     # No time of writing, and an identity that follows from the content: the same motion is the same recording.
     stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(motion), send_properties=False)
     memory = stream.memory_recording()
+    strict = rerun.strict_mode()
+    rerun.set_strict_mode(True)  # else what cannot be recorded, as where memory ends, is left out with a warning
     try:
         channels = _grouped((*motion.channels, *felt(motion)))
         stream.send_blueprint(_blueprint(motion, channels), make_active=False, make_default=True)
@@ -102,6 +104,7 @@ def _content(motion: Motion) -> bytes:
             _add_series(stream, group, rows)
         return bytes(memory.drain_as_bytes())
     finally:
+        rerun.set_strict_mode(strict)
         stream.disconnect()
 
 
