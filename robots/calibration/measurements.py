@@ -208,8 +208,9 @@ def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
     counts = {key: table.left.pop(key, None) for key in ("columns", "repeats")}
     cut = [None if value is None else whole_number(key, value, 1) for key, value in counts.items()]
     design = load_gait(name)
-    if design.materials is not None:
-        raise ValueError(f"gait: {name} has materials of its own, which is not allowed where a robot is fitted")
+    for own in ("materials", "bladders"):
+        if getattr(design, own) is not None:
+            raise ValueError(f"gait: {name} has {own} of its own, which is not allowed where a robot is fitted")
     pressure = table.single("pressure", 0.0) if table.has("pressure") else design.pressure
     orientation = table.left.pop("orientation_deg", design.orientation)
     return InflatableDesign(pressure, orientation, design.schedule.cut(*cut))

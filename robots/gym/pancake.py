@@ -22,6 +22,7 @@ from robots.inflatable.body import (
     kinds_of,
 )
 from robots.inflatable.design import InflatableDesign, Pressure, checked_pressure, each_pressure, highest_pressure
+from robots.inflatable.layout import check_every_bladder
 from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.simulation import engine_of, read_poses, travel_directions
@@ -63,6 +64,7 @@ class Pancakes(Batch):
         """Take what a ``PancakeEnvironment`` takes."""
         if isinstance(geometry, str):
             geometry = NAMED_GEOMETRIES[choice("geometry", geometry, NAMED_GEOMETRIES)]
+        check_every_bladder(geometry.bladders, "in this environment, whose actions fill eight")
         spaces = {
             "bits": gymnasium.spaces.MultiBinary(ROWS),
             "continuous": gymnasium.spaces.Box(0.0, 1.0, (ROWS,), np.float64),

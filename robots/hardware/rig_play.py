@@ -21,7 +21,7 @@ from robots.inflatable.body import SKIN_REGIONS as SKIN
 from robots.inflatable.numbers import Numbers
 from robots.inflatable.program import RobotEvents
 from robots.inflatable.schedule import BLADDERS
-from robots.inflatable.simulation import InflatableResult, engine_of, summarise
+from robots.inflatable.simulation import InflatableResult, engine_of, laid_out, summarise
 from robots.inflatable.timing import WHOLE
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats, Ints
@@ -138,13 +138,13 @@ def play_tables(
     Raises:
         ValueError: if an argument is not allowed.
     """
-    builder = ProgramBuilder(len(plays))
+    builder, designs = ProgramBuilder(len(plays)), [play.table.design for play in plays]
+    geometry = laid_out(geometry, designs)
     spans = [_write_play(builder, robot, play, actuation, geometry) for robot, play in enumerate(plays)]
     marks = [[*span, *(range(span[0], span[1] + 1, record_every) if record_every else ())] for span in spans]
     if len({len(each) for each in marks}) > 1:
         raise ValueError(f"record_every: {record_every} is not allowed for tables of different lengths; leave it out")
     program = builder.build([end for _, end in spans], np.array(marks))
-    designs = [play.table.design for play in plays]
     copies = [play.copy for play in plays]
     starts = geometry.body.scattered(perturbation, seed, copies) if perturbation > 0 else None
     engine = engine_of(geometry, [play.terrain for play in plays], Compute.given(compute), designs, starts)
@@ -231,5 +231,4 @@ def _switched(events: RobotEvents, quantity: int, values: Floats, region: int, s
 
 
 def _write(events: RobotEvents, quantity: int, values: Any, region: int, steps: Ints, rates: Floats) -> None:
-    regions = np.full(len(steps), region)
-    events.builder.set(quantity, values, regions=regions, step=steps, rate=rates, robots=events.robot)
+    events.set(quantity, values, np.full(len(steps), region), steps, rates)

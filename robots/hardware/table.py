@@ -22,6 +22,7 @@ from robots.hardware.units import KPA_PER_UNIT
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.body import PUBLISHED
 from robots.inflatable.design import InflatableDesign, common_pressure, kilopascals, load_design
+from robots.inflatable.layout import layout_of, told_layout
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import ROWS, GaitSchedule
 from robots.inflatable.timing import durations
@@ -92,6 +93,7 @@ class GaitTable(RigTable):
             ("schedule", design.schedule.to_text()),
             ("repeats", str(design.schedule.repeats)),
             *([("materials", json.dumps(design.materials.given))] if design.materials is not None else []),
+            *([("bladders", told_layout(design.bladders))] if design.bladders is not None else []),
             ("loops", str(self.loops)),
             ("rig", self.rig),
             ("rate_hz", rate_text(self.rate)),
@@ -118,9 +120,9 @@ class GaitTable(RigTable):
         """What the rows play, by the inverse of the map.
 
         The header only says whether the gait is on and off, changes its core pressure and has times of its own, and
-        what lines know nothing of: the orientation, paces and materials. Where the gait is on and off, an actuator is
-        on above the middle between its two pressures. How long states of a gait with times of its own last after all
-        lines have arrived is how long it settles.
+        what lines know nothing of: the orientation, paces, materials and bladders. Where the gait is on and off, an
+        actuator is on above the middle between its two pressures. How long states of a gait with times of its own last
+        after all lines have arrived is how long it settles.
 
         Raises:
             ValueError: if the rows play no schedule.
@@ -214,7 +216,7 @@ def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:
         if np.ptp(core, axis=0).any():
             raise ValueError(f"core_pressure: {len(core)} rows are not allowed; {allowed}")
         schedule = replace(schedule, core_pressure=core[0])
-    return InflatableDesign(pressure, design.orientation, schedule, design.materials)
+    return InflatableDesign(pressure, design.orientation, schedule, design.materials, design.bladders)
 
 
 def design_hash(design: InflatableDesign) -> str:
@@ -223,6 +225,7 @@ def design_hash(design: InflatableDesign) -> str:
     content: list[Any] = [design.pressure if pressure is None else float(pressure), float(design.orientation)]
     content += [schedule.to_text(), schedule.repeats]
     content += [design.materials.given] if design.materials is not None else []
+    content += [list(design.bladders)] if design.bladders is not None else []
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
@@ -255,8 +258,9 @@ def _read(lines: Sequence[str]) -> GaitTable:
     try:
         schedule = GaitSchedule.from_text(header["schedule"], int(header["repeats"]))
         materials = RegionMaterials.of(parse_json(header["materials"])) if "materials" in header else None
+        bladders = layout_of(header["bladders"]) if "bladders" in header else None
         pressure = tuple(map(float, header["pressure_pa"].split(",")))
-        design = InflatableDesign(pressure, float(header["orientation_deg"]), schedule, materials)
+        design = InflatableDesign(pressure, float(header["orientation_deg"]), schedule, materials, bladders)
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
         seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]

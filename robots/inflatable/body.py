@@ -1,7 +1,8 @@
 """The body of the inflatable shape-changing robot: a flat pouch of two skins with four bladders on either side.
 
 The space between the skins is the core. With several cores the pouch is divided along its length: each is closed
-towards its neighbours as it is along the two long edges, by a row in which the skins stay joined.
+towards its neighbours as it is along the two long edges, by a row in which the skins stay joined. Bladders have eight
+places; a body may leave some of them out.
 
 Source: Powers 2021 dissertation, ch. 5; Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021. Where the
 text and the published experiment differ, the defaults are those of the experiment.
@@ -19,6 +20,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
+from robots.hardware.lines import BLADDERS
+from robots.inflatable.layout import EVERY_BLADDER, TOP_BLADDERS, Layout, checked_layout, layout_mask
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import Positive, check_fields, whole_number
 from taichi_sim.lattice import LatticeBody, Material
@@ -27,7 +30,7 @@ from taichi_sim.lattice import LatticeBody, Material
 # core but the first has the five regions of its own skin, in the same order.
 SKIN, SEAM, FOOT_1, FOOT_2, FOOT_SEAM = range(5)
 FIRST_BLADDER = 5
-BLADDER_COUNT = 8
+BLADDER_COUNT = BLADDERS
 REGION_COUNT = FIRST_BLADDER + BLADDER_COUNT
 SKIN_REGIONS = np.arange(FIRST_BLADDER)
 FOOT_REGIONS = np.array([FOOT_1, FOOT_2])
@@ -71,6 +74,8 @@ class InflatableGeometry:
         collision_damping: damping ratio of contacts.
         time_step_safety: the largest stable time step is divided by this.
         cores: that the pouch is divided into along its length, of as equal numbers of rows as possible.
+        bladders: places that have a bladder: 1 to 4 on top, in order of x, and 8 to 5 underneath in the same columns.
+            Others are left out, with their mass and stiffness; their numbers and regions stay, and nothing fills them.
         closed: whether pressure acts on the closed surface of a single core, as it does on those of several. By the
             published law, on faces of voxels, a pouch whose regions differ in size drives itself along.
     """
@@ -89,6 +94,7 @@ class InflatableGeometry:
     time_step_safety: Positive = 1.3
     cores: Count = 1
     closed: bool = False
+    bladders: Annotated[Layout, checked_layout] = EVERY_BLADDER
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -112,6 +118,11 @@ class InflatableGeometry:
     def region_count(self) -> int:
         """R, the number of regions: of the skin of every core, and of the bladders."""
         return REGION_COUNT + FIRST_BLADDER * (self.cores - 1)
+
+    @property
+    def absent_regions(self) -> tuple[int, ...]:
+        """Regions of the places without a bladder, ascending; no voxel belongs to them."""
+        return tuple(BLADDER_REGIONS[~layout_mask(self.bladders)].tolist())
 
     @property
     def region_names(self) -> tuple[str, ...]:
@@ -204,15 +215,17 @@ def _skin_kind(geometry: InflatableGeometry, x: int, y: int) -> int:
 def _build(geometry: InflatableGeometry) -> LatticeBody:
     """Voxels layer by layer: upper skin, lower skin, then bladder by bladder, away from the skin."""
     layers, stride = geometry.bladder_layers, geometry.bladder_columns + 1
-    lower, upper = layers, layers + 1  # z of the skins
+    # A body without bladders underneath lies on its lower skin.
+    lower = layers if any(place > TOP_BLADDERS for place in geometry.bladders) else 0
+    upper = lower + 1  # z of the skins
     plan = [(x, y) for x in range(1, geometry.columns + 1) for y in range(1, geometry.rows + 1)]
     voxels = [(x, y, z) for z in (upper, lower) for x, y in plan]
     core = {y: number for number, rows in enumerate(geometry.core_rows) for y in rows}
     regions = [int(skin_regions(_skin_kind(geometry, x, y), core[y])) for _ in range(2) for x, y in plan]
     under = [(x, y) for x, y in plan if x % stride and y in geometry.bladder_rows]
-    for bladder in range(BLADDER_COUNT):
+    for bladder in np.flatnonzero(layout_mask(geometry.bladders)).tolist():
         # Bladders 1 to 4 lie on top, in order of x; 8 to 5 are the same columns underneath.
-        on_top = bladder < 4
+        on_top = bladder < TOP_BLADDERS
         group = bladder if on_top else BLADDER_COUNT - 1 - bladder
         depths = range(upper + 1, upper + 1 + layers) if on_top else range(lower - 1, -1, -1)
         places = [(x, y, z) for x, y in under if x // stride == group for z in depths]

@@ -1,19 +1,20 @@
 """Designs of the inflatable shape-changing robot, their files, and the two gaits that were made by hand.
 
 Gait files are JSON, in two formats: schedules of on and off are rows of 0 and 1, all others are tables of numbers, see
-``docs/gait-files.md``; with materials of its regions a design is of a third.
+``docs/gait-files.md``; with materials of its regions a design is of a third, with a layout of bladders of a fourth.
 
 Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
 et al., Nature Machine Intelligence 3, 51-59, 2021.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from os import PathLike
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
+from robots.inflatable.layout import Layout, checked_layout, layout_mask, told_layout
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import MAXIMUM_PRESSURE, GaitSchedule
 from taichi_sim.base.checks import number
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 ROWS_FORMAT = "morpholab-inflatable-design-1"
 TABLES_FORMAT = "morpholab-graded-design-1"
 MATERIALS_FORMAT = "morpholab-inflatable-design-2"
-FORMATS = (ROWS_FORMAT, TABLES_FORMAT, MATERIALS_FORMAT)
+LAYOUT_FORMAT = "morpholab-inflatable-design-3"
+FORMATS = (ROWS_FORMAT, TABLES_FORMAT, MATERIALS_FORMAT, LAYOUT_FORMAT)
 BESIDE_TABLES = ("format", "pressure", "orientation", "repeats")  # in files of the second format
 
 Pressure = float | tuple[float, ...]  # of all cores alike, or of each [Pa]
@@ -89,12 +91,14 @@ class InflatableDesign:
         orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
         schedule: when and how far bladders inflate and feet grip.
         materials: of the body's regions, and friction of the feet; None is as the geometry has them.
+        bladders: places that have a bladder; None is as the geometry has them. The schedule leaves the others empty.
     """
 
     pressure: Pressure
     orientation: float
     schedule: GaitSchedule
     materials: RegionMaterials | None = None
+    bladders: Layout | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pressure", checked_pressure(self.pressure))
@@ -109,6 +113,26 @@ class InflatableDesign:
                 f"pressure: {len(self.pressure)} values are not allowed with a gait that has core pressures of its "
                 "columns; give one"
             )
+        if self.bladders is not None:
+            object.__setattr__(self, "bladders", checked_layout("bladders", self.bladders))
+            self.check_layout(self.bladders)
+
+    def check_layout(self, bladders: Layout) -> None:
+        """Refuse a layout without a bladder that the schedule fills.
+
+        Raises:
+            ValueError: that names the first such bladder and the column.
+        """
+        filled = np.argwhere((self.schedule.inflation > 0) & ~layout_mask(bladders)[:, None])
+        if len(filled):
+            place, column = filled[0] + 1
+            told = f"bladder {place} is not there (there are: {told_layout(bladders)})"
+            raise ValueError(f"bladders: {told}, but column {column} of the gait fills it; leave it empty, or add it")
+
+    def with_layout(self, bladders: Layout) -> Self:
+        """The design of a body that has these bladders alone; the schedule leaves the others empty."""
+        places = checked_layout("bladders", bladders)
+        return replace(self, schedule=self.schedule.emptied(~layout_mask(places)), bladders=places)
 
 
 INCHING = InflatableDesign(
@@ -148,13 +172,14 @@ def core_shapes(geometry: "InflatableGeometry", pressure: float) -> list[tuple[f
 def save_design(design: InflatableDesign, path: str | PathLike[str]) -> None:
     """Write a design as JSON: pressure [Pa], one or a list, orientation [degrees], the schedule and its repeats.
 
-    Materials of its regions follow, if it has some.
+    Materials of its regions and the places of its bladders follow, if it has some of its own.
     """
-    gait = design.schedule
-    if design.materials is not None and design.materials.given:
-        own = {"schedule": gait.to_text(), "repeats": gait.repeats, "materials": design.materials.given}
+    gait, made = design.schedule, design.materials.given if design.materials is not None else {}
+    if made or design.bladders is not None:
+        own = {"schedule": gait.to_text(), "repeats": gait.repeats, **({"materials": made} if made else {})}
         shape = {"pressure": design.pressure, "orientation": design.orientation}
-        write_record(path, MATERIALS_FORMAT, {**shape, **own})
+        laid = {} if design.bladders is None else {"bladders": list(design.bladders)}
+        write_record(path, LAYOUT_FORMAT if laid else MATERIALS_FORMAT, {**shape, **own, **laid})
         return
     schedule = {"schedule": gait.to_text().split("/")} if gait.skip_idle else gait.tables
     record = {"pressure": design.pressure, "orientation": design.orientation, **schedule, "repeats": gait.repeats}
@@ -174,17 +199,22 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
     except ValueError:
         form = None
     if isinstance(form, str) and form not in FORMATS:
-        known = f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}, or with materials {MATERIALS_FORMAT!r}"
+        known = (
+            f"{ROWS_FORMAT!r} and {TABLES_FORMAT!r}, with materials {MATERIALS_FORMAT!r} or with bladders "
+            f"{LAYOUT_FORMAT!r}"
+        )
         raise ValueError(f"{path}: it is of the format {form[:60]!r}; gaits of this robot are of {known}")
     return read_record(path, form if form in FORMATS else ROWS_FORMAT, _design_of)
 
 
 def _design_of(record: dict[str, Any]) -> InflatableDesign:
     """The design of a record of any format."""
-    if record["format"] == MATERIALS_FORMAT:
+    if record["format"] in (MATERIALS_FORMAT, LAYOUT_FORMAT):
         schedule = GaitSchedule.from_text(record["schedule"], record["repeats"])
-        materials = RegionMaterials.of(record["materials"])
-        return InflatableDesign(record["pressure"], record["orientation"], schedule, materials)
+        is_laid = record["format"] == LAYOUT_FORMAT
+        materials = None if is_laid and "materials" not in record else RegionMaterials.of(record["materials"])
+        bladders = record["bladders"] if is_laid else None
+        return InflatableDesign(record["pressure"], record["orientation"], schedule, materials, bladders)
     if record["format"] == ROWS_FORMAT:
         schedule = GaitSchedule.from_text("/".join(record["schedule"]), record["repeats"])
     else:

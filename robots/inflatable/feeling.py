@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.body import BLADDER_COUNT, BLADDER_REGIONS, FOOT_REGIONS, SKIN_REGIONS, InflatableGeometry
+from robots.inflatable.layout import check_every_bladder
 from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robot import LatticeRobot
@@ -44,11 +45,13 @@ def feeling_pouch(
         name: for people.
 
     Raises:
-        ValueError: for several cores, and pressures that are no numbers of at least 0, or not 0 in a geometry that is
-            not closed: by the law of faces a body whose regions differ in size drives itself along.
+        ValueError: for several cores, a body that lacks a bladder, and pressures that are no numbers of at least 0, or
+            not 0 in a geometry that is not closed: by the law of faces a body whose regions differ in size drives
+            itself along.
     """
     if geometry.cores > 1:
         raise ValueError(f"cores: {geometry.cores} is not allowed; give a geometry of one core")
+    check_every_bladder(geometry.bladders, "in a robot whose waves drive eight")
     checks.number("pressure", pressure, low=0.0, unit="Pa")
     if pressure > 0 and not geometry.closed:
         raise ValueError(

@@ -27,6 +27,7 @@ from robots.inflatable.simulation import (
     checked_designs,
     checked_seeds,
     engine_of,
+    laid_out,
     stage_order,
     summarise,
     travel_directions,
@@ -121,8 +122,8 @@ def differentiate(
     costs less, and crosses fewer jumps. Stages have no effect on it then.
 
     Args:
-        designs: gaits of one number of columns, with the same numbers that may change: all or none with core pressures
-            of columns, a pace, friction and so on.
+        designs: gaits of one number of columns, with the same bladders and the same numbers that may change: all or
+            none with core pressures of columns, a pace, friction and so on.
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates; one for all designs, or one for each.
@@ -138,6 +139,7 @@ def differentiate(
     """
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     designs, report = checked_designs(designs, geometry, actuation), progress or (lambda fraction: None)
+    geometry = laid_out(geometry, designs)
     way = _Way(counting, memory, perturbation, checked_seeds(seed, len(designs)))
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     drives = each_actuation(actuation, len(designs))

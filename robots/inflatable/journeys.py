@@ -111,7 +111,7 @@ def simulate_journey(
     Raises:
         ValueError: for what is not allowed.
     """
-    _check(legs)
+    _check(legs, geometry)
     runs = whole_number("runs", runs, 1)
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
     record_every = None if record_every is None else whole_number("record_every", record_every, 1)
@@ -137,7 +137,7 @@ def simulate_journey(
     )
 
 
-def _check(legs: Sequence[Leg]) -> None:
+def _check(legs: Sequence[Leg], geometry: InflatableGeometry) -> None:
     """Refuse what cannot follow each other."""
     if not legs:
         raise ValueError("legs: none given; give at least one")
@@ -147,11 +147,16 @@ def _check(legs: Sequence[Leg]) -> None:
         if leg.terrain.ground:
             raise ValueError(f"legs: uneven ground ({leg.terrain.ground}) is not allowed in a journey; give planes")
         core = leg.design.schedule.core_pressure
-        if leg.design.materials is not None or (core is not None and core.ndim == 2):
-            what = "core pressures of several cores" if leg.design.materials is None else "materials"
+        refused = {
+            "materials": leg.design.materials is not None,
+            "bladders of its own": leg.design.bladders is not None,
+            "core pressures of several cores": core is not None and core.ndim == 2,
+        }
+        if what := next((what for what, has in refused.items() if has), None):
             raise ValueError(
                 f"legs: a gait with {what} is not allowed in a journey; all legs are of the robot as built"
             )
+        leg.design.check_layout(geometry.bladders)
     for place, (before, leg) in enumerate(pairwise(legs), 2):
         if leg.design.pressure != before.last_pressure:
             raise ValueError(

@@ -16,6 +16,7 @@ from robots.inflatable.design import (
     Pressure,
     load_design,
 )
+from robots.inflatable.layout import layout_of
 from robots.inflatable.robot import InflatableRobot
 from robots.kind import choices
 from robots.robot import (
@@ -38,6 +39,13 @@ RIG_OPTION = Option(
     "properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
     Path,
     "FILE",
+)
+BLADDERS_OPTION = Option(
+    "bladders",
+    "places that have a bladder, such as 1,4,6, or none; 1 to 4 lie on top, 8 to 5 underneath, and the gait leaves the "
+    "others empty (default: all, of a gait its own)",
+    checked(layout_of),
+    "PLACES",
 )
 
 
@@ -62,6 +70,7 @@ class InflatableKind(TerrainKind):
     ground_options = ("friction", "floor", *FRICTION_OF_PARTS)
     options = (
         Option("geometry", "the robot's body (default: published, of a run its own)", choices=GEOMETRIES),
+        BLADDERS_OPTION,
         Option("columns", "columns of the gait that are played (default: all)", whole(1), "T"),
         Option("repeats", "how often the columns are played (default: the gait's own)", whole(1), "N"),
         Option(

@@ -33,7 +33,7 @@ def gait_of_table(
     Raises:
         ValueError: for another file, options that change what is played, and rows that an ideal rig cannot play.
     """
-    for name in ("from_rows", "columns", "repeats", "pressure"):
+    for name in ("from_rows", "columns", "repeats", "pressure", "bladders"):
         if name in options and options[name] is not False:
             raise ValueError(f"{name.replace('_', '-')}: is not allowed with --table, whose rows say what is played")
     if Path(text).suffix.lower() != ".csv":

@@ -126,6 +126,7 @@ class RobotEvents:
         friction: of feet that grip, then of feet that slide, shape (2, 2); None is that of the actuation.
         skin_sizes: rest sizes of the skin of all cores across and along the pouch, in voxels; None is as built.
         bladder_sizes: of the bladders, relative, shape (2, 8); None is as built.
+        absent: regions of bladders that the body does not have.
     """
 
     builder: ProgramBuilder
@@ -139,6 +140,7 @@ class RobotEvents:
     friction: Array | None = None
     skin_sizes: tuple[Array, Array] | None = None
     bladder_sizes: Array | None = None
+    absent: tuple[int, ...] = ()
 
     @classmethod
     def of(
@@ -170,19 +172,20 @@ class RobotEvents:
         shares = tuple(geometry.bladder_shares)
         several = zip(shares, cores, strict=True)
         felt: Any = sum(share * one for share, one in several) if isinstance(pressure, tuple) else pressure
-        sizes: dict[str, Any] = {}
+        more: dict[str, Any] = {"absent": geometry.absent_regions}
         if size is not None:
             skin = np.concatenate([skin_regions(SKIN_REGIONS, core) for core in range(len(cores))])
             built = geometry.rest_sizes(skin)
-            sizes["skin_sizes"] = (built[0] * size[0][skin], built[1] * size[1][skin])
-            sizes["bladder_sizes"] = size[:, BLADDER_REGIONS]
+            more["skin_sizes"] = (built[0] * size[0][skin], built[1] * size[1][skin])
+            more["bladder_sizes"] = size[:, BLADDER_REGIONS]
         tilt = weights(terrain, orientation)
-        return cls(builder, robot, cores, felt, tilt, actuation.on(terrain), terrain, shares, friction, **sizes)
+        return cls(builder, robot, cores, felt, tilt, actuation.on(terrain), terrain, shares, friction, **more)
 
     @property
     def everywhere(self) -> Ints:
         """All regions of the robot."""
-        return np.concatenate([np.arange(REGION_COUNT), self.skin(SKIN_REGIONS)[len(SKIN_REGIONS) :]])
+        every = np.concatenate([np.arange(REGION_COUNT), self.skin(SKIN_REGIONS)[len(SKIN_REGIONS) :]])
+        return every[~np.isin(every, self.absent)]
 
     def skin(self, kinds: ArrayLike) -> Ints:
         """Regions of these kinds in all cores, core by core."""
@@ -197,7 +200,7 @@ class RobotEvents:
         self._set_weight(level, skin, 0)
         self._set_weight(tilted, skin, end)
         self._set_weight(tilted, BLADDER_REGIONS, 0)
-        self._set(Quantity.SCALE + 2, a.deflated, BLADDER_REGIONS)
+        self.set(Quantity.SCALE + 2, a.deflated, BLADDER_REGIONS)
         if inflate:
             self._inflate_cores(end - a.hold_steps)
         self._set_friction_of_skin(0)
@@ -207,12 +210,12 @@ class RobotEvents:
             self._set_feet(self.friction[0], 0)
         if self.skin_sizes is not None and self.bladder_sizes is not None:
             for axis, sizes in enumerate(self.skin_sizes):
-                self._set(Quantity.SCALE + axis, sizes, skin)
-                self._set(Quantity.SCALE + axis, self.bladder_sizes[axis], BLADDER_REGIONS)
-        self._set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
+                self.set(Quantity.SCALE + axis, sizes, skin)
+                self.set(Quantity.SCALE + axis, self.bladder_sizes[axis], BLADDER_REGIONS)
+        self.set(Quantity.GLOBAL_DAMPING, 0.0, self.everywhere)
         if self.terrain.is_wet:
             for part, resistance in enumerate(self.terrain.resistance):
-                self._set(Quantity.RESISTANCE + part, resistance, self.everywhere)
+                self.set(Quantity.RESISTANCE + part, resistance, self.everywhere)
 
     def play(self, columns: Sequence[Column], begin: int, first: bool = True) -> None:
         """Columns one after the other, counted from step ``begin``; ``first`` if no column came before them."""
@@ -227,7 +230,7 @@ class RobotEvents:
         if a.weight == "published":
             self._set_bladder_weights(column, step)
         settle = step + column.motion_steps
-        self._set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.everywhere, settle)
+        self.set(Quantity.GLOBAL_DAMPING, a.settling_damping, self.everywhere, settle)
         if self.friction is None and a.seam_friction is None:
             self._set_friction(a.high_friction, self.skin([*FOOT_REGIONS, FOOT_SEAM]), settle)
         else:
@@ -257,12 +260,17 @@ class RobotEvents:
         own = self.actuation.seam_friction
         self._set_friction(value if own is None else own, self.skin(FOOT_SEAM), step)
 
-    def _set(self, quantity: int, value: Any, regions: ArrayLike, step: ArrayLike = 0, rate: Any = 0.0) -> None:
+    def set(self, quantity: int, value: Any, regions: ArrayLike, step: Any = 0, rate: Any = 0.0) -> None:
+        """Write events of one channel each, see ``ProgramBuilder.set``, but none of bladders that are absent."""
+        if self.absent:
+            has = ~np.isin(regions, self.absent)
+            value, step, rate = (each[..., has] if np.ndim(each) else each for each in (value, step, rate))
+            regions = np.asarray(regions)[has]
         self.builder.set(quantity, value, regions=regions, step=step, rate=rate, robots=self.robot)
 
     def _set_friction(self, value: Any, regions: ArrayLike, step: int) -> None:
         for quantity in (Quantity.STATIC_FRICTION, Quantity.KINETIC_FRICTION):
-            self._set(quantity, value, regions, step)
+            self.set(quantity, value, regions, step)
 
     def _set_friction_of_skin(self, step: int) -> None:
         """Give all skin the friction of gripping feet, or skin and seams that of their own."""
@@ -280,7 +288,7 @@ class RobotEvents:
     def _set_weight(self, gravity: Vector, regions: ArrayLike, step: ArrayLike) -> None:
         """Give regions an acceleration [m/s^2] from a step on."""
         for axis in range(3):
-            self._set(Quantity.ACCELERATION + axis, gravity[axis], regions, step)
+            self.set(Quantity.ACCELERATION + axis, gravity[axis], regions, step)
 
     def _inflate_cores(self, full: int) -> None:
         """All cores at one rate, each until its own pressure, the highest by step ``full``; or all by that step."""
@@ -289,13 +297,13 @@ class RobotEvents:
         for core, (pressure, ramp) in enumerate(zip(self.cores, ramps, strict=True)):
             skin = skin_regions(SKIN_REGIONS, core)
             rate = a.pressure_ramp if a.ramp_steps is None else pressure / a.ramp_steps
-            self._set(Quantity.PRESSURE, 0.0, skin, rate=rate)
-            self._set(Quantity.PRESSURE, pressure, skin, full - (max(ramps) - ramp))
+            self.set(Quantity.PRESSURE, 0.0, skin, rate=rate)
+            self.set(Quantity.PRESSURE, pressure, skin, full - (max(ramps) - ramp))
 
     def _set_surroundings(self, column: Column, step: int, first: bool) -> None:
         """What a column's motion begins with: damping, grip of the feet, change of the pressure of all cores."""
         a = self.actuation
-        self._set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.everywhere, step)
+        self.set(Quantity.GLOBAL_DAMPING, a.moving_damping, self.everywhere, step)
         high, low = (a.high_friction, a.low_friction) if self.friction is None else self.friction
         self._set_feet((1.0 - column.grip) * low + column.grip * high, step)
         self.set_foot_seams(a.low_friction if first else a.high_friction, step)
@@ -303,8 +311,8 @@ class RobotEvents:
             before, after = column.pressures
             rate, settle = (after - before) / column.motion_steps, step + column.motion_steps
             for skin, start, slope, end in self._pressed(before + rate, rate, after):
-                self._set(Quantity.PRESSURE, start, skin, step, slope)
-                self._set(Quantity.PRESSURE, end, skin, settle)
+                self.set(Quantity.PRESSURE, start, skin, step, slope)
+                self.set(Quantity.PRESSURE, end, skin, settle)
 
     def _pressed(self, *numbers: Any) -> list[tuple[Any, ...]]:
         """Regions of skin that share pressures, with the numbers that belong to them: all cores, or one each."""
@@ -333,8 +341,8 @@ class RobotEvents:
             grown, ends, slope = base + share * (motion.levels + rate), base + share * motion.ends, share * rate
             if axis < 2 and self.bladder_sizes is not None:
                 grown, ends, slope = (self.bladder_sizes[axis] * each for each in (grown, ends, slope))
-            self._set(Quantity.SCALE + axis, grown[moves], FIRST_BLADDER + moves, step, slope[moves])
-            self._set(Quantity.SCALE + axis, ends[arrives], FIRST_BLADDER + arrives, done)
+            self.set(Quantity.SCALE + axis, grown[moves], FIRST_BLADDER + moves, step, slope[moves])
+            self.set(Quantity.SCALE + axis, ends[arrives], FIRST_BLADDER + arrives, done)
 
     def _lengthen(self, column: Column, step: int) -> None:
         """Lengths of bladders while the core pressure changes: by the law at the beginning, on arrival and in the end.
@@ -352,10 +360,10 @@ class RobotEvents:
             1.0 + a.growth(p)[1] * (level - a.deflated) for p, level in zip(pressures, levels, strict=True)
         )
         rate = (arrived - start)[moves] / time[moves]
-        self._set(along, start[moves] + rate, FIRST_BLADDER + moves, step, rate)
+        self.set(along, start[moves] + rate, FIRST_BLADDER + moves, step, rate)
         rate = (end - arrived) / (column.motion_steps - time)
-        self._set(along, arrived + rate * (1.0 - motion.arrival), BLADDER_REGIONS, step + motion.moving, rate)
-        self._set(along, end, BLADDER_REGIONS, step + column.motion_steps)
+        self.set(along, arrived + rate * (1.0 - motion.arrival), BLADDER_REGIONS, step + motion.moving, rate)
+        self.set(along, end, BLADDER_REGIONS, step + column.motion_steps)
 
     def _set_bladder_weights(self, column: Column, step: int) -> None:
         """The published quirk: no weight while a bladder moves or is inflated; partly inflated, a part of it.

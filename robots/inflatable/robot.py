@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from robots.batches import batch_key, grouped, in_groups
 from robots.inflatable.design import InflatableDesign, common_pressure, save_design
+from robots.inflatable.layout import told_layout
 from robots.inflatable.schedule import BLADDERS
 from robots.outcome import recorded
 from robots.robot import (
@@ -115,8 +116,10 @@ class InflatableRobot(Robot):
     def parts(self) -> "tuple[InflatableGeometry, InflatableActuation]":
         """Its body, and how it is driven."""
         from robots.calibration import robot_of
+        from robots.inflatable.simulation import laid_out
 
-        return robot_of(self.geometry, self.weight, self.properties)
+        geometry, actuation = robot_of(self.geometry, self.weight, self.properties)
+        return laid_out(geometry, [self.gait]), actuation
 
     @property
     def footprint(self) -> tuple[float, float]:
@@ -137,6 +140,8 @@ class InflatableRobot(Robot):
             own["speeds"] = None  # they are counted by the whole gait
         more = {name: options[name] for name in ("geometry", "weight", "perturbation", "seed") if name in options}
         changed = dataclasses.replace(self.gait, schedule=schedule, **gait)
+        if "bladders" in options:
+            changed = changed.with_layout(options["bladders"])
         return dataclasses.replace(self, gait=changed, **{**own, **more})
 
     @property
@@ -263,6 +268,7 @@ class InflatableRobot(Robot):
             "geometry": self.geometry,
             "weight": self.weight,
             **({} if gait.materials is None else {"materials": gait.materials.given}),
+            **({} if gait.bladders is None else {"bladders": list(gait.bladders)}),
             **({} if self.rig is None else {"rig": self.rig.name}),
             **({} if self.calibration is None else {"calibration": str(self.calibration)}),
         }
@@ -299,6 +305,7 @@ class InflatableRobot(Robot):
             ("Orientation, 0° rolls and 90° inches", Quantity(gait.orientation, "°", 1)),
             ("Gait", f"{gait.schedule.columns} columns, played {times}, {self._seconds:.2f} s simulated"),
             *([] if gait.materials is None else [("Of its own", ", ".join(gait.materials.given))]),
+            *([] if gait.bladders is None else [("Bladders", told_layout(gait.bladders))]),
         ]
 
     def pictures(self, point: ArrayLike, replays: Sequence[Replay] = (), compute: Compute = HERE) -> list[Picture]:

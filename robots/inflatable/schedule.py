@@ -98,6 +98,14 @@ class GaitSchedule:
     def __repr__(self) -> str:
         return f"GaitSchedule.from_text({self.to_text()!r}, repeats={self.repeats})"
 
+    def emptied(self, bladders: Bools) -> Self:
+        """The schedule that leaves some bladders empty, a mask of shape (8,); feet and times stay."""
+        if not self.inflation[bladders].any():
+            return self
+        levels = self.levels.copy()
+        levels[:BLADDERS][bladders] = 0.0
+        return replace(self, levels=levels)
+
     @property
     def columns(self) -> int:
         """T, the number of different columns."""

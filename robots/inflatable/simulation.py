@@ -15,6 +15,7 @@ from robots.frames import Frames, frames_of
 from robots.inflatable.actuation import ACTUATION, InflatableActuation, each_actuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
+from robots.inflatable.layout import told_layout
 from robots.inflatable.program import build_program
 from robots.inflatable.timing import WHOLE, Counting, counted_steps, predicted_steps
 from robots.world import Terrain, medium_of, one_each, standing
@@ -75,7 +76,7 @@ def simulate(
     """Simulate a batch of designs on a terrain.
 
     Args:
-        designs: one design or several; one is a batch of one.
+        designs: one design or several, with the same bladders; one is a batch of one.
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates; one for all designs, or one for each.
@@ -93,6 +94,7 @@ def simulate(
         ValueError: if an argument is not allowed; names it, its value and what is allowed.
     """
     designs = checked_designs(designs, geometry, actuation)
+    geometry = laid_out(geometry, designs)
     drives = each_actuation(actuation, len(designs))
     terrains = one_each(Terrain() if terrain is None else terrain, len(designs))
     perturbation = number("perturbation", perturbation, 0.0, geometry.voxel_size, "m")
@@ -137,7 +139,7 @@ def _listed(given: object) -> list[object]:
 
 
 def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
-    """Refuse a design that a robot of a geometry cannot have, for its cores or regions.
+    """Refuse a design that a robot of a geometry cannot have, for its cores, regions or bladders.
 
     Raises:
         ValueError: that names the value and what is allowed.
@@ -149,6 +151,22 @@ def check_body(design: InflatableDesign, geometry: InflatableGeometry) -> None:
         raise ValueError(f"core_pressure: {len(after)} rows are not allowed; {allowed}")
     if design.materials is not None:
         design.materials.check(geometry)
+    if design.bladders is None:
+        design.check_layout(geometry.bladders)
+
+
+def laid_out(geometry: InflatableGeometry, designs: Sequence[InflatableDesign]) -> InflatableGeometry:
+    """The geometry with the bladders of the designs of a batch, which all have the same.
+
+    Raises:
+        ValueError: if they differ, as bodies of one batch share their voxels.
+    """
+    layouts = {geometry.bladders if design.bladders is None else design.bladders for design in designs}
+    if len(layouts) > 1:
+        told = " and ".join(map(told_layout, sorted(layouts)[:2]))
+        raise ValueError(f"bladders: {told} are not allowed in one batch; give one batch to each layout")
+    (bladders,) = layouts
+    return geometry if bladders == geometry.bladders else replace(geometry, bladders=bladders)
 
 
 def engine_of(

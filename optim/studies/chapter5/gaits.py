@@ -68,8 +68,9 @@ class Robot(Settings):
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as JSON values; what version 1.0 did not know only where it is given."""
         described = super().describe()
-        if not self.geometry.closed:
-            del described["geometry"]["closed"]
+        for name in ("closed", "bladders"):
+            if getattr(self.geometry, name) == getattr(PUBLISHED, name):
+                del described["geometry"][name]
         for name in ("ramp_steps", *FRICTION_OF_PARTS):
             if getattr(self.actuation, name) is None:
                 del described["actuation"][name]

@@ -33,6 +33,7 @@ class Design:
     orientation: float = 0.0
     schedule: GaitSchedule = INCHING
     materials: None = None
+    bladders: None = None
 
 
 def with_channel(rig, name, **changes):
