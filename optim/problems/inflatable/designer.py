@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from optim.problem import RelaxableProblem
 from optim.problems.designer import COMPUTE, Design, Designer, Request
 from robots.inflatable.actuation import WEIGHTS
-from robots.inflatable.kind import GEOMETRIES, RIG_OPTION, load_gait, pressure
+from robots.inflatable.kind import BLADDERS_OPTION, GEOMETRIES, RIG_OPTION, load_gait, pressure
 from robots.robot import Option
 from taichi_sim.base.options import count, flag, number
 
@@ -24,7 +24,7 @@ ENCODING_NAMES = ("codes", "bits", "pattern", "graded", "graded-pattern", "grade
 HORIZONS = (1, 2)  # columns that ``gradient-check`` plays
 # Options that are fields of the problem by the same name.
 SETTINGS = (
-    *("columns", "repeats", "geometry", "weight"),
+    *("columns", "repeats", "geometry", "weight", "bladders"),
     *("steps", "warm_up", "stages", "most_full", "ladder", "ahead", "hard", "effort"),
     *("window", "draws", "noise", "friction_spread", "gentle", "risk"),
 )
@@ -34,7 +34,8 @@ OPTIONS = (
     Option(
         "free",
         "what may change (default: orientation,shape,control; more: core, pressure of the cores in every column, and "
-        "pace of every stroke, both with --encoding graded; friction of the feet, modulus and size of every region)",
+        "pace of every stroke, both with --encoding graded; friction of the feet, modulus and size of every region; "
+        "bladders, which places have one)",
         metavar="PARTS",
     ),
     Option(
@@ -128,6 +129,7 @@ OPTIONS = (
     ),
     RIG_OPTION,
     Option("geometry", "the robot's body (default: published)", choices=GEOMETRIES),
+    BLADDERS_OPTION,
     count("columns", 1, "of the schedule (default: 8, or all of the gait if control is not free)", metavar="T"),
     count("repeats", 1, "how often the columns are played (default: 2, or the gait's own if control is not free)"),
     Option(
@@ -198,6 +200,8 @@ class InflatableDesigner(Designer):
             if name in given:
                 raise ValueError(f"{name}: it is not of this check; leave it out")
         gait = load_gait(source or "inching")
+        if gait.bladders is not None:
+            given = {"bladders": gait.bladders, **given}
         found: dict[str, tuple[RelaxableProblem, NDArray[Any]]] = {}
         for columns in _horizons(wanted, gait.schedule.columns):
             repeats = max(columns // gait.schedule.columns, 1)
@@ -264,6 +268,8 @@ def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
     own = design.materials.given if design.materials else {}
     if fixed := sorted(set(own) - set(free)):
         raise ValueError(f"gait: {gait} has {fixed[0]} of its own, which a search cannot hold; add it to --free")
+    if design.bladders is not None and "bladders" not in free:
+        settings.setdefault("bladders", design.bladders)
     taken = []
     for part, name in PARTS.items():
         given = getattr(args, name, None)
@@ -329,7 +335,9 @@ def _checked_problem(
     from robots.inflatable.schedule import ROWS
     from robots.world import Terrain
 
-    given: dict[str, Any] = {name: options[name] for name in ("geometry", "weight", *COMPUTE) if name in options}
+    given: dict[str, Any] = {
+        name: options[name] for name in ("geometry", "weight", "bladders", *COMPUTE) if name in options
+    }
     given |= {"columns": schedule.columns, "repeats": schedule.repeats, "encoding": "bits"}
     given.setdefault("precision", "f64")
     genes = np.array(schedule.levels).ravel()

@@ -5,7 +5,7 @@ It is written as codes, bit by bit, as a pattern in space and time, or by levels
 
 import dataclasses
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from optim.problems.inflatable.full_bladders import limited, slopes_before
 from optim.problems.inflatable.gait_pattern import GAIT_WIRING, pattern
 from optim.space import Variable
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_STEPS, InflatableActuation
+from robots.inflatable.layout import EVERY_BLADDER, Layout, layout_mask
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
 from robots.inflatable.timing import cycle_starts, most_repeats, play
 from taichi_sim.base.arrays import Bools, Floats
@@ -34,13 +35,20 @@ class GaitEncoding(ABC):
     Attributes:
         columns: T, of the schedule.
         repeats: of the schedule.
+        bladders: that the body has; genes of the others say nothing, and the schedule leaves them empty.
     """
 
     columns: int
     repeats: int
+    bladders: Layout = field(default=EVERY_BLADDER, kw_only=True)
 
     def __post_init__(self) -> None:
         whole_number("columns", self.columns, 1)
+
+    @property
+    def _absent(self) -> Bools:
+        """Which places have no bladder, shape (8,)."""
+        return ~layout_mask(self.bladders)
 
     @property
     def more_tables(self) -> tuple[str, ...]:
@@ -87,7 +95,7 @@ class FixedGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The one given."""
-        return self.given
+        return self.given.emptied(self._absent)
 
 
 class CodedGait(GaitEncoding):
@@ -100,7 +108,7 @@ class CodedGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The schedule of the codes."""
-        return GaitSchedule.from_codes(values[:ROWS], values[ROWS:], self.columns, self.repeats)
+        return GaitSchedule.from_codes(values[:ROWS], values[ROWS:], self.columns, self.repeats).emptied(self._absent)
 
 
 class BitwiseGait(GaitEncoding):
@@ -113,7 +121,7 @@ class BitwiseGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The bits as they are."""
-        return GaitSchedule((self._matrix(values) == 1).astype(float), self.repeats)
+        return GaitSchedule((self._matrix(values) == 1).astype(float), self.repeats).emptied(self._absent)
 
     def relaxed(self, values: Floats, sharpness: float) -> GaitSchedule:
         """Bits between 0 and 1, sharpened."""
@@ -138,7 +146,7 @@ class BitwiseGait(GaitEncoding):
         return np.asarray(values, float).reshape(ROWS, self.columns)
 
     def _levels(self, values: Floats) -> GaitSchedule:
-        return GaitSchedule(self._matrix(values), self.repeats, skip_idle=False)
+        return GaitSchedule(self._matrix(values), self.repeats, skip_idle=False).emptied(self._absent)
 
 
 @dataclass(frozen=True)
@@ -213,7 +221,7 @@ class GradedGait(GaitEncoding):
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
         """Derivatives by the genes: by levels that are not clipped, by grip through the sharpening; zero for times."""
-        inflation = self._tables(values)[0]
+        inflation = self._told(values)[0]
         by_levels = slopes_before(np.clip(inflation, 0.0, 1.0), slopes[:BLADDERS], self.most_full)
         free = (inflation > 0) & (inflation < 1)
         sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
@@ -280,9 +288,14 @@ class GradedGait(GaitEncoding):
         table = np.asarray(values, float).reshape(-1, self.columns)
         return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
 
+    def _told(self, values: Floats) -> tuple[Floats, ...]:
+        """The same, but of absent bladders no inflation."""
+        inflation, *others = self._tables(values)
+        return np.where(self._absent[:, None], 0.0, inflation), *others
+
     def _graded(self, values: Floats) -> GaitSchedule:
         """Played once, its feet as the genes have them."""
-        inflation, grip, genes = self._tables(values)
+        inflation, grip, genes = self._told(values)
         levels = np.concatenate([limited(np.clip(inflation, 0.0, 1.0), self.most_full), grip])
         motion, settle = np.full(self.columns, LEAST_MOTION), np.rint(np.maximum(genes, 0.0)).astype(np.int64)
         most: dict[str, float | None] = {"core_pressure": None, "pace": 1.0}
@@ -304,7 +317,7 @@ class PatternGait(GaitEncoding):
 
     def schedule(self, values: Floats) -> GaitSchedule:
         """The sign of the network's output."""
-        return GaitSchedule((pattern(values, self.columns) > 0).astype(float), self.repeats)
+        return GaitSchedule((pattern(values, self.columns) > 0).astype(float), self.repeats).emptied(self._absent)
 
 
 class GradedPatternGait(GradedGait):

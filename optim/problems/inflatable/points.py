@@ -11,6 +11,7 @@ from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, G
 from optim.problems.inflatable.settings import GaitSettings
 from optim.space import Space
 from robots.inflatable.design import InflatableDesign, Pressure, each_pressure
+from robots.inflatable.layout import Layout, told_layout
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import GaitSchedule
 from taichi_sim.base.arrays import Floats
@@ -18,17 +19,23 @@ from taichi_sim.base.arrays import Floats
 
 @dataclass(frozen=True, eq=False)
 class GaitPoints(GaitSettings):
-    """A search for gaits as a space: points say the shape, then the materials, then the genes of the schedule."""
+    """A search for gaits as a space: points say shape, materials, bladders, then the genes of the schedule."""
 
     @cached_property
     def space(self) -> Space:
         """The free variables; the steps of their mutation are the published ones."""
-        return Space((*self.shape.variables(), *self.made_of.variables(), *self._control.variables()))
+        return Space(
+            (*self.shape.variables(), *self.made_of.variables(), *self.laid.variables(), *self._control.variables())
+        )
 
     def design(self, point: ArrayLike) -> InflatableDesign:
         """The design of a point, shape (D,)."""
-        schedule = self._control.schedule(self._genes(self.space.validate(point)))
-        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
+        schedule = self._control_of(point).schedule(self._genes(self.space.validate(point)))
+        return self._design(point, schedule)
+
+    def _design(self, point: ArrayLike, schedule: GaitSchedule) -> InflatableDesign:
+        """The design of a point with its schedule."""
+        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point), self._bladders_of(point))
 
     def _shape_of(self, point: ArrayLike) -> tuple[Pressure, float]:
         """Pressure and orientation of a point; where columns have core pressures, one for each of several cores."""
@@ -41,14 +48,23 @@ class GaitPoints(GaitSettings):
         first = self.shape.size
         return self.made_of.materials(np.asarray(point, float)[first : first + self.made_of.size])
 
+    def _bladders_of(self, point: ArrayLike) -> Layout | None:
+        """Places that have a bladder in the robot of a point; None is as built."""
+        first = self.shape.size + self.made_of.size
+        return self.laid.layout(np.asarray(point, float)[first : first + self.laid.size])
+
     def relaxed_design(self, point: ArrayLike, sharpness: float) -> InflatableDesign:
         """The design of a point of the relaxed space, shape (D,); what is free of its schedule is sharpened."""
-        schedule = self._control.relaxed(self._genes(point), sharpness)
-        return InflatableDesign(*self._shape_of(point), schedule, self._materials_of(point))
+        return self._design(point, self._control_of(point).relaxed(self._genes(point), sharpness))
 
     def _genes(self, point: ArrayLike) -> Floats:
         """The genes of the schedule, the last values of a point, shape (D,)."""
-        return np.asarray(point, float)[self.shape.size + self.made_of.size :]
+        return np.asarray(point, float)[self.shape.size + self.made_of.size + self.laid.size :]
+
+    def _control_of(self, point: ArrayLike) -> GaitEncoding:
+        """How genes say the schedule of a point, of a body that may lack bladders."""
+        bladders = self._bladders_of(point)
+        return self._control if bladders is None else dataclasses.replace(self._control, bladders=bladders)
 
     @cached_property
     def _control(self) -> GaitEncoding:
@@ -73,6 +89,10 @@ class GaitPoints(GaitSettings):
         if self.pressure is None:
             values += [p if p > 0 else self.shape.least / 2 for p in each_pressure(design.pressure, self.body)]
         values += self.made_of.genome(design.materials)
+        values += self.laid.genome(design.bladders)
+        if design.bladders is not None and not self.laid.free and design.bladders != self.laid.given:
+            told = told_layout(design.bladders)
+            raise ValueError(f"start: bladders {told} are not those of the search; free them, or give the same")
         if design.materials is not None and (fixed := sorted(set(design.materials.given) - set(self.more))):
             raise ValueError(f"start: {fixed[0]} of the regions is not free; free it, or start with another gait")
         if self.schedule is None:

@@ -23,10 +23,12 @@ from optim.problems.inflatable.points import GaitPoints
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE
 from optim.problems.robot_designing import subject_of
 from optim.problems.uncertain import check_part, held_out_products
+from robots.batches import grouped
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, save_design
+from robots.inflatable.layout import told_layout
 from robots.inflatable.robot import InflatableRobot, kilopascals
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET
@@ -141,8 +143,10 @@ class GaitProblem(GaitPoints):
         genes = []
         for robot, (point, slope) in enumerate(zip(points, run.levels * copies.by_level, strict=True)):
             own = {name: np.reshape(table[robot], (-1, table.shape[-1])) for name, table in tables.items()}
-            genes.append(self._control.slopes(self._genes(point), sharpness, slope, **own))
-        slopes = [self.shape.slopes(run, points), self.made_of.slopes(run, copies.friction), np.array(genes)]
+            genes.append(self._control_of(point).slopes(self._genes(point), sharpness, slope, **own))
+        # Which bladders there are has no slopes: a body has a bladder or not.
+        made = [self.shape.slopes(run, points), self.made_of.slopes(run, copies.friction)]
+        slopes = [*made, np.zeros((len(points), self.laid.size)), np.array(genes)]
         seconds = self._counted(run.result, copies.drives)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
 
@@ -181,8 +185,16 @@ class GaitProblem(GaitPoints):
         """
 
         def simulate(number: int, chosen: Indices) -> tuple[Floats, NDArray[Any], Floats]:
-            some = None if points is None else points[chosen]
-            return self._simulated([designs[place] for place in chosen], number, relaxed, some, sharpness)
+            # Robots of a batch have the same voxels: those of a layout make one.
+            groups = grouped(designs[place].bladders for place in chosen)
+            speeds, status = np.zeros(len(chosen)), np.full(len(chosen), OK, dtype=object)
+            slopes = np.zeros((len(chosen), variables))
+            for group in groups:
+                mine = chosen[group]
+                some = None if points is None else points[mine]
+                found = self._simulated([designs[place] for place in mine], number, relaxed, some, sharpness)
+                speeds[group], status[group], slopes[group] = found
+            return speeds, status, slopes
 
         variables = 0 if points is None else self.space.size
         found = Outcomes.simulated(self.conditions, len(designs), variables, simulate)
@@ -210,7 +222,7 @@ class GaitProblem(GaitPoints):
         for row, (_, by_level), point in zip(slopes, each, () if points is None else points, strict=False):
             genes = self._genes(point)
             levels = np.concatenate([by_level, np.zeros((FEET, by_level.shape[1]))])
-            row[len(point) - len(genes) :] = self._control.slopes(genes, sharpness, levels)
+            row[len(point) - len(genes) :] = self._control_of(point).slopes(genes, sharpness, levels)
         return np.array([used for used, _ in each]), slopes
 
     def _simulated(
@@ -322,7 +334,8 @@ class GaitProblem(GaitPoints):
         designs = [self.design(point) for point in points]
         each = [kilopascals("Pressure", design) for design in designs]
         found = {f"{name} [kPa]": [f"{pressures[name]:.2f}" for pressures in each] for name in each[0]} if each else {}
-        return {**found, "Orientation [°]": [f"{design.orientation:.1f}" for design in designs]}
+        laid = {"Bladders": [told_layout(design.bladders or ()) for design in designs]} if self.laid.free else {}
+        return {**found, "Orientation [°]": [f"{design.orientation:.1f}" for design in designs], **laid}
 
     @property
     def curves(self) -> Mapping[str, str]:

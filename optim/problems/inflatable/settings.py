@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 
 from optim.problem import GAIT, check_kind
-from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, MaterialGenes, ShapeGenes
+from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, LayoutGenes, MaterialGenes, ShapeGenes
 from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
 from optim.problems.inflatable.outcomes import NEXT
 from optim.problems.robot_designing import RobotDesigning
@@ -18,6 +18,7 @@ from robots.calibration import Properties, robot_of
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, InflatableGeometry
 from robots.inflatable.design import Pressure, checked_pressure, each_pressure
+from robots.inflatable.layout import Layout, checked_layout, told_layout
 from robots.inflatable.materials import MOST_MODULUS, RegionMaterials
 from robots.inflatable.schedule import BLADDERS, MOST_COLUMNS, MOST_REPEATS, GaitSchedule
 from robots.inflatable.timing import nominal_steps
@@ -29,7 +30,8 @@ from taichi_sim.base.checks import NotNegative, check_fields, choice, number, wh
 # What may be free to change, and the attribute of a design that holds it.
 PARTS = {"orientation": "orientation", "shape": "pressure", "control": "schedule"}
 GAIT_PARTS = ("core", "pace")  # of graded gaits, which may be free beside these
-MORE_PARTS = (*GAIT_PARTS, *MATERIAL_PARTS)
+BLADDERS_PART = "bladders"  # which of them the body has
+MORE_PARTS = (*GAIT_PARTS, *MATERIAL_PARTS, BLADDERS_PART)
 # How relaxed gaits are judged, beside the true ones.
 RELAXED_OPTIONS = ("window", "draws", "noise", "friction_spread", "gentle")
 RISK_OPTIONS = ("uncertain", "risk")  # of all gaits, over the draws
@@ -41,6 +43,7 @@ DESCRIBED_IF_SET = (
     *("ladder", "ahead", "hard", "effort"),
     *RELAXED_OPTIONS,
     *RISK_OPTIONS,
+    "bladders",
 )
 RIG_FILE = "calibration.json"  # in folders of runs
 LONGEST_GAIT = 2**31 - 1  # time steps, which kernels count in 32 bits
@@ -78,7 +81,8 @@ class GaitSettings(RobotDesigning):
             gaits fail that slide for their living; details end with ``_hard`` there. A gait
             that does not get ahead as it is counts so for both, and is not simulated again.
         more: what else is free, of ``MORE_PARTS``: core pressures of the columns, of each core, and the pace of every
-            stroke, of graded gaits; friction of the feet, moduli and rest sizes of the regions, of any.
+            stroke, of graded gaits; friction of the feet, moduli and rest sizes of the regions, and which bladders
+            there are, of any.
         window: cycles at the end of a relaxed gait by which its distance is differentiated, as if those before went as
             far, see ``robots.inflatable.differentiate``; 0 is all.
         draws: of start noise and friction, over which relaxed gaits are judged on average. All points have the same.
@@ -93,6 +97,7 @@ class GaitSettings(RobotDesigning):
         effort: what moving the bladders costs [body lengths/s], subtracted from the mean of the speeds: so much where
             every one makes a full stroke in every column, see ``outcomes.effort``. Gaits become cleaner.
         geometry: name of a geometry, see ``NAMED_GEOMETRIES``.
+        bladders: places that have a bladder, if that is not free; None is all. Genes of the others say nothing.
         weight: of bladders, ``"published"`` or ``"physical"``, see ``InflatableActuation``.
         properties: of the robot on a rig, as fitted to it; None is as published.
     """
@@ -125,6 +130,7 @@ class GaitSettings(RobotDesigning):
     geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "published"
     weight: str = "published"
     properties: Properties | None = None
+    bladders: Annotated[Layout, checked_layout] | None = None
     precision: str = field(default="f32", kw_only=True)
 
     def __post_init__(self) -> None:
@@ -177,6 +183,8 @@ class GaitSettings(RobotDesigning):
         for name in ("noise", "friction_spread"):
             if getattr(self, name) and self.draws == 1:
                 raise ValueError(f"{name}: {getattr(self, name):g} is not allowed with a single draw; give draws")
+        if BLADDERS_PART in self.more and self.bladders is not None:
+            raise ValueError(f"bladders: {told_layout(self.bladders)} would fix what is free; give one of both")
         if "modulus" in self.more:
             RegionMaterials(modulus=(MOST_MODULUS,) * self.body.region_count).check(self.body)
 
@@ -236,6 +244,11 @@ class GaitSettings(RobotDesigning):
         return MaterialGenes(free, self.body, self.actuation)
 
     @property
+    def laid(self) -> LayoutGenes:
+        """Variables of which bladders there are."""
+        return LayoutGenes(BLADDERS_PART in self.more, self.bladders)
+
+    @property
     def graded(self) -> bool:
         """Whether a schedule is searched that may have levels between 0 and 1, and has times of its own."""
         return self.schedule is None and issubclass(ENCODINGS[self.encoding], GradedGait)
@@ -256,6 +269,7 @@ class GaitSettings(RobotDesigning):
         held = [f"orientation {self.orientation:g}°"] if self.orientation is not None else []
         if self.pressure is not None:
             held.append("pressure " + ", ".join(f"{one:g}" for one in np.atleast_1d(self.pressure)) + " Pa")
+        held += [f"bladders {told_layout(self.bladders)}"] if self.bladders is not None else []
         held += ["gait"] if self.schedule is not None else []
         aim = "mean speed over the terrains" if self.objectives == "mean" else "speed on each terrain"
         steps = self.steps
@@ -282,7 +296,7 @@ class GaitSettings(RobotDesigning):
         """All that results depend on, as JSON values; :meth:`from_description` builds the problem again."""
         fixed = {
             "orientation": self.orientation,
-            "pressure": list(self.pressure) if isinstance(self.pressure, tuple) else self.pressure,
+            "pressure": _plain(self.pressure),
             "schedule": self.schedule.to_text() if self.schedule else None,
             "properties": dataclasses.asdict(self.properties) if self.properties else None,
         }
@@ -291,7 +305,7 @@ class GaitSettings(RobotDesigning):
             "terrains": [KINDS[self.robot_kind].world_record(terrain) for terrain in self.terrains],
             "free": list(self.free),
             **_given(fixed),
-            **{name: getattr(self, name) for name in described},
+            **{name: _plain(getattr(self, name)) for name in described},
         }
 
     @classmethod
@@ -320,6 +334,11 @@ class GaitSettings(RobotDesigning):
                 found = description.get(name)
                 raise ValueError(f"problem.{name}: {found!r} contradicts the rest, which says {value!r}")
         return problem
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    return list(value) if isinstance(value, tuple) else value
 
 
 def _given(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,16 +9,17 @@ from linear_robot import Linear
 
 from optim.problems.inflatable.draws import Draws, eased
 from optim.problems.inflatable.problem import GaitProblem
-from optim.problems.inflatable.settings import MORE_PARTS
+from optim.problems.inflatable.settings import GAIT_PARTS, MATERIAL_PARTS, MORE_PARTS
 from robots.inflatable import INCHING, InflatableActuation, load_design
 from robots.inflatable.materials import RegionMaterials
 from robots.world import Terrain
 
+HUNDRED = (*GAIT_PARTS, *MATERIAL_PARTS)
 FLAT, HILL = Terrain(), Terrain(15.0)
 
 
 def problem(*terrains, **settings):
-    given = {"columns": 3, "encoding": "graded", "geometry": "small", "more": MORE_PARTS, "steps": 60_000}
+    given = {"columns": 3, "encoding": "graded", "geometry": "small", "more": HUNDRED, "steps": 60_000}
     return GaitProblem(terrains or (FLAT,), **{**given, **settings})
 
 
@@ -47,7 +48,9 @@ def test_a_hundred_variables_have_names():
     assert problem(more=("friction",), encoding="codes", steps=None).space.size == 26
 
 
-@pytest.mark.parametrize("settings", [{}, {"more": ()}, {"more": ("size", "friction")}, {"window": 1, "draws": 2}])
+@pytest.mark.parametrize(
+    "settings", [{}, {"more": ()}, {"more": MORE_PARTS}, {"more": ("size", "friction")}, {"window": 1, "draws": 2}]
+)
 def test_descriptions_come_back(settings):
     made = problem(**settings)
     described = json.loads(json.dumps(made.describe()))
@@ -76,7 +79,9 @@ def test_points_are_designs_and_designs_are_starts(geometry, tmp_path):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("settings", [{}, {"geometry": "two-core"}, {"more": ("pace",)}, {"more": ("core", "size")}])
+@pytest.mark.parametrize(
+    "settings", [{}, {"geometry": "two-core"}, {"more": ("pace", "bladders")}, {"more": ("core", "size")}]
+)
 @pytest.mark.parametrize("draws", [{}, {"draws": 3, "friction_spread": 0.5, "noise": 1e-6}])
 def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):
     made = problem(FLAT, HILL, **settings, **draws, warm_up=1000)
@@ -86,7 +91,7 @@ def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):
     assert exact.objectives == pytest.approx(made.evaluate_relaxed(points, 2.0, gradients=False).objectives)
     for number, reach in enumerate(1e-5 * space.span):
         step = np.where(np.arange(space.size) == number, reach, 0.0)
-        if space.names[number].startswith("settle"):
+        if space.names[number].startswith(("settle", "has_bladder")):
             assert not exact.gradients[:, number].any()
             continue
         up, down = (made.evaluate_relaxed(points + s, 2.0, gradients=False) for s in (step, -step))
