@@ -239,27 +239,27 @@ def _of_number(bodies: Mapping[str, Floats], count: int) -> dict[str, Any]:
 def _tables(found: Mapping[str, Any], bodies: Mapping[str, Floats], evolved: Floats | None) -> list[str | list[str]]:
     """Speeds by the number of bladders, those of the fastest bodies, and what evolution found."""
     numbers = [
-        (count, told["bodies"], _with_interval(told), f"{told['best']:.3f}", told["fastest"])
+        (count, told["bodies"], _with_interval(told), f"{told['best']:z.3f}", told["fastest"])
         for count, told in found["by_number"].items()
     ]
     header = ("bladders", "bodies", "mean of the bodies' means (95 % interval)", "fastest body's mean", "its bladders")
     fastest = list(found["bodies"])[:SHOWN]
     listed = [
-        (body, len(BODIES[body]), mean_with_interval(bodies[body], ".3f"), f"{bodies[body].max():.3f}")
+        (body, len(BODIES[body]), mean_with_interval(bodies[body], "z.3f"), f"{bodies[body].max():z.3f}")
         for body in fastest
     ]
     runs = len(next(iter(bodies.values())))
     parts: list[str | list[str]] = [
-        f"Speed [BL/s] by the number of bladders, {runs} searches of {found['evaluations']} evaluations a body:",
+        f"Speed [BL/s] by the number of bladders; searches of a body: {runs}, of {found['evaluations']} evaluations:",
         markdown(header, "rrrrl", numbers),
         f"The {len(fastest)} fastest bodies:",
         markdown(("bladders at", "number", "mean (95 % interval)", "best run"), "lrrr", listed),
     ]
     if evolved is not None:
         layouts = "; ".join(found[EVOLVED]["layouts"])
-        told = mean_with_interval(evolved, ".3f")
+        told = mean_with_interval(evolved, "z.3f")
         parts.append(
-            f"Evolution of body and gait, {found['evolution']} evaluations a run: {told}, best {evolved.max():.3f}; "
+            f"Evolution of body and gait, {found['evolution']} evaluations a run: {told}, best {evolved.max():z.3f}; "
             f"bladders at {layouts}."
         )
     return parts
@@ -267,8 +267,8 @@ def _tables(found: Mapping[str, Any], bodies: Mapping[str, Floats], evolved: Flo
 
 def _with_interval(told: Mapping[str, Any]) -> str:
     if told["low"] is None:
-        return f"{told['mean']:.3f}"
-    return f"{told['mean']:.3f} ({told['low']:.3f} to {told['high']:.3f})"
+        return f"{told['mean']:z.3f}"
+    return f"{told['mean']:z.3f} ({told['low']:z.3f} to {told['high']:z.3f})"
 
 
 STUDY = Study(
