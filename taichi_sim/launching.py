@@ -24,7 +24,7 @@ class _Place:
         real: whether it is a real number; None of arrays.
         inner: dimensions of an array's elements, which its shape does not count; None of arrays on a GPU.
         like: type and dimensions of an array, for which the kernel was compiled.
-        last: the whole number, or the array, weakly: an engine's memory goes when the engine does.
+        last: the number, or the array, weakly: an engine's memory goes when the engine does.
     """
 
     number: int
@@ -125,10 +125,11 @@ class Relauncher:
                         return False
                 elif place.last() is not given and not self._set_array(place, given):
                     return False
-            elif place.real:
-                self._block.set_arg_float((place.number,), float(given))
-            elif self._new_block is not None or place.last != given:
-                self._block.set_arg_int((place.number,), int(given))
+            elif self._new_block is not None or place.last is not given:
+                if place.real:
+                    self._block.set_arg_float((place.number,), float(given))
+                else:
+                    self._block.set_arg_int((place.number,), int(given))
                 place.last = given
         return True
 

@@ -275,6 +275,11 @@ def _after_fork() -> None:
 os.register_at_fork(after_in_child=_after_fork)
 
 
+def one_thread() -> bool:
+    """Whether kernels on the CPU run on one thread."""
+    return _running is not None and _running.threads == 1
+
+
 def single_precision() -> bool:
     """Whether the kernels being traced are f32; for constants that depend on it."""
     return _running is not None and _running.precision == "f32"

@@ -20,7 +20,7 @@ from taichi_sim.lattice.drivers.packed_tables import PackedTables
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
-from taichi_sim.runtime import aligned
+from taichi_sim.runtime import aligned, one_thread
 
 STEPS_PER_LAUNCH, LEAST_STEPS = 1000, 50
 STEPS_PER_REVERSE = 250
@@ -58,7 +58,7 @@ class PackedReverse(Reverse):
         driver, record = self.driver, self.record(low, high)
         while True:
             middle = max(high - STEPS_PER_REVERSE, self.next_stop(low, high))
-            backwards.packed_reverse_kernel(driver.real, driver.tables.medium)(
+            backwards.packed_reverse_kernel(driver.real, driver.tables.medium, driver.serial)(
                 backwards.Launch(driver.batch, self.layout.slots, driver.scalars.slots, high, middle),
                 self._memories,
                 self._shared,
@@ -104,41 +104,60 @@ class PackedRun(Run):
         )
         # Made once: to hand over other arrays takes a launch longer than some steps.
         self._memories = kernel.Memories(self.memory, self.memory.reshape(-1), *driver.views(driver.groups))
+        real, numbers = driver.real, (driver.batch, driver.layout.slots, driver.scalars.slots)
+        steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
+        self._numbers = *numbers, steps, contact.REBUILD_DISTANCE * self.edge
+        self._kernels = [
+            kernel.packed_kernel(real, kept, driver.tables.medium, driver.serial) for kept in (False, True)
+        ]
+        flat = {"poses": self.marks.poses.reshape(-1), "strains": self.marks.strains.reshape(-1)}
+        self._flat_marks = self.marks._replace(**flat)
         self._unrecorded = Record()
         self._record: Record | None = None
         self._handed: Any = None
+        self._at = 0  # every robot has come there, or ended
 
     def advance(
         self, until: int | None = None, tick: Callable[[float], None] | None = None, record: Record | None = None
     ) -> None:
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
-        driver, info = self.driver, self.driver.pairs.info
-        last = NOWHERE if until is None else until
+        info, last = self.driver.pairs.info, NOWHERE if until is None else until
         if record is not None:
             info[:, contacts.LOGGED], info[:, contacts.KEPT] = 0, -1
-        while np.count_nonzero((info[:, contacts.STATE] != contacts.FINISHED) & (info[:, contacts.STEP] < last)):
+        while self._at < last:
             self._launch(last, record)
-            full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
-            if np.count_nonzero(full):
-                driver.reserve(3 * driver.pairs.listed.shape[2] // 2)
-                info = driver.pairs.info
-                info[full, contacts.STATE] = contacts.RUNNING
+            if self._has_come_to(last):
+                self._at = last
+            else:
+                self._make_room()
             if tick:
                 tick(float(info[:, contacts.STEP].mean()) / self.total)
 
+    def _has_come_to(self, step: int) -> bool:
+        """Whether every robot has come to a step, or ended before it."""
+        info = self.driver.pairs.info
+        steps = info[:, contacts.STEP]
+        return bool(steps.min() >= step or ((steps >= step) | (info[:, contacts.STATE] == contacts.FINISHED)).all())
+
+    def _make_room(self) -> None:
+        """Let robots go on whose lists of pairs are full."""
+        driver, info = self.driver, self.driver.pairs.info
+        full = info[:, contacts.STATE] == contacts.OUT_OF_PAIRS
+        if full.any():
+            driver.reserve(3 * driver.pairs.listed.shape[2] // 2)
+            info[full, contacts.STATE] = contacts.RUNNING
+
     def _launch(self, until: int, record: Record | None) -> None:
-        driver, edge = self.driver, self.edge
-        steps = max(STEPS_PER_LAUNCH // driver.batch, LEAST_STEPS)
-        distance = contact.REBUILD_DISTANCE * edge
+        driver = self.driver
         # What it returns is kept, so that the next launch does not look at the same arrays again.
-        self._handed = kernel.packed_kernel(driver.real, record is not None, driver.tables.medium)(
-            kernel.Launch(driver.batch, driver.layout.slots, driver.scalars.slots, steps, until, distance),
+        self._handed = self._kernels[record is not None](
+            kernel.Launch(*self._numbers, until),
             self._memories,
             self.shared,
             self.groups,
             driver.packed.lanes,
             driver.pairs,
-            self.marks,
+            self._flat_marks,
             record or self._unrecorded,
         )
 
@@ -151,6 +170,7 @@ class PackedRun(Run):
         *saved, lanes = checkpoint
         self.driver.restore(tuple(saved))
         self.marks.lanes[...] = lanes
+        self._at = 0
 
     def new_record(self, first: int, room: int, contacts: int) -> Record:
         """Memory for so many states from step ``first`` on, and so many contacts of each; used again."""
@@ -246,6 +266,11 @@ class PackedDriver(Driver):
         near = np.zeros((self.batch, contacts.NEAR_COLUMNS, pairs + self.real.width), np.int32)
         self.pairs = self.pairs._replace(listed=listed, near=near)
         self.pairs.drift[...] = np.inf
+
+    @property
+    def serial(self) -> bool:
+        """Whether kernels run in the thread that launches them: there is one thread, or one robot to take."""
+        return self.batch == 1 or one_thread()
 
     @property
     def channel_slots(self) -> int:

@@ -67,6 +67,7 @@ from taichi_sim.lattice.drivers.packed_lanes import (
 from taichi_sim.lattice.drivers.packed_rests import derive_rests, inverse_rest
 from taichi_sim.lattice.laws import enclosure
 from taichi_sim.lattice.laws import link as laws
+from taichi_sim.lattice.program import QUANTITY_COUNT
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.columns import Medium, shared_types
 from taichi_sim.lattice.stages.gauges import keep_strains, share_slots
@@ -87,14 +88,14 @@ class Memories(NamedTuple):
 
 
 class Launch(NamedTuple):
-    """How many robots there are, slots of each in both memories, most steps of each, and where all stop."""
+    """Number of robots, slots of each in both memories, most steps of each, how far lists reach, and where all stop."""
 
     robots: Any
     slots: Any
     group_slots: Any
     steps: Any
-    until: Any
     distance: Any
+    until: Any
 
 
 @ti.func
@@ -168,15 +169,23 @@ def spread_news(r: ti.template()):
 @ti.func
 def find_changing(r: ti.template()):
     """Note the rows of groups that have a channel which changes from step to step."""
-    i, h, gs, tg, p, pairs = ti.static((r.i, r.h, r.gs, r.tg, r.p, r.pairs))
+    i, h, g, gs, tg, p, pairs = ti.static((r.i, r.h, r.g, r.gs, r.tg, r.p, r.pairs))
+    first = h + tg.plan[memory.CHANNEL] + memory.RATE
+    quantities = 0  # a bit for each of which any group's channel changes: most often few do
+    for q in range(QUANTITY_COUNT):
+        for pack in range(tg.plan[memory.GROUPS]):
+            if any_lane(load(g, first, (pack * QUANTITY_COUNT + q) * memory.CHANNEL_WIDTH) != 0.0):
+                quantities |= 1 << q
     count = 0
     for n in range(p.spreads.shape[0] // SPREAD_ROW):
         changes = 0
-        for j in range(p.width):
-            channels = (h + tg.plan[memory.CHANNEL] + memory.RATE) * p.width + p.group[n * p.width + j]
-            for q in range(p.spreads[n * SPREAD_ROW + FIRST_QUANTITY], p.spreads[n * SPREAD_ROW + END_QUANTITY]):
-                if gs[channels + q * (memory.CHANNEL_WIDTH * p.width)] != 0.0:
-                    changes = 1
+        low, end = p.spreads[n * SPREAD_ROW + FIRST_QUANTITY], p.spreads[n * SPREAD_ROW + END_QUANTITY]
+        if (quantities >> low) & ((1 << (end - low)) - 1) != 0:
+            for j in range(p.width):
+                channels = first * p.width + p.group[n * p.width + j]
+                for q in range(low, end):
+                    if gs[channels + q * (memory.CHANNEL_WIDTH * p.width)] != 0.0:
+                        changes = 1
         if changes == 1:
             pairs.changing[i, count] = n
             count += 1
@@ -186,17 +195,18 @@ def find_changing(r: ti.template()):
 
 @ti.func
 def handle_marks(r: ti.template(), step, marks: ti.template()):
-    """The events and recordings of a robot that are due at a step, and its end."""
+    """The events and recordings of a robot that are due at a step, and its end; whether channels were set."""
     i, h, g2, tg, pairs = ti.static((r.i, r.h, r.g2, r.tg, r.pairs))
     upcoming = marks.lanes[i, 0, marking.LENGTH]
     e = marks.lanes[i, 0, marking.EVENT]
-    due = 1
+    due, is_set = 1, 0
     while due == 1:
         due = 0
         if e < marks.lanes[i, 0, marking.END_EVENT]:
             if marks.event[e, 0] <= step:
                 if marks.event[e, 1] >= 0:
                     marking.set_channel(g2, h, 0, e, tg, marks)
+                    is_set = 1
                 else:
                     record_snapshot(r, e, marks.lanes[i, 0, marking.ROBOT], marks)
                 e += 1
@@ -209,6 +219,7 @@ def handle_marks(r: ti.template(), step, marks: ti.template()):
         marks.lanes[i, 0, marking.STATE] = marking.ENDED
         marks.lanes[i, 0, marking.STEP] = step
         pairs.info[i, STATE] = FINISHED
+    return is_set
 
 
 @ti.func
@@ -218,14 +229,17 @@ def record_snapshot(r: ti.template(), e, robot, marks: ti.template()):
     w = ti.static(t.lanes.width)
     snapshot = 0 - marks.event[e, 1] - 1
     marking.record_sizes(g2, h, 0, e, robot, snapshot, tg, marks)
-    for v in range(tg.plan[memory.VOXELS]):
+    row = robot * marks.sizes.shape[1] + snapshot
+    voxels, links = tg.plan[memory.VOXELS], ti.max(tg.plan[memory.LINKS], 1)
+    pose = row * voxels * 7
+    for v in range(voxels):
         voxel = (k + t.plan[memory.VOXEL]) * w + t.lanes.voxel[v]
         for c in ti.static(range(7)):
-            marks.poses[robot, snapshot, v, c] = ms[voxel + c * w]
+            marks.poses[pose + v * 7 + c] = ms[voxel + c * w]
     for l in range(tg.plan[memory.LINKS]):
         extension = ms[(k + t.plan[memory.LINK]) * w + t.lanes.link[l]]
         slot, lane = inverse_rest(l, tg)
-        marks.strains[robot, snapshot, l] = extension * g2[h + slot, lane]
+        marks.strains[row * links + l] = extension * g2[h + slot, lane]
 
 
 @ti.func
@@ -314,10 +328,12 @@ def keep(r: ti.template(), step, log: ti.template()):
 
 
 @lru_cache
-def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
+def packed_kernel(real: Real, recording: bool, medium: Medium, serial: bool) -> Any:
     """The kernel for one kind of real and of surroundings; all else that differs is an argument.
 
     With ``recording`` it keeps the state before every step from the record's first on, and the contacts of each.
+    A ``serial`` one takes robot by robot in the thread that launches it: to wake another one, and to fetch a robot's
+    memory into the caches of its core, takes longer than several steps.
     """
 
     @ti.func
@@ -333,6 +349,7 @@ def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
     ):
         m, ms, g, gs, g2 = ti.static(memories)
         info = ti.static(pairs.info)
+        ti.loop_config(serialize=serial)
         for n in range(GRAIN * launch.robots):
             if n % GRAIN == 0:
                 i = n // GRAIN
@@ -349,8 +366,8 @@ def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
                             keep(r, step, log)
                             info[i, KEPT] = step
                     if step == info[i, NEXT_MARK]:
-                        handle_marks(r, step, marks)
-                        find_changing(r)
+                        if handle_marks(r, step, marks) == 1 or step == 0:  # before it channels may have been set, too
+                            find_changing(r)
                     if info[i, STATE] == RUNNING and t.plan[memory.CONTACT_ON] != 0:
                         moved = load(m, k, t.plan[memory.MONITOR] + memory.MOVED)
                         if any_lane(moved > launch.distance * launch.distance):
@@ -370,14 +387,14 @@ def packed_kernel(real: Real, recording: bool, medium: Medium) -> Any:
     flat = real.scalars(1)
     return kernel_of(
         run,
-        Launch(i32, i32, i32, i32, i32, scalar),
+        Launch(i32, i32, i32, i32, scalar, i32),
         Memories(real.memory, flat, real.memory, flat, real.scalars(2)),
         shared_types(
             real, medium, ("link", "voxel", "excluded", "start", "time_step", "edge", "gravity", "relief", "radius")
         ),
-        shared_types(real, medium, ("link", "rest")),
+        shared_types(real, medium, ("rest",)),
         lane_types(real),
         Pairs(ints(3), ints(3), *(real.memory,) * 2, flat, real.memory, real.memory, table, table, table),
-        mark_types(real),
+        mark_types(real)._replace(poses=flat, strains=flat),
         Record(True, i32, real.memory, None, real.memory, None, ints(3), table) if recording else Record(),
     )

@@ -45,6 +45,7 @@ class Lanes(NamedTuple):
         rests: places in CURRENT of the groups at either end of a pack of rest lengths, by pack, end and lane.
         surface: place in VOXEL, group's place in CONSTANT, place in CONTACT of each surface voxel, and twice nobody.
         voxel, link: place of each voxel in VOXEL, and of each link in LINK.
+        inverse: place in REST, in the memory of groups, of the inverse of each link's rest length.
         square_corner, square_pressure: places of the corners of squares in VOXEL, and slots of their pressures, by
             pack of squares, corner and lane.
         corner: places in PRESSED of the forces on a pack's voxels, rows of lanes.
@@ -66,6 +67,7 @@ class Lanes(NamedTuple):
     surface: Any
     voxel: Any
     link: Any
+    inverse: Any
     square_corner: Any
     square_pressure: Any
     corner: Any
@@ -78,7 +80,7 @@ def lane_types(real: Real) -> Lanes:
     """Types of ``Lanes`` in kernels."""
     flat, real_array = ints(1), real.memory
     rows, shapes = (flat,) * 5, (real_array,) * 3
-    return Lanes(real.width, *rows, *shapes, *(flat,) * 3, ints(2), *(flat,) * 5, real_array)
+    return Lanes(real.width, *rows, *shapes, *(flat,) * 3, ints(2), *(flat,) * 6, real_array)
 
 
 class Robot(NamedTuple):

@@ -6,16 +6,15 @@ from taichi_sim.autodiff.lanes import consecutive, load, store_all
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice.drivers.packed_lanes import Lanes, gather_all
 from taichi_sim.lattice.laws.group import rest_length as rest_law
-from taichi_sim.lattice.stages import columns, memory
+from taichi_sim.lattice.stages import memory
 from taichi_sim.runtime import element, emit, ti
 
 
 @ti.func
 def inverse_rest(l, tg: ti.template()):
     """Slot and lane, in the memory of groups, of the inverse of the rest length of link l."""
-    rest = tg.link[l * columns.LINK_COLUMNS + columns.LINK_REST] // memory.REST_WIDTH
-    w = ti.static(tg.lanes.width)
-    return tg.plan[memory.REST] + rest // w * memory.REST_WIDTH + 1, rest % w
+    place, w = tg.lanes.inverse[l], ti.static(tg.lanes.width)
+    return tg.plan[memory.REST] + place // w, place % w
 
 
 @primitive

@@ -336,8 +336,8 @@ def receive(b: ti.template(), robot, snapshot, step, marks: ti.template()):
 
 
 @lru_cache
-def packed_reverse_kernel(real: Real, medium: Medium) -> Any:
-    """The kernel for one kind of real and of surroundings."""
+def packed_reverse_kernel(real: Real, medium: Medium, serial: bool) -> Any:
+    """The kernel for one kind of real and of surroundings; ``serial`` as for the way there."""
 
     @ti.func
     def undo(
@@ -349,6 +349,7 @@ def packed_reverse_kernel(real: Real, medium: Medium) -> Any:
         log: ti.template(),
         marks: ti.template(),
     ):
+        ti.loop_config(serialize=serial)
         for n in range(GRAIN * launch.robots):
             if n % GRAIN == 0:
                 i = n // GRAIN
@@ -387,7 +388,7 @@ def packed_reverse_kernel(real: Real, medium: Medium) -> Any:
         Launch(i32, i32, i32, i32, i32),
         Memories(*both, *both, *both, *both, *both, table, *both, table, ints(1)),
         shared_types(real, medium, ("link", "voxel", "start", "time_step", "edge", "gravity", "relief")),
-        shared_types(real, medium, ("link", "rest")),
+        shared_types(real, medium, ("rest",)),
         lane_types(real)._replace(group=None, outer=None, gives=ints(1), masks=real.memory),
         Record(True, i32, real.memory, flat, real.memory, table, ints(3), ints(2)),
         mark_types(real, back=True),

@@ -146,7 +146,7 @@ class PackedTables:
         nobody = len(packs.voxel) * width + np.arange(2)
         of = np.concatenate([packs.voxel_place[tables.surface_voxels], nobody])
         group = np.append(tables.group[tables.surface_voxels], [0, 0])
-        groups = self.group_place(group, CONSTANT_COLUMNS)
+        groups, rest = self.group_place(group, CONSTANT_COLUMNS), tables.link[columns.LINK_REST :: columns.LINK_COLUMNS]
         surface = np.column_stack([self.place(of, memory.VOXEL_WIDTH), groups, self.place(of, 3)])
         square_corner, square_pressure = self._squares()
         full, gauged = (packs.link >= 0).all(axis=1), (at_gauge[packs.link] & (packs.link >= 0)).any(axis=1)
@@ -167,6 +167,7 @@ class PackedTables:
             surface=np.ascontiguousarray(surface, np.int32),
             voxel=_ints(self.place(packs.voxel_place, memory.VOXEL_WIDTH)),
             link=_ints(self.place(packs.link_place, memory.LINK_WIDTH)),
+            inverse=_ints(self.group_place(rest // memory.REST_WIDTH, memory.REST_WIDTH, 1)),
             square_corner=square_corner,
             square_pressure=square_pressure,
             corner=self._corners(given),

@@ -1,5 +1,7 @@
 """The packed driver does what the stepped one does: the same bits forwards, the same gradients to rounding."""
 
+import time
+
 import gradient_scene as scene
 import numpy as np
 import pytest
@@ -72,6 +74,16 @@ def test_a_run_in_pieces_and_from_a_saved_state_has_the_same_bits():
     made.restore(saved)
     made.run(ProgramBuilder(1).build(20))
     assert np.array_equal(everything(made, made.run(ProgramBuilder(1).build(30)))[-4], first[-4])
+
+
+def test_on_one_thread_robots_run_in_the_thread_that_launches_them():
+    """To wake another one for them would take longer than some steps; so the time of this one is that of all."""
+    made, program = engine("packed", False, False, False), ProgramBuilder(2).build(2000)
+    made.run(program)
+    begun = time.thread_time(), time.process_time()
+    made.run(program)
+    own, whole = time.thread_time() - begun[0], time.process_time() - begun[1]
+    assert own > 0.5 * whole
 
 
 def test_a_robot_that_diverges_is_told_and_disturbs_no_other():
