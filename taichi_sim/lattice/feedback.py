@@ -69,35 +69,57 @@ def check_feedback(feedback: Feedback, program: LatticeProgram) -> None:
         ValueError: for decisions out of order, without a snapshot of all robots at their step, on events that are not
             later or of another decision, and programs whose robots run for different times.
     """
-    lengths, taken, last = program.lengths, np.zeros(len(program.events), bool), -1
-    if len(set(lengths.tolist())) > 1:
+    lengths, decisions, snapshots = program.lengths, feedback.decisions, program.snapshots
+    if (lengths != lengths[0]).any():
         raise ValueError("feedback: robots that run for different times are not allowed; give equal lengths")
-    for number, one in enumerate(feedback.decisions):
-        told = f"feedback: decision {number} at step {one.step}"
-        if not last < one.step < lengths[0] - 1:
-            raise ValueError(f"{told} is not allowed; give steps in order, before {int(lengths[0]) - 1}")
-        slots = program.snapshots.shape[1]
-        if not 0 <= one.snapshot < slots or (program.snapshots[:, one.snapshot] != one.step).any():
-            raise ValueError(f"{told} has no snapshot {one.snapshot} there")
-        events = np.asarray(one.events)
-        if taken[events].any() or len(set(events.tolist())) < len(events):
-            raise ValueError(f"{told} decides an event twice")
-        if (program.events["step"][events] <= one.step).any():
-            raise ValueError(f"{told} decides an event that is not later")
-        taken[events], last = True, one.step
+    # All decisions at once: one after the other, this would take as long as some steps for each.
+    steps, slots = (np.array([getattr(one, name) for one in decisions], int) for name in ("step", "snapshot"))
+    number, events = _joined([one.events for one in decisions])
+    faults = np.zeros((4, len(decisions)), bool)
+    unordered, unread, twice, early = faults
+    unordered[...] = (steps < 0) | (steps >= lengths[0] - 1)
+    unordered[1:] |= steps[1:] <= steps[:-1]
+    unread[...] = (slots < 0) | (slots >= snapshots.shape[1])
+    unread[~unread] = (snapshots[:, slots[~unread]] != steps[~unread]).any(axis=0)
+    event = np.arange(len(program.events))[events]
+    order = np.argsort(event, kind="stable")
+    twice[number[order[1:][event[order[1:]] == event[order[:-1]]]]] = True
+    early[number[program.events["step"][event] <= steps[number]]] = True
+    if faults.any():
+        first = int(np.argmax(faults.any(axis=0)))
+        wrong = (
+            f"is not allowed; give steps in order, before {int(lengths[0]) - 1}",
+            f"has no snapshot {slots[first]} there",
+            "decides an event twice",
+            "decides an event that is not later",
+        )
+        raise ValueError(f"feedback: decision {first} at step {steps[first]} {wrong[np.argmax(faults[:, first])]}")
 
 
-def _rows_of(source: np.ndarray, decided: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The marks of a program that come from each decision's events, and which of these each is."""
-    firsts = np.cumsum([0, *map(len, decided)])
-    events = np.concatenate([np.zeros(0, int), *decided])
+def _joined(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Arrays of whole numbers one after the other, with the number of the array that each comes from."""
+    return np.repeat(np.arange(len(parts)), [len(part) for part in parts]), np.concatenate([np.zeros(0, int), *parts])
+
+
+def _rows_of(source: np.ndarray, decided: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The marks of a program that come from decisions' events, decision by decision; which of these each is; the ends.
+
+    Args:
+        source: number of the program's event that each mark comes from, -1 for none.
+        decided: events of each decision, D of them.
+
+    Returns:
+        The marks, the place of each among the events of its decision, and where those of a decision end, shape (D + 1,)
+        with a 0 before them.
+    """
+    number, events = _joined(decided)
+    firsts = np.searchsorted(number, np.arange(len(decided) + 1))
     order = np.full(max(int(source.max(initial=0)), int(events.max(initial=0))) + 1, -1)
     order[events] = np.arange(len(events))
     found = np.where(source >= 0, order[np.maximum(source, 0)], -1)
-    by_event = np.argsort(found, kind="stable")
-    ends = np.searchsorted(found[by_event], firsts)
-    parts = [by_event[a:b] for a, b in pairwise(ends)]
-    return [(part, found[part] - first) for part, first in zip(parts, firsts[:-1], strict=True)]
+    by_event = np.argsort(found, kind="stable")[np.count_nonzero(found < 0) :]
+    places = found[by_event]
+    return by_event, places - firsts[number[places]], np.searchsorted(places, firsts)
 
 
 class Course:
@@ -108,8 +130,9 @@ class Course:
         self._run, self._feedback, self._place, self._links = run, feedback, place, links
         self._made = 0
         decisions = feedback.decisions if feedback else ()
-        self._rows = _rows_of(run.program.source, [np.asarray(one.events) for one in decisions])
-        self._sizes = [run.sizes_among(rows) for rows, _ in self._rows]
+        rows, source, ends = _rows_of(run.program.source, [one.events for one in decisions])
+        self._rows = [(rows[a:b], source[a:b]) for a, b in pairwise(ends.tolist())]
+        self._sizes = run.sizes_among(rows, ends)
 
     def advance(self, until: int | None = None, tick: Callable[[float], None] | None = None) -> None:
         """Go on to a step, or to the end, and decide on the way what has not been decided."""

@@ -5,7 +5,8 @@ Memories are laid out [block, slot, lane]. A driver says how many lanes a block 
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -158,6 +159,17 @@ class Driver(NeverCopied, ABC):
         return self.run_type(self, program, alive, (dt, edge, gravity))
 
 
+class Sizes(NamedTuple):
+    """Which of some marks set sizes, where their channels are in the run's extremes, and for how many steps."""
+
+    chosen: np.ndarray
+    places: np.ndarray
+    steps: np.ndarray
+
+
+NO_SIZES = Sizes(*[np.zeros(0, int)] * 3)
+
+
 class Run(NeverCopied, ABC):
     """A program on its way: the robots' places in it, and what they have recorded so far."""
 
@@ -186,20 +198,24 @@ class Run(NeverCopied, ABC):
     ) -> None:
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
 
-    def sizes_among(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which of some marks set sizes, where their channels are in the run's extremes, and for how many steps."""
+    def sizes_among(self, rows: np.ndarray, ends: np.ndarray) -> list[Sizes]:
+        """Of several parts of some marks, which end at ``ends``, a 0 before them: what each sets of sizes."""
+        if not self.driver.lists_grow:  # nothing depends on sizes
+            return [NO_SIZES] * (len(ends) - 1)
         places = self._extremes.places[rows]
         chosen = np.flatnonzero(places >= 0)
-        return chosen, places[chosen], self._extremes.lasting[rows[chosen]]
+        cuts = np.searchsorted(chosen, ends)
+        found = chosen - np.repeat(ends[:-1], np.diff(cuts)), places[chosen], self._extremes.lasting[rows[chosen]]
+        return [Sizes(*(array[a:b] for array in found)) for a, b in pairwise(cuts.tolist())]
 
-    def decide(self, rows: np.ndarray, values: np.ndarray, sizes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+    def decide(self, rows: np.ndarray, values: np.ndarray, sizes: Sizes) -> None:
         """Set value and rate, shape (N, 2), of events by their marks, of which :meth:`sizes_among` tells ``sizes``."""
         driver, (chosen, places, steps) = self.driver, sizes
         decided = driver.host(self.marks.value)
         decided[rows] = values
         if (put := driver.put(decided)) is not self.marks.value:
             self.marks = self.marks._replace(value=put)
-        if not (driver.lists_grow and len(chosen) and self._extremes.include(places, values[chosen], steps)):
+        if not (len(chosen) and self._extremes.include(places, values[chosen], steps)):
             return
         if (radius := driver.radius_for(self._extremes)) > driver.radius:
             driver.radius, held = radius, driver.host_memory(self.memory)

@@ -99,3 +99,10 @@ def test_bad_input():
     refused([Decision(13, 3, decisions[0].events)], "decision 0 at step 13 has no snapshot 3 there")
     refused([Decision(12, 3, decisions[0].events[[0, 0]])], "decision 0 at step 12 decides an event twice")
     refused([Decision(55, 4, decisions[0].events)], "decision 0 at step 55 decides an event that is not later")
+    again = Decision(decisions[1].step, decisions[1].snapshot, decisions[0].events)
+    refused([decisions[0], again], f"decision 1 at step {again.step} decides an event twice")
+    refused([decisions[0], Decision(10**6, 9, again.events)], "decision 1 at step 1000000 is not allowed; give steps")
+    two, decisions = scene(2)
+    uneven = type(two)(two.lengths - [0, 1], two.events, two.snapshots.clip(max=100))
+    with pytest.raises(ValueError, match=r"^feedback: robots that run for different times"):
+        engine(2).run(uneven, feedback=Linear(some_weights(2), decisions))
