@@ -26,12 +26,12 @@ class Network:
     def __init__(self) -> None:
         felt, hidden, driven = SIZES
         draws, count = np.random.default_rng(0), PUBLISHED.body.voxel_count
-        parts = np.arange(count) * felt // count
-        members = (parts[None] == np.arange(felt)[:, None]).astype(float)
-        self._members = members / members.sum(axis=1, keepdims=True)  # (felt, V)
+        self._starts = -(-np.arange(felt + 1) * count // felt)  # of the parts, and the end of the last one
+        self._sizes = np.diff(self._starts)
+        self._shares = 1 / (self._sizes * PUBLISHED.voxel_size)  # of a voxel's height in what is felt
         self._layers = draws.normal(0, 0.3, (hidden, felt)), draws.normal(0, 0.3, (driven, hidden))
         self.decisions: Sequence[Decision] = []
-        self._heights: dict[int, Floats] = {}
+        self._felt: dict[int, Floats] = {}
 
     def plan(self, program: LatticeProgram) -> LatticeProgram:
         """A program with readings and events that the network decides."""
@@ -40,32 +40,33 @@ class Network:
         events = np.zeros((len(steps), batch, driven), EVENT)
         events["step"], events["robot"] = np.array(steps)[:, None, None], np.arange(batch)[:, None]
         events["region"], events["quantity"] = np.arange(driven), Quantity.TEMPERATURE
-        slots, size = program.snapshots.shape[1], batch * driven
+        slots, decided = program.snapshots.shape[1], len(program.events) + np.arange(events.size)
         self.decisions = [
-            Decision(step - 1, slots + n, len(program.events) + n * size + np.arange(size))
-            for n, step in enumerate(steps)
+            Decision(step - 1, slots + n, each)
+            for n, (step, each) in enumerate(zip(steps, decided.reshape(len(steps), batch * driven), strict=True))
         ]
+        self._rates = np.zeros(batch * driven)
         read = np.array([[step - 1 for step in steps]] * batch, program.snapshots.dtype)
         every = np.concatenate([program.events, events.ravel()])
         return LatticeProgram(program.lengths, every, np.concatenate([program.snapshots, read], axis=1))
 
-    def _answer(self, heights: Any) -> Any:
-        value = mapped(self._members, heights) / PUBLISHED.voxel_size
+    def _answer(self, felt: Any) -> Any:
         for layer in self._layers:
-            value = np.tanh(mapped(layer, value))
-        return GAIN * value
+            felt = np.tanh(mapped(layer, felt))
+        return GAIN * felt
 
     def decide(self, number: int, felt: Felt) -> tuple[Floats, Floats]:
-        """Temperatures of the next 50 steps."""
-        self._heights[number] = felt.positions[:, :, 2]
-        values = self._answer(self._heights[number]).ravel()
-        return values, np.zeros(values.shape)
+        """Temperatures of the next 50 steps, from the mean height of every part in voxels."""
+        heights = np.add.reduceat(felt.positions[:, :, 2], self._starts[:-1], axis=1)
+        self._felt[number] = self._shares * heights
+        return self._answer(self._felt[number]).ravel(), self._rates
 
     def pull_back(self, number: int, values: Floats, rates: Floats) -> Felt:
         """Derivatives by the heights."""
-        heights = self._heights[number]
-        _, way = trace(self._answer, heights)
-        positions = np.zeros((*heights.shape, 3))
-        (positions[:, :, 2],) = way(values.reshape(len(heights), -1))
-        links = len(PUBLISHED.body.topology.links)
-        return Felt(positions, np.zeros((*heights.shape, 4)), np.zeros((len(heights), links)))
+        felt = self._felt[number]
+        _, way = trace(self._answer, felt)
+        (by_felt,) = way(values.reshape(len(felt), -1))
+        batch, count, links = len(felt), PUBLISHED.body.voxel_count, len(PUBLISHED.body.topology.links)
+        found = Felt(np.zeros((batch, count, 3)), np.zeros((batch, count, 4)), np.zeros((batch, links)))
+        found.positions[:, :, 2] = np.repeat(self._shares * by_felt, self._sizes, axis=1)
+        return found

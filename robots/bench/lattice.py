@@ -17,7 +17,7 @@ import numpy as np
 
 from robots.bench import braitenberg as vehicle_bench
 from robots.bench import quadruped as rigid_bench
-from robots.bench.control import Network
+from robots.bench.control import EVERY, Network
 from robots.bench.rates import best_and_median, prototype_rate, rates_of_tree
 from robots.ground import Ground
 from robots.inflatable import INCHING, PUBLISHED, GaitSchedule, InflatableDesign
@@ -33,6 +33,9 @@ COLUMN = 11_670  # steps of a moving column of the published gaits
 GRADIENT_MEMORY = 2e9  # B
 PIECES = 8  # of a measurement
 SEVERAL = 16  # robots whose networks answer together
+# Readings in a measured piece of one robot, and of several. What a run costs once, its checks and its places among all
+# others, is not what a reading costs: in a piece of nine readings it is a third of it.
+READINGS, READINGS_OF_SEVERAL = 40, 10
 CLIMBERS, COLUMNS, MAXIMUM_SEARCHED = 60, 8, 12e3  # of the published co-design; the core's pressure in Pa
 UNEVEN = "rough:0.005"  # hills under the robot [m]
 GROUNDS = {"uneven": UNEVEN, "sand": "sand:2e5", "shore": f"{UNEVEN}+water:0.02"}
@@ -120,10 +123,7 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
     found["gradient"] = gradient_cost(precision, 2000 if quick else COLUMN)
     for name, ground in GROUNDS.items():
         found[name] = beside(single, Batch(1, precision, 1, ground), steps)
-    found["network"] = beside(single, Batch(1, precision, 1, network=Network()), steps)
-    several = Batch(SEVERAL, precision, 1), Batch(SEVERAL, precision, 1, network=Network())
-    several[0].advance(WARM_UP - 1)
-    found["network_of_several"] = beside(*several, max(steps // SEVERAL, 100))
+    found.update(networks(single, precision, steps))
     found["both"] = {"gradient_in_forward_runs": gradient_cost(precision, steps, UNEVEN, True)["in_forward_runs"]}
     found["own_body"] = own_bodies(precision)
     found["generation"] = generation(precision, 0.02 if quick else 0.04)
@@ -131,6 +131,15 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
         one, two = (rates(time.perf_counter, Batch(2, precision, threads), steps)["best"] for threads in (1, 2))
         found["two_threads"] = two / one
     return found
+
+
+def networks(single: Batch, precision: str, steps: int) -> dict[str, dict[str, Any]]:
+    """Measure what a network in the loop costs one robot and several, in pieces of at least so many steps in all."""
+    one = beside(single, Batch(1, precision, 1, network=Network()), max(steps, READINGS * EVERY))
+    several = Batch(SEVERAL, precision, 1), Batch(SEVERAL, precision, 1, network=Network())
+    several[0].advance(WARM_UP - 1)
+    together = beside(*several, max(steps // SEVERAL, READINGS_OF_SEVERAL * EVERY))
+    return {"network": one, "network_of_several": together}
 
 
 def generation(precision: str, part: float) -> dict[str, float]:

@@ -158,11 +158,16 @@ def mapped(matrix: Any, values: Any) -> Any:
     So what becomes of a row has the same bits whatever the others are.
     """
 
-    def apply(m: Any, x: Any) -> Any:
-        rows = [m @ row for row in np.reshape(x, (-1, m.shape[1]))]
-        return np.array(rows).reshape(*x.shape[:-1], m.shape[0])
+    if not isinstance(values, TracedArray):
+        return _row_by_row(matrix, values)
+    return _derived(_row_by_row(matrix, values.value), (values, lambda g: _row_by_row(matrix.T, np.asarray(g))))
 
-    return _derived(apply(matrix, plain(values)), (values, lambda g: apply(matrix.T, np.asarray(g))))
+
+def _row_by_row(matrix: Any, values: Any) -> Any:
+    shape = *values.shape[:-1], matrix.shape[0]
+    rows = values.reshape(-1, matrix.shape[1])
+    found = matrix @ rows[0] if len(rows) == 1 else np.array([matrix @ row for row in rows])
+    return found.reshape(shape)
 
 
 def _vector(array: Any) -> Any:

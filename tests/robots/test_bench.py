@@ -32,6 +32,15 @@ def test_all_figures(tmp_path, capsys):
     assert "robot-steps/s" in capsys.readouterr().out
 
 
+def test_a_network_is_measured_over_many_readings(monkeypatch):
+    """Also in a quick run: what a run with decisions costs once is little then."""
+    pieces = []
+    monkeypatch.setattr(bench, "beside", lambda plain, other, steps: pieces.append((other.batch, steps)) or {})
+    monkeypatch.setattr(bench, "WARM_UP", 2)
+    assert list(bench.networks(bench.Batch(1, "f64", 1), "f64", 500)) == ["network", "network_of_several"]
+    assert pieces == [(1, 2000), (bench.SEVERAL, 500)]
+
+
 def test_rates_are_compared_with_those_of_version_1():
     mine = {"single_robot_steps_per_second": {"median": 30.0, "best": 40.0}, "gradient": {"steps_per_second": 8.0}}
     gradient = {"one_robot": {"in_its_own_forward_runs": 5.0}}
