@@ -122,8 +122,8 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
         found["ratio_to_prototype"] = rate["median"] / ((before + after) / 2)
     found["gradient"] = gradient_cost(precision, 2000 if quick else COLUMN)
     for name, ground in GROUNDS.items():
-        found[name] = beside(single, Batch(1, precision, 1, ground), steps)
-    found.update(networks(single, precision, steps))
+        found[name] = beside(Batch(1, precision, 1, ground), steps)
+    found.update(networks(precision, steps))
     found["both"] = {"gradient_in_forward_runs": gradient_cost(precision, steps, UNEVEN, True)["in_forward_runs"]}
     found["own_body"] = own_bodies(precision)
     found["generation"] = generation(precision, 0.02 if quick else 0.04)
@@ -133,13 +133,13 @@ def measure(precision: str, quick: bool, prototype: Path | None) -> dict[str, An
     return found
 
 
-def networks(single: Batch, precision: str, steps: int) -> dict[str, dict[str, Any]]:
+def networks(precision: str, steps: int) -> dict[str, dict[str, Any]]:
     """Measure what a network in the loop costs one robot and several, in pieces of at least so many steps in all."""
-    one = beside(single, Batch(1, precision, 1, network=Network()), max(steps, READINGS * EVERY))
-    several = Batch(SEVERAL, precision, 1), Batch(SEVERAL, precision, 1, network=Network())
-    several[0].advance(WARM_UP - 1)
-    together = beside(*several, max(steps // SEVERAL, READINGS_OF_SEVERAL * EVERY))
-    return {"network": one, "network_of_several": together}
+    one, several = (Batch(count, precision, 1, network=Network()) for count in (1, SEVERAL))
+    return {
+        "network": beside(one, max(steps, READINGS * EVERY)),
+        "network_of_several": beside(several, max(steps // SEVERAL, READINGS_OF_SEVERAL * EVERY)),
+    }
 
 
 def generation(precision: str, part: float) -> dict[str, float]:
@@ -211,9 +211,11 @@ def gradient_cost(precision: str, steps: int, ground: str | None = None, control
     }
 
 
-def beside(plain: Batch, other: Batch, steps: int) -> dict[str, Any]:
-    """Measure what another robot's steps cost in those of a plain one: pieces of both take turns."""
-    other.advance(WARM_UP - 1)
+def beside(other: Batch, steps: int) -> dict[str, Any]:
+    """Measure what a batch's steps cost in those of a plain one, in turns over the same parts of the gait."""
+    plain = Batch(other.batch, other.engine.compute.precision, 1)
+    for each in (plain, other):
+        each.advance(WARM_UP - 1)
     pairs = [[timed(time.process_time, one.advance, steps)[0] for one in (plain, other)] for _ in range(PIECES)]
     return {"in_plain_steps": float(np.median([after / before for before, after in pairs]))}
 

@@ -35,9 +35,8 @@ def test_all_figures(tmp_path, capsys):
 def test_a_network_is_measured_over_many_readings(monkeypatch):
     """Also in a quick run: what a run with decisions costs once is little then."""
     pieces = []
-    monkeypatch.setattr(bench, "beside", lambda plain, other, steps: pieces.append((other.batch, steps)) or {})
-    monkeypatch.setattr(bench, "WARM_UP", 2)
-    assert list(bench.networks(bench.Batch(1, "f64", 1), "f64", 500)) == ["network", "network_of_several"]
+    monkeypatch.setattr(bench, "beside", lambda other, steps: pieces.append((other.batch, steps)) or {})
+    assert list(bench.networks("f64", 500)) == ["network", "network_of_several"]
     assert pieces == [(1, 2000), (bench.SEVERAL, 500)]
 
 
@@ -83,8 +82,8 @@ def test_rates_of_the_lattice_are_measured(monkeypatch):
     figures = {
         "single_robot_steps_per_second": bench.rates(time.process_time, single, 20, pieces=2),
         "gradient": bench.gradient_cost("f32", 20),
-        **{name: bench.beside(single, bench.Batch(1, "f32", 1, ground), 20) for name, ground in bench.GROUNDS.items()},
-        "network": bench.beside(single, bench.Batch(1, "f32", 1, network=bench.Network()), 120),
+        **{name: bench.beside(bench.Batch(1, "f32", 1, ground), 20) for name, ground in bench.GROUNDS.items()},
+        "network": bench.beside(bench.Batch(1, "f32", 1, network=bench.Network()), 120),
         "network_of_several": {"in_plain_steps": 1.1},
         "both": {"gradient_in_forward_runs": bench.gradient_cost("f32", 120, bench.UNEVEN, True)["in_forward_runs"]},
         "own_body": bench.own_bodies("f32"),
@@ -102,6 +101,21 @@ def test_rates_of_the_lattice_are_measured(monkeypatch):
     assert len(bench.lines(figures, "f32")) == 15
 
 
+def test_batches_are_compared_in_the_same_parts_of_the_gait(monkeypatch):
+    """Contact differs along it, and so does what a step costs."""
+    monkeypatch.setattr(bench, "WARM_UP", 3)
+    advanced = []
+    whole = bench.Batch.advance
+    monkeypatch.setattr(
+        bench.Batch, "advance", lambda self, steps: advanced.append((id(self), self._done, steps)) or whole(self, steps)
+    )
+    found = bench.beside(bench.Batch(1, "f32", 1), 4)
+    assert found["in_plain_steps"] > 0
+    batches = list(dict.fromkeys(one for one, _, _ in advanced))
+    other, plain = ([parts for each, *parts in advanced if each == one] for one in batches)
+    assert len(batches) == 2 and plain == other and plain[-1] == [3 + 4 * (bench.PIECES - 1), 4]
+
+
 def test_rates_of_the_lattice_are_told(monkeypatch):
     """Of one robot they are measured, the rest is invented."""
     monkeypatch.setattr(bench, "WARM_UP", 60)
@@ -109,7 +123,7 @@ def test_rates_of_the_lattice_are_told(monkeypatch):
     figures = {
         "single_robot_steps_per_second": bench.rates(time.process_time, single, 20, pieces=2),
         "gradient": {"in_forward_runs": 5.0, "megabytes": 1.0, "steps_per_second": 8.0, "steps": 20},
-        "uneven": bench.beside(single, single, 20),
+        "uneven": bench.beside(bench.Batch(1, "f32", 1), 20),
         "sand": {"in_plain_steps": 1.3},
         "shore": {"in_plain_steps": 1.7},
         "network": {"in_plain_steps": 1.3},
