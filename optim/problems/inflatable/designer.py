@@ -330,7 +330,7 @@ def _checked_problem(
     designer: Designer, options: Mapping[str, Any], schedule: "GaitSchedule"
 ) -> "tuple[GaitProblem, NDArray[Any]]":
     """A problem whose encoding says the schedule, and its genes of it, levels away from off and on."""
-    from optim.problems.inflatable.encoding import GradedGait
+    from optim.problems.inflatable.graded_encoding import GradedGait
     from optim.problems.inflatable.problem import GaitProblem
     from robots.inflatable.schedule import ROWS
     from robots.world import Terrain

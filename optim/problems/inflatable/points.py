@@ -7,7 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problems.inflatable.encoding import ENCODINGS, SPEAKING, FixedGait, GaitEncoding, GradedGait
+from optim.problems.inflatable.encoding import FixedGait, GaitEncoding
+from optim.problems.inflatable.encodings import ENCODINGS, SPEAKING
+from optim.problems.inflatable.graded_encoding import GradedGait
 from optim.problems.inflatable.settings import GaitSettings
 from optim.space import Space
 from robots.inflatable.design import InflatableDesign, Pressure, each_pressure

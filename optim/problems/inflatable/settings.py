@@ -10,7 +10,8 @@ import numpy as np
 
 from optim.problem import GAIT, check_kind
 from optim.problems.inflatable.body_genes import EMPTY_CORE, MATERIAL_PARTS, LayoutGenes, MaterialGenes, ShapeGenes
-from optim.problems.inflatable.encoding import ENCODINGS, GradedGait
+from optim.problems.inflatable.encodings import ENCODINGS
+from optim.problems.inflatable.graded_encoding import GradedGait
 from optim.problems.inflatable.outcomes import NEXT
 from optim.problems.robot_designing import RobotDesigning
 from optim.problems.uncertain import checked_uncertain

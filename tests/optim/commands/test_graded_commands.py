@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from run_products import log, products
 
-from optim.problems.inflatable.encoding import LEAST_MOTION
+from optim.problems.inflatable.graded_encoding import LEAST_MOTION
 from robots.hardware import read_csv
 from robots.inflatable import INCHING
 from robots.inflatable.design import InflatableDesign, load_design, save_design

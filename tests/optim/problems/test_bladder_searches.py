@@ -10,7 +10,7 @@ from graded import GRIPPING
 from linear_robot import Linear
 from run_products import log
 
-from optim.problems.inflatable.encoding import ENCODINGS
+from optim.problems.inflatable.encodings import ENCODINGS
 from optim.problems.inflatable.problem import GaitProblem
 from robots import inflatable
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, load_design

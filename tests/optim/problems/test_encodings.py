@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from optim.cli import main
 from optim.problem import Evaluation
-from optim.problems.inflatable.encoding import ENCODINGS as GAIT_ENCODINGS
+from optim.problems.inflatable.encodings import ENCODINGS as GAIT_ENCODINGS
 from optim.problems.inflatable.gait_pattern import ACTUATORS
 from optim.problems.inflatable.problem import GaitProblem
 from optim.problems.walker import WalkerProblem

@@ -10,7 +10,7 @@ from graded import GRIPPING, LOW, QUICK, TINY, graded_designs, retabled, settlin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from optim.problems.inflatable.encoding import LEAST_MOTION, GradedGait, GradedWaveGait
+from optim.problems.inflatable.graded_encoding import LEAST_MOTION, GradedGait, GradedWaveGait
 from optim.problems.inflatable.problem import GaitProblem
 from robots.inflatable import INCHING, NAMED_GEOMETRIES, ROLLING, InflatableDesign, simulation
 from robots.inflatable.actuation import PUBLISHED_STEPS

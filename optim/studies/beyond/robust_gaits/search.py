@@ -11,7 +11,7 @@ import numpy as np
 
 from optim.experiments.results import Progress, computed_arrays
 from optim.problem import Request, judge
-from optim.problems.inflatable.encoding import LEAST_MOTION, SETTLING
+from optim.problems.inflatable.graded_encoding import LEAST_MOTION, SETTLING
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
 from optim.studies.beyond.gait_hunt.searches import search_within
