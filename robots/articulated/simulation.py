@@ -193,14 +193,9 @@ def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
     if not isinstance(terrain, Terrain):
         return None
     if terrain.fluid_density is not None:
-        around = Water(DEEP, terrain.fluid_density, gravity=0.0)
+        around = Water(DEEP, terrain.fluid_density) if terrain.fluid_density else None
         return Relief(np.full((2, 2), -DEEP), 1.0, water=around)
-    if terrain.uneven is None:
-        return None
-    found = terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS)
-    if found.water is None:
-        return found
-    return replace(found, water=replace(found.water, gravity=max(0.0, -robot.physics.gravity)))
+    return None if terrain.uneven is None else terrain.uneven.relief(robot.heading, 2 * _length(robot) / FINENESS)
 
 
 def _length(robot: "ArticulatedRobot") -> float:

@@ -295,7 +295,7 @@ class _Bodies:
         return self.plain.with_materials((self.plain.materials[kind] for kind in kinds), self.plain.regions)
 
 
-_bodies = lru_cache(maxsize=16)(_Bodies)
+_bodies = lru_cache(maxsize=64)(_Bodies)  # a generation may be of as many layouts of bladders
 
 
 def bodies_of(geometry: InflatableGeometry, moduli: Sequence[tuple[float, ...] | None]) -> list[LatticeBody]:

@@ -62,7 +62,11 @@ def rigid_motion(
             continue
         channel = shown.get(body.name)
         colour = channels[channel].colour if channel is not None else STEEL if n else SLATE
-        solids: list[Solid] = [*body.shapes, *([Sphere(balls[body.name])] if body.name in balls else ())]
+        solids: list[Solid] = [
+            *body.shapes,
+            *body.immersed,
+            *([Sphere(balls[body.name])] if body.name in balls else ()),
+        ]
         for k, solid in enumerate(solids):
             still, turn, scale = _canonical(solid)
             nodes.append(Node(f"{body.name} {k + 1}" if len(solids) > 1 else body.name, still, colour, channel))

@@ -40,7 +40,7 @@ class Water:
     Attributes:
         level: of its surface over the level floor [m].
         density: [kg/m^3].
-        gravity: by which it is heavy [m/s^2].
+        gravity: by which it is heavy for lattice robots [m/s^2]; for rigid ones that of their world counts.
         added_mass: of the water that a body displaces, how much it takes along when its velocity changes; 0.5 is that
             of a sphere (Lamb, Hydrodynamics, 1932, art. 92).
     """

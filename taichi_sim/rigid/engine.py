@@ -69,9 +69,9 @@ class RigidEngine:
         self._reliefs = [] if ground is None else [ground] if isinstance(ground, Relief) else list(ground)
         self._ground = None if ground is None else self._tables()
         self._wet = self._ground is not None and self._ground.water
-        first = plan_of(self.tree, self.senses)
+        first = plan_of(self.tree, self.senses, wet=self._wet)
         for n, tree in enumerate(self.trees[1:], 1):
-            if tree.fixed != self.tree.fixed or not np.array_equal(first, plan_of(tree, self.senses)):
+            if tree.fixed != self.tree.fixed or not np.array_equal(first, plan_of(tree, self.senses, wet=self._wet)):
                 raise ValueError(f"trees: number {n} has another structure than the first; give trees of one structure")
         self._numbers = {
             slots.PARAMETER: np.stack([parameters_of(tree) for tree in self.trees]),
@@ -79,8 +79,10 @@ class RigidEngine:
             slots.LIGHT_PARAMETER: eyes_of(self.senses)[None],
         }
         if self._wet:
+            if not self.tree.portions():
+                raise ValueError("ground: water would move nothing, as no body has solids; give solids with a mass")
             drag = self.world.pressure_drag, self.world.friction_drag
-            self._numbers[slots.WATER] = np.stack([water_of(relief) for relief in self._reliefs])
+            self._numbers[slots.WATER] = np.stack([water_of(relief, self.world.gravity) for relief in self._reliefs])
             self._numbers[slots.PORTION] = np.stack([portions_of(tree, *drag) for tree in self.trees])
 
     @property

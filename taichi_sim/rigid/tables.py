@@ -145,11 +145,11 @@ def portions_of(tree: Tree, pressure_drag: float, friction_drag: float) -> Float
     return np.array(found).reshape(-1, slots.PORTION_WIDTH)
 
 
-def water_of(relief: Relief) -> Floats:
-    """The water on a ground, (WATER_WIDTH,), see ``slots``."""
+def water_of(relief: Relief, gravity: float) -> Floats:
+    """The water on a ground, (WATER_WIDTH,), see ``slots``; its weight is that by the world's gravity [m/s^2]."""
     water = relief.water
     assert water is not None
-    per_volume = water.gravity, water.added_mass, 0.5
+    per_volume = max(0.0, -gravity), water.added_mass, 0.5
     return np.array([water.level, *(water.density * factor for factor in per_volume)])
 
 

@@ -35,7 +35,10 @@ class Linear:
         return SimpleNamespace(result=result, **{"core_pressure": None, "pace": None, **slopes})
 
     def simulate(self, designs, terrain, *, progress=None, **options):
-        return self._run(designs, terrain, options).result
+        return self.differentiate(designs, terrain, progress=progress, **options).result
 
     def differentiate(self, designs, terrain, *, progress=None, **options):
-        return self._run(designs, terrain, options)
+        found = self._run(designs, terrain, options)
+        if progress:
+            progress(1.0)
+        return found

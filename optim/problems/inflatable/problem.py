@@ -6,7 +6,7 @@ up an incline of 15 degrees; orientation, shape and control are free to change, 
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -23,7 +23,7 @@ from optim.problems.inflatable.points import GaitPoints
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE
 from optim.problems.robot_designing import subject_of
 from optim.problems.uncertain import check_part, held_out_products
-from robots.batches import grouped
+from robots.batches import grouped, in_groups
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation, each_actuation
@@ -185,16 +185,17 @@ class GaitProblem(GaitPoints):
         """
 
         def simulate(number: int, chosen: Indices) -> tuple[Floats, NDArray[Any], Floats]:
-            # Robots of a batch have the same voxels: those of a layout make one.
+            """Batch by batch: robots of one have the same voxels, those of a layout of bladders."""
+
+            def batch(group: Sequence[int], progress: Callable[[float], None] | None) -> Iterable[Any]:
+                mine = chosen[list(group)]
+                some, own = None if points is None else points[mine], [designs[place] for place in mine]
+                return zip(*self._simulated(own, number, relaxed, some, sharpness, progress), strict=True)
+
             groups = grouped(designs[place].bladders for place in chosen)
-            speeds, status = np.zeros(len(chosen)), np.full(len(chosen), OK, dtype=object)
-            slopes = np.zeros((len(chosen), variables))
-            for group in groups:
-                mine = chosen[group]
-                some = None if points is None else points[mine]
-                found = self._simulated([designs[place] for place in mine], number, relaxed, some, sharpness)
-                speeds[group], status[group], slopes[group] = found
-            return speeds, status, slopes
+            each = in_groups(groups, part_of(self.progress, number, len(self.conditions)), batch)
+            speeds, status, slopes = zip(*each, strict=True)
+            return np.array(speeds), np.array(status, dtype=object), np.array(slopes)
 
         variables = 0 if points is None else self.space.size
         found = Outcomes.simulated(self.conditions, len(designs), variables, simulate)
@@ -226,7 +227,13 @@ class GaitProblem(GaitPoints):
         return np.array([used for used, _ in each]), slopes
 
     def _simulated(
-        self, designs: Sequence[InflatableDesign], number: int, relaxed: bool, points: Floats | None, sharpness: float
+        self,
+        designs: Sequence[InflatableDesign],
+        number: int,
+        relaxed: bool,
+        points: Floats | None,
+        sharpness: float,
+        progress: Callable[[float], None] | None,
     ) -> tuple[Floats, NDArray[Any], Floats]:
         """Speeds, status and slopes under the condition of a number, see :meth:`_judged`."""
         condition = self.conditions[number]
@@ -237,7 +244,7 @@ class GaitProblem(GaitPoints):
             "geometry": self.body,
             "counting": Counting(self.warm_up, self.stages),
             **self.compute.options,
-            "progress": part_of(self.progress, number, len(self.conditions)),
+            "progress": progress,
         }
         drawn = self._draws(relaxed)
         copies = drawn.copies(designs, eased(condition.terrain, sharpness, self.gentle), actuation)

@@ -178,7 +178,8 @@ def _replay(folder: Path, settings: Enumeration, body: str, seed: int) -> None:
     """Write what a search has found as a file, and replay that, if it is not done."""
     contest, name, path = settings.contest(body, seed, folder), _file(body), _gait(folder, body, seed)
     kept = path.with_suffix(".csv")
-    if kept.exists() and read_records(kept)[0]["budget"] == contest.budget:
+    known = read_records(kept) if kept.exists() else []
+    if len(known) == settings.starts and known[0]["budget"] == contest.budget:
         return
     end, problem = contest.last_within(name, seed, contest.budget) or 0, settings.problem(body, seed)
     best = read_history(contest.folder(name, seed)).generations[end].best_point

@@ -126,13 +126,28 @@ class Part:
         name: name of the part.
         joint: the joint that carries it; None for the base.
         lump: its mass.
-        shapes: solids with centres in the world at rest.
+        shapes: solids that may touch the ground, with centres in the world at rest.
+        immersed: the same of solids that touch nothing but water.
     """
 
     name: str
     joint: Joint | None
     lump: Lump
     shapes: tuple[Solid, ...] = ()
+    immersed: tuple[Solid, ...] = ()
+
+    def with_fixed(self, other: "Part") -> "Part":
+        """It and another that is fixed to it, as one."""
+        shapes, immersed = self.shapes + other.shapes, self.immersed + other.immersed
+        return replace(self, lump=self.lump + other.lump, shapes=shapes, immersed=immersed)
+
+    def body(self, lump: Lump) -> Body:
+        """The body of such a mass that it is."""
+        shapes, immersed = (
+            [replace(solid, centre=np.asarray(solid.centre) - lump.centre) for solid in solids]
+            for solids in (self.shapes, self.immersed)
+        )
+        return Body(self.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2, immersed)
 
 
 def solid_of(kind: str, name: str, size: Sequence[float]) -> Solid | Cylinder:
@@ -221,8 +236,7 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
         if joint is not None:
             joint = replace(joint, parent=joined.get(joint.parent, joint.parent))
         if isinstance(joint, Weld) and (part.lump.is_thin or found[joint.parent].lump.is_thin):
-            carrier = found[joint.parent]
-            found[joint.parent] = replace(carrier, lump=carrier.lump + part.lump, shapes=carrier.shapes + part.shapes)
+            found[joint.parent] = found[joint.parent].with_fixed(part)
             joined[part.name] = joint.parent
         else:
             found[part.name] = replace(part, joint=joint)
@@ -235,8 +249,7 @@ def tree_of(parts: Sequence[Part], fixed: bool) -> Tree:
             raise ValueError(f"mass of {part.name}: 0 is not allowed; give an inertial or solids with a mass")
         if lump.is_thin:
             raise ValueError(f"inertia of {part.name}: a moment of 0 is not allowed; give moments above 0")
-        shapes = [replace(shape, centre=np.asarray(shape.centre) - lump.centre) for shape in part.shapes]
-        bodies.append(Body(part.name, lump.centre, lump.mass, shapes, (lump.inertia + lump.inertia.T) / 2))
+        bodies.append(part.body(lump))
     return Tree(bodies, [part.joint for part in found.values() if part.joint is not None], fixed)
 
 

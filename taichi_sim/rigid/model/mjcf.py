@@ -163,11 +163,11 @@ class _Reader:
             place, carried = self._read_hinge(joints[0], place, parent or "", name)
         still = still and not joints
         geoms = [self.defaults.resolved(each, childclass) for each in body.iterfind("geom")]
-        lump, shapes = read_matter(body, geoms, place, self.compiler, self.contacts, still)
+        lump, shapes, immersed = read_matter(body, geoms, place, self.compiler, self.contacts, still)
         self.ignored |= notes(body)
         for site in body.iterfind("site"):
             self.sites[self.defaults.resolved(site, childclass).get("name", "")] = name
-        self.parts.append(Part(name, carried, lump, tuple(shapes)))
+        self.parts.append(Part(name, carried, lump, tuple(shapes), tuple(immersed)))
         for child in body:
             if child.tag == "body":
                 self._read_body(child, name, place, childclass, still)

@@ -16,6 +16,7 @@ from taichi_sim.rigid.model.mjcf_schema import checked
 from taichi_sim.rigid.model.xml_values import direction, keyword, limits, named, number, numbers
 
 _SWITCHES = ("false", "true")
+_MOST_BOUND = 1e100  # kg, or kg m^2
 
 
 @dataclass(frozen=True)
@@ -60,14 +61,17 @@ class Compiler:
             raise ValueError(
                 f"compiler: inertiagrouprange {found.get('inertiagrouprange')!r} is not allowed; give two groups"
             )
+        bounds = [number(found, name, "0") for name in ("boundmass", "boundinertia")]
+        if max(bounds) > _MOST_BOUND:
+            raise ValueError(f"compiler: a bound of {max(bounds):g} is not allowed; give at most {_MOST_BOUND:g}")
         return cls(
             keyword(found, "angle", "degree", "radian") == "degree",
             sequence,
             keyword(found, "autolimits", "true", "false") == "true",
             keyword(found, "balanceinertia", *_SWITCHES) == "true",
             keyword(found, "inertiafromgeom", "auto", "true", "false"),
-            number(found, "boundmass", "0"),
-            number(found, "boundinertia", "0"),
+            bounds[0],
+            bounds[1],
             (int(groups[0]), int(groups[1])),
         )
 

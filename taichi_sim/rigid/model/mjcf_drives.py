@@ -13,6 +13,8 @@ from taichi_sim.rigid.model.mjcf_schema import DRIVE_NOTES
 from taichi_sim.rigid.model.tree import Motor
 from taichi_sim.rigid.model.xml_values import keyword, named, not_negative, number, numbers
 
+_MOST_GEAR = 1e100  # its square stays a number
+
 
 def drive(
     actuator: Element,
@@ -47,6 +49,8 @@ def drive(
     gear = float(numbers(actuator, "gear", "1")[0])
     if actuator.tag not in ("position", "velocity", "motor") or gear == 0:
         raise ValueError(f"{named(actuator)}: not allowed; give position, velocity or motor, with a gear")
+    if abs(gear) > _MOST_GEAR:
+        raise ValueError(f"{named(actuator)}: gear {gear:g} is not allowed; give at most {_MOST_GEAR:g}")
     limited = compiler.limits(actuator, "forcerange", "forcelimited") is not None
     torque = abs(gear) * symmetric(actuator, "forcerange") if limited else np.inf
     keyword(actuator, "ctrllimited", "auto", "true", "false")
@@ -63,8 +67,8 @@ def drive(
         strongest = abs(gear) * _gain(actuator, "kv", "1") * (high - low)
         return Motor(min(torque, strongest), half, 0.0, middle), also
     gain = _gain(actuator, "kp", "1")
-    drag = gear**2 * _gain(actuator, "kv", "0") + damping
-    eagerness = min(gear**2 * gain / drag if drag > 0 else speed, quickest)
+    drag = gear * gear * _gain(actuator, "kv", "0") + damping
+    eagerness = min(gear * gear * gain / drag if drag > 0 else speed, quickest)
     strongest = abs(gear) * gain * (high - low)
     return Motor(min(torque, strongest), eagerness * half, -eagerness, eagerness * (middle - rest)), also
 

@@ -32,8 +32,8 @@ def check_solid(geom: Element, compiler: Compiler) -> None:
 
 def read_matter(
     body: Element, geoms: Sequence[Element], place: Place, compiler: Compiler, contacts: Contacts, still: bool
-) -> tuple[Lump, list[Solid]]:
-    """Read the mass and the solids of a body.
+) -> tuple[Lump, list[Solid], list[Solid]]:
+    """Read the mass of a body, its solids that touch, and those that do not but have a part in its mass.
 
     Args:
         body: element of the body.
@@ -46,7 +46,7 @@ def read_matter(
     Raises:
         ValueError: for solids or inertias that are not allowed.
     """
-    inertial, lump, shapes = single(body, "inertial"), Lump(), list[Solid]()
+    inertial, lump, shapes, immersed = single(body, "inertial"), Lump(), list[Solid](), list[Solid]()
     owner = f"inertial of {named(body)}"
     own = None if inertial is None else _read_inertial(checked(inertial), owner, place, compiler)
     from_geoms = compiler.from_geoms == "true" or (compiler.from_geoms == "auto" and own is None)
@@ -64,7 +64,9 @@ def read_matter(
             density = not_negative(geom, "density", number(geom, "density", "1000"))
             mass = _mass(geom, number(geom, "mass", str(min(density * solid.volume, 2 * _HEAVIEST))))
             lump = lump + Lump.of(mass, at, solid.inertia(mass))
-        if touches:
+        if not touches:
+            immersed += _in_water(solid, named(geom), at)
+        else:
             shapes.append(placed(solid, named(geom), at))
             if still:
                 continue
@@ -75,13 +77,21 @@ def read_matter(
     if own is not None and (not from_geoms or lump.mass == 0):
         at, mass, matrix = own
         mass, matrix = compiler.bounded(owner, mass, matrix)
-        return Lump.of(mass, at, possible_inertia(owner, matrix, compiler.balanced)), shapes
+        return Lump.of(mass, at, possible_inertia(owner, matrix, compiler.balanced)), shapes, immersed
     mass, inertia = compiler.bounded(f"inertia of {named(body)}", lump.mass, lump.inertia)
     if mass != lump.mass or inertia is not lump.inertia:
         # MuJoCo has a body's place in its carrier as the centre of what has none, in the body's own frame.
         alone = place.position + place.rotation @ numbers(body, "pos", "0 0 0", 3)
         lump = Lump(mass, lump.centre if lump.mass > 0 else alone, inertia)
-    return lump, shapes
+    return lump, shapes, immersed
+
+
+def _in_water(solid: Solid | Cylinder, name: str, at: Place) -> list[Solid]:
+    """A solid that touches nothing as water finds it; none of a kind that cannot be placed there."""
+    try:
+        return [placed(solid, name, at)]
+    except ValueError:
+        return []
 
 
 def _read_inertial(inertial: Element, owner: str, place: Place, compiler: Compiler) -> tuple[Place, float, Floats]:

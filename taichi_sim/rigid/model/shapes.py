@@ -54,7 +54,7 @@ def _direction(field: str, value: Vector) -> tuple[float, ...]:
 
 
 Place = Annotated[Vector, triple]
-MOST_SLICES, MOST_BLOCKS = 6, 3  # of a capsule and along an edge of a box, in water
+SLICES, BLOCKS = 6, 3  # of a capsule and along an edge of a box, in water
 LARGEST = 1e6  # m; the fifth powers of sizes in inertias stay far within single precision
 _size = partial(positive, high=LARGEST)
 Size = Annotated[float, _size]
@@ -171,11 +171,10 @@ class Capsule:
         return [(np.array(self.centre) + side * arm, self.radius) for side in (-1.0, 1.0)]
 
     def portions(self) -> list[Portion]:
-        """One for either half ball, and some along the cylinder, about as long as thick where they are not too many."""
+        """One for either half ball, and equal slices of the cylinder; as many for any size, which may change."""
         r, axis, cap = self.radius, unit("axis", self.axis), 3 / 8 * self.radius  # of a half ball, to its centre
-        count = min(MOST_SLICES, max(1, round(self.length / (2 * r))))
-        thick = self.length / count
-        middles = thick * (np.arange(count) + 0.5) - self.length / 2
+        thick = self.length / SLICES
+        middles = thick * (np.arange(SLICES) + 0.5) - self.length / 2
         slices = [(at, _about(axis, thick**2 / 4, 3 / 4 * r**2), math.pi * r**2 * thick) for at in middles]
         half = _about(axis, 57 / 320 * r**2, 3 / 5 * r**2), 2 / 3 * math.pi * r**3
         ends = [(side * (self.length / 2 + cap), *half) for side in (-1.0, 1.0)]
@@ -228,12 +227,13 @@ class Box:
         return [(np.array(self.centre) + half * each, 0.0) for each in signs]
 
     def portions(self) -> list[Portion]:
-        """Equal blocks, three along the longest edge and fewer along much shorter ones."""
+        """Equal blocks, three along each edge; as many for any size, which may change."""
         size = np.array(self.size)
-        counts = np.minimum(np.ceil(5 * size / size.max()), MOST_BLOCKS).astype(int)
-        edges = size / counts
+        edges = size / BLOCKS
         spread, volume = np.diag((edges / 2) ** 2), float(np.prod(edges))
-        places = (np.array(self.centre) + edges * (np.add(n, 0.5)) - size / 2 for n in np.ndindex(*counts))
+        places = (
+            np.array(self.centre) + edges * (np.add(n, 0.5)) - size / 2 for n in np.ndindex(BLOCKS, BLOCKS, BLOCKS)
+        )
         return [Portion(place, spread, volume) for place in places]
 
     def faces(self) -> Faces:

@@ -25,6 +25,7 @@ class Body:
         mass: [kg].
         shapes: solids it is made of; all of them collide with the ground.
         inertia: about the centre of mass, (3, 3) [kg m^2]; of its only solid, centred, if not given.
+        immersed: solids that touch nothing, which water finds like the others.
     """
 
     name: str
@@ -32,12 +33,14 @@ class Body:
     mass: float
     shapes: Sequence[Solid] = ()
     inertia: Floats | None = None
+    immersed: Sequence[Solid] = ()
 
     def __post_init__(self) -> None:
         vector(f"position of {self.name}", self.position)
         positive(f"mass of {self.name}", self.mass)
-        if not isinstance(self.shapes, Sequence) or not all(isinstance(shape, Solid) for shape in self.shapes):
-            raise ValueError(f"shapes of {self.name}: {self.shapes!r} is not allowed; give a list of solids")
+        for name, solids in (("shapes", self.shapes), ("immersed", self.immersed)):
+            if not isinstance(solids, Sequence) or not all(isinstance(solid, Solid) for solid in solids):
+                raise ValueError(f"{name} of {self.name}: {solids!r} is not allowed; give a list of solids")
         if self.inertia is None:
             if len(self.shapes) != 1 or np.any(self.shapes[0].centre):
                 raise ValueError(f"inertia of {self.name}: None is not allowed; give it for all but one centred solid")
@@ -242,7 +245,7 @@ class Tree:
         """Portions that stand for the bodies in water: place of the body, and each with its share of drag areas."""
         found = []
         for n, (body, _) in enumerate(self.ordered):
-            for shape in body.shapes:
+            for shape in (*body.shapes, *body.immersed):
                 parts = shape.portions()
                 found += [(n, part, shape.faces().shared(len(parts))) for part in parts]
         return found

@@ -101,13 +101,15 @@ def test_searches_start_at_gaits_of_bodies_that_lack_bladders():
 
 
 def test_bodies_of_a_generation_are_judged_layout_by_layout(linear):
-    made = problem(encoding="graded", steps=60_000)
+    told = []
+    made = problem(encoding="graded", steps=60_000, progress=told.append)
     points = made.space.sample(np.random.default_rng(0), 6)
     points[[0, 2, 5], 2:10] = layout_mask(FEW)
     points[[1, 4], 2:10] = 1.0
     judged = made.evaluate(points)
     assert [len(call.designs) for call in linear.calls] == [3, 2, 1]
     assert all(len({design.bladders for design in call.designs}) == 1 for call in linear.calls)
+    assert told == pytest.approx([3 / 6, 5 / 6, 1.0])  # of robots, whatever their bodies
     alone = [made.evaluate(point).objectives[0, 0] for point in points]
     assert judged.objectives[:, 0].tolist() == alone
     assert made.columns_of(points[:2])["Bladders"] == ["1,3,6", "1,2,3,4,5,6,7,8"]

@@ -327,6 +327,8 @@ def test_it_swims_in_a_fluid_and_floats_on_water():
     assert found.position == pytest.approx(engine_rest(robot), abs=1e-9)
     (deep,) = simulate(robot, still, terrain=Terrain.parse("water:1"), **HERE).runs
     assert deep.position[0, 2] > engine_rest(robot)[0, 2] + 0.1  # 1.6 kg displace 4.3
+    (empty,) = simulate(robot, still, terrain=Terrain(fluid_density=0.0), **HERE).runs  # a vacuum, without weight
+    assert empty.position == pytest.approx(engine_rest(robot), abs=1e-9)
     points = some_points(robot, 2)
     slow, thick = (Terrain(fluid_density=1000.0, pressure_drag=drag) for drag in (0.0, 5.0))
     there = [simulate(robot, points, terrain=each, **HERE).distance for each in (slow, Terrain.water(), thick)]

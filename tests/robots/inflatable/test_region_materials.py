@@ -9,7 +9,7 @@ from graded import QUICK, TINY, TINY_TWO, tabled
 
 from robots.hardware import PneumaticRig, export_csv, gait_table, read_csv
 from robots.inflatable import InflatableDesign, load_design, save_design
-from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
+from robots.inflatable.body import PUBLISHED, bodies_of
 from robots.inflatable.journeys import Leg, simulate_journey
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.program import build_program
@@ -129,8 +129,8 @@ def test_programs_in_two_parts_do_the_same():
 
 def test_bodies_of_one_geometry_share_a_topology_however_many_others_were_built():
     soft = bodies_of(TINY, [(0.5,) * 13])[0]
-    for rows in range(9, 30):
-        assert InflatableGeometry(rows=rows, foot_rows=2).body.voxel_count
+    for number in range(70):  # more than are kept
+        assert dataclasses.replace(TINY, density=1000.0 + number).body.voxel_count
     assert bodies_of(TINY, [(0.5,) * 13])[0].topology is TINY.body.topology
     assert soft.topology is not TINY.body.topology  # both bodies were built anew
 

@@ -44,6 +44,14 @@ REFUSED = {
         ball(head='<compiler angle="foo"/>'),
         "angle of compiler: 'foo' is unknown; choose one of degree, radian",
     ),
+    "a gear whose square is no number": (
+        driven(actuator='gear="1e200"'),
+        "position servo: gear 1e+200 is not allowed; give at most 1e+100",
+    ),
+    "a bound of masses beyond numbers": (
+        ball(head='<compiler boundmass="1e300"/>'),
+        "compiler: a bound of 1e+300 is not allowed; give at most 1e+100",
+    ),
     "a plural": (ball(head='<compiler angle="radians"/>'), "angle of compiler: 'radians' is unknown"),
     "an unknown rule of inertias": (
         ball(head='<compiler inertiafromgeom="yes"/>'),
@@ -180,6 +188,20 @@ def test_solids_have_sizes_whose_powers_are_numbers(make, size):
     with pytest.raises(ValueError, match=r"^radius: .* is not allowed; give a positive number, at most 1e\+06$"):
         make(size)
     assert 0 < make(1e6).volume < np.inf
+
+
+def test_what_touches_nothing_but_has_mass_is_found_by_water():
+    """Not what is a picture, nor what cannot be placed: a turned box, a flat cylinder."""
+    solids = (
+        '<geom size="0.1" contype="0" conaffinity="0"/>'
+        '<geom size="0.2" mass="0" contype="0" conaffinity="0" group="6"/>'
+        '<geom type="box" size="0.1 0.2 0.3" euler="30 20 10" contype="0" conaffinity="0"/>'
+        '<geom type="cylinder" size="0.2 0.1" contype="0" conaffinity="0"/>'
+    )
+    text = f'<mujoco><worldbody><body name="fish"><freejoint/>{solids}</body></worldbody></mujoco>'
+    (body,) = parse_model(text).tree.bodies
+    assert [type(solid) for solid in body.immersed] == [Sphere] and not body.shapes
+    assert body.immersed[0].radius == 0.1 and len(parse_model(text).tree.portions()) == 1
 
 
 def test_numbers_are_read_as_c_and_xml_write_them():

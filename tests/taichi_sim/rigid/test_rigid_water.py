@@ -217,9 +217,11 @@ def test_gradients_agree_with_differences(part, ground, integration):
     [
         (walker, 0.06),
         (lambda size: one(Box((size, 0.2, 0.1)), 500.0, 0.03), 0.3),
+        (lambda size: one(Box((0.5, size, 0.1)), 500.0, 0.03), 0.2),
+        (lambda size: one(Capsule(0.05, size), 500.0, 0.03), 0.25),
         (lambda mass: Tree([Body("it", (0.0, 0.0, 0.03), mass, [Capsule(0.06, 0.3, (1.0, 0.0, 0.2))])]), 2.0),
     ],
-    ids=["radius", "size", "mass"],
+    ids=["radius", "size", "flat size", "length", "mass"],
 )
 def test_gradients_by_a_design_agree_with_differences(tree_of, value):
     """Through displaced volumes, drag areas and masses."""
@@ -260,6 +262,30 @@ def test_robots_of_a_batch_are_in_water_of_their_own():
     assert np.array_equal(run(grounds, width=2), alone)
 
 
+def test_robots_of_a_batch_may_differ_in_all_their_sizes():
+    """A plate and a cube have as many portions: the structure is the same."""
+    plates = [one(Box(size), 500.0, 0.03) for size in ((0.5, 0.05, 0.02), (0.2, 0.2, 0.2))]
+    alone = [engine_of(plate, sea(0.05, -1.0)).run(50).position[0] for plate in plates]
+    assert np.array_equal(engine_of(plates, sea(0.05, -1.0)).run(50).position, alone)
+
+
+def test_water_is_as_heavy_as_the_world_makes_it():
+    """So what floats does so at the same depth anywhere."""
+    ball, share = Sphere(0.1), 0.5
+    for gravity in (-9.81, -1.62):
+        found = engine_of(one(ball, share * DENSITY), gravity=gravity).run(200)
+        assert found.position[0, 2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_solids_that_touch_nothing_are_found_by_water():
+    """As if they touched."""
+    ball = Sphere(0.1)
+    inertia = ball.inertia(2.0)
+    trees = [Tree([Body("it", (0.0, 0.0, 0.0), 2.0, *solids)]) for solids in (([ball], inertia), ([], inertia, [ball]))]
+    touching, not_touching = (engine_of(tree).run(100).position for tree in trees)
+    assert np.array_equal(touching, not_touching) and touching[0, 2] > 1e-3
+
+
 @pytest.mark.slow
 def test_single_precision_agrees():
     found = []
@@ -279,6 +305,10 @@ def test_single_precision_agrees():
         (lambda: engine_of(walker(), replace(sea(), yield_per_depth=1e5)), "ground: sand is not allowed under rigid"),
         (lambda: engine_of(walker(), [sea(), replace(sea(), water=None)]), "ground: water for some robots of a batch"),
         (lambda: World(pressure_drag=-1.0), "pressure_drag: -1.0 is not allowed"),
+        (
+            lambda: engine_of(Tree([Body("it", (0.0, 0.0, 0.0), 1.0, (), np.eye(3))])),
+            "ground: water would move nothing, as no body has solids; give solids with a mass",
+        ),
     ],
 )
 def test_bad_input(make, message):
