@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rigid_differences import error_of_gradient
 from scipy.optimize import brentq
 
 from taichi_sim.ground import Relief
@@ -177,39 +178,9 @@ def test_water_at_rest_never_gives_energy(solid, drag, integration):
 )
 def test_gradients_agree_with_differences(part, ground, integration):
     """With contact, motors at their limits, slamming, and parts that come out of the water."""
-    steps, rng = 200, np.random.default_rng(3)
+    steps = 200
     engine = engine_of(walker(), ground, 5e-3, integration=integration)
-    rest, aim, turn, of_angles = engine.rest(), rng.normal(size=3), rng.normal(size=4), rng.normal(size=2)
-    values = {"commands": swinging(steps), **{name: getattr(rest, name) for name in ("position", "orientation")}}
-    values |= {"angles": rest.angles}
-
-    def arguments(**changed):
-        given = {**values, **changed}
-        count = max(map(len, given.values()))
-        start = replace(rest, **{name: np.resize(x, (count, x.shape[1])) for name, x in given.items() if x.ndim == 2})
-        start = replace(start, orientation=start.orientation / np.linalg.norm(start.orientation, axis=1)[:, None])
-        return {"commands": given["commands"], "hold": 10, "start": start}
-
-    def cost(changed):
-        done = engine.run(steps, **arguments(**{part: changed}))
-        assert (done.residual < 1e-9).all()
-        return done.position @ aim + done.orientation @ turn + done.angles @ of_angles
-
-    tape = engine.record(steps, **arguments())
-    gradient = tape.pull_back(position=aim[None], orientation=turn[None], angles=of_angles[None])
-    directions = rng.normal(size=(8, *values[part].shape[1:]))
-    if part == "orientation":
-        directions[:, 0] = 0.0  # along the sphere of unit quaternions
-    slopes = getattr(gradient, part)
-    if part == "position":
-        slopes = slopes + gradient.places.sum(axis=1)  # bodies that may drift have places of their own
-    found = (directions * slopes).reshape(8, -1).sum(1)
-    errors = []
-    for step in (1e-6, 1e-7, 1e-8):
-        shifted = values[part] + step * np.concatenate([directions, -directions])
-        high, low = np.split(cost(shifted), 2)
-        errors.append(np.linalg.norm(found - (high - low) / (2 * step)) / np.linalg.norm(found))
-    assert min(errors) < 1e-6, errors
+    assert error_of_gradient(engine, part, steps, swinging(steps), (1e-6, 1e-7, 1e-8)) < 1e-6
 
 
 @pytest.mark.parametrize(
