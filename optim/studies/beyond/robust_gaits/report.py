@@ -73,7 +73,7 @@ def report(
 
     Settings are those of the study as it describes them, as far as they are known, and so are the designs of gaits.
     """
-    rows = [_row(where(draws, gait=name), designs.get(name)) for name in distinct(draws, "gait")]
+    rows = [summary_row(where(draws, gait=name), designs.get(name)) for name in distinct(draws, "gait")]
     write_records(folder / "speeds.csv", rows)
     best = [
         {"slope": slope, "full": full, **max(mine, key=lambda row: row["speed"])}
@@ -87,7 +87,7 @@ def report(
     draw(rows, draws, folder / "robust.png")
 
 
-def _row(mine: Sequence[Record], design: InflatableDesign | None) -> dict[str, Any]:
+def summary_row(mine: Sequence[Record], design: InflatableDesign | None = None) -> dict[str, Any]:
     """A gait in a line, of its draws; one that diverged counts as standing still."""
     speeds = np.nan_to_num([row["speed"] for row in mine if row["draw"] >= 0])
     nominal = next((row["speed"] for row in mine if row["draw"] < 0 and math.isfinite(row["speed"])), None)

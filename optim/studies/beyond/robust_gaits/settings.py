@@ -19,7 +19,8 @@ BATCH = 8  # gaits, or draws, of a part whose results are kept
 DESCRIBED_IF_SET = ("friction", "capped")  # which folders of before do not know
 
 
-def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
+def checked_slopes(field_name: str, value: Any) -> tuple[float, ...]:
+    """Different slopes, from level ground to the steepest that a world has [degrees]."""
     if not isinstance(value, list | tuple) or not value or len(set(value)) < len(value):
         raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more different slopes")
     return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
@@ -29,7 +30,7 @@ def _slopes(field_name: str, value: Any) -> tuple[float, ...]:
 class RobustGaits(Settings):
     """How large the study is, and on which floor: a named one, or one of a given friction, which then has no name."""
 
-    slopes: Annotated[tuple[float, ...], _slopes] = (0.0, 9.0, 11.0, 12.0, 13.0, 14.0)  # [degrees]
+    slopes: Annotated[tuple[float, ...], checked_slopes] = (0.0, 9.0, 11.0, 12.0, 13.0, 14.0)  # [degrees]
     floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
     geometry: str = "published"
     uncertain: str = "friction=20%,slope=1,levels=5%,timing=5%"
