@@ -232,3 +232,16 @@ def test_the_study_finds_judges_and_goes_on(tmp_path, monkeypatch):
     monkeypatch.setattr(judgement, "play_tables", None)
     study(tmp_path, settings, threads=2)
     assert (tmp_path / "table.md").read_text() == table
+    monkeypatch.undo()
+    for name, key, why in (  # what cannot be is not believed
+        ("screen_0_0", "speeds", "shape"),
+        ("starts_robust-0", "scores", "inf"),
+        ("judge_robust-0_0", "speeds", "inf"),
+        ("rig_robust-0", "speeds", "shape"),
+    ):
+        (part,) = tmp_path.glob(f"{name}-*.npz")
+        values = np.load(part)[key]
+        np.savez(part, **{key: values[:, None] if why == "shape" else np.full(values.shape, np.inf)})
+        with pytest.warns(UserWarning, match=rf"{name}-.*: is damaged, and as good as missing \({key}: {why}"):
+            study(tmp_path, settings, threads=2)
+        assert (tmp_path / "table.md").read_text() == table

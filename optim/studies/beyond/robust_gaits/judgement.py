@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed
 from optim.experiments.results import Progress, computed_arrays
 from optim.studies.beyond.robust_gaits.settings import BATCH, RobustGaits, file_of
 from robots.hardware import gait_table
@@ -44,7 +45,9 @@ def judged(
 
     firsts = [-1, *range(0, settings.held_out, BATCH)]
     tasks = {f"judge_{file_of(name)}_{first}": partial(speeds, name, first) for name in gaits for first in firsts}
-    found = computed_arrays(parts, "speeds", tasks, progress)
+    sizes = [1, *(min(BATCH, settings.held_out - first) for first in firsts[1:])] * len(gaits)
+    allowed = {name: Allowed((size,), failed=np.nan) for name, size in zip(tasks, sizes, strict=True)}
+    found = computed_arrays(parts, "speeds", tasks, progress, allowed)
     rows, each = [], iter(found)
     for name, (_, slope) in gaits.items():
         for first in firsts:
@@ -75,9 +78,9 @@ def on_rig(
         )
         return np.asarray(played.speed_simulated, float)
 
-    found = computed_arrays(
-        parts, "speeds", {f"rig_{file_of(name)}": partial(speeds, name) for name in gaits}, progress
-    )
+    tasks = {f"rig_{file_of(name)}": partial(speeds, name) for name in gaits}
+    allowed = dict.fromkeys(tasks, Allowed((len(responses),), failed=np.nan))
+    found = computed_arrays(parts, "speeds", tasks, progress, allowed)
     return [
         {
             "gait": name,

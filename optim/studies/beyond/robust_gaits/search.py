@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed
 from optim.experiments.results import Progress, computed_arrays
 from optim.problem import Request, judge
 from optim.problems.inflatable.graded_encoding import LEAST_MOTION, SETTLING
@@ -65,7 +66,8 @@ def screened(
         for slope in settings.slopes
         for number, group in enumerate(groups)
     }
-    found = np.concatenate(computed_arrays(parts, "speeds", tasks, progress))
+    allowed = {name: Allowed((len(groups[n % len(groups)]),), failed=-np.inf) for n, name in enumerate(tasks)}
+    found = np.concatenate(computed_arrays(parts, "speeds", tasks, progress, allowed))
     rows = [{"slope": slope, **each} for slope in settings.slopes for each in about]
     return [{**row, "speed": float(speed)} for row, speed in zip(rows, found, strict=True)]
 
@@ -104,7 +106,9 @@ def best_start(
         points = np.stack([problem.space.from_dict(each) for each in starts])
         return judge(problem, Request(points, "points")).objectives[:, 0]
 
-    (found,) = computed_arrays(parts, "scores", {f"starts_{name}": scores}, progress)
+    tasks = {f"starts_{name}": scores}
+    allowed = dict.fromkeys(tasks, Allowed((len(starts),), failed=np.nan))
+    (found,) = computed_arrays(parts, "scores", tasks, progress, allowed)
     return starts[int(np.argmax(np.nan_to_num(found, nan=-np.inf)))]
 
 
