@@ -12,6 +12,7 @@ their own, that share no voxel.
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -42,12 +43,19 @@ def pressed_square(x0, y0, z0, x1, y1, z1, x2, y2, z2, x3, y3, z3, p0, p1, p2, p
     return first + second + third + fourth
 
 
-def enclosed_volume(squares: np.ndarray, positions: np.ndarray) -> np.ndarray:
-    """Volume [m^3] inside a closed surface of squares, shape (Q, 4), for voxel centres [m] of shape (..., V, 3)."""
+def enclosed_volume(squares: np.ndarray, positions: Any) -> Any:
+    """Volume [m^3] inside a closed surface of squares, shape (Q, 4), for voxel centres [m] of shape (..., V, 3).
+
+    It is negative inside a surface whose outward side looks inwards. Positions may be traced.
+    """
     a, b, c, d = np.moveaxis(positions[..., squares, :], -2, 0)
     triangles = ((a, b, c), (a, c, d), (a, b, d), (b, c, d))  # of both diagonals, each with half its weight
-    volume: np.ndarray = sum((np.cross(p, q) * r).sum(axis=(-2, -1)) for p, q, r in triangles) / 12.0
-    return volume
+    return sum((np.cross(p, q) * r).sum(axis=(-2, -1)) for p, q, r in triangles) / 12.0
+
+
+def chambers_under_pressure(body: LatticeBody) -> np.ndarray:
+    """Labels of the chambers that have pressurised voxels, ascending."""
+    return np.unique(np.asarray(body.chambers)[_pressed(body)])
 
 
 def closed_surface(body: LatticeBody) -> np.ndarray:
@@ -56,20 +64,35 @@ def closed_surface(body: LatticeBody) -> np.ndarray:
     Raises:
         ValueError: if the pressurised voxels do not enclose a volume.
     """
-    pressed = np.flatnonzero((body.pressure_normals != 0).any(axis=1))  # type: ignore[union-attr]
-    inside = np.asarray(body.chambers)[pressed]
-    squares = np.concatenate([_skin_and_mouths(body, pressed[inside == one]) for one in np.unique(inside)] or [NONE])
-    left = np.setdiff1d(pressed, squares)
+    try:
+        return np.concatenate(chamber_surfaces(body) or [NONE])
+    except ValueError as error:
+        raise ValueError(
+            f"pressure_normals: {error}; in a fluid, give a skin that is closed but for cut links"
+        ) from None
+
+
+def chamber_surfaces(body: LatticeBody) -> list[np.ndarray]:
+    """The closed surface of each chamber under pressure, ascending: squares as of :func:`closed_surface`.
+
+    Raises:
+        ValueError: that names a voxel where a surface is open, and why.
+    """
+    pressed, labels = _pressed(body), np.asarray(body.chambers)
+    skins = [_skin_and_mouths(body, pressed[labels[pressed] == one]) for one in chambers_under_pressure(body)]
+    left = np.setdiff1d(pressed, np.concatenate([NONE, *skins]))
     if len(left):
         raise _open_at(body, left[0], "is in no closed surface of pressurised voxels")
-    return _outward(body, squares)
+    return [_outward(body, squares) for squares in skins]
+
+
+def _pressed(body: LatticeBody) -> np.ndarray:
+    """Numbers of the pressurised voxels."""
+    return np.flatnonzero((body.pressure_normals != 0).any(axis=1))  # type: ignore[union-attr]
 
 
 def _open_at(body: LatticeBody, voxel: int, fault: str) -> ValueError:
-    return ValueError(
-        f"pressure_normals: voxel {tuple(body.voxels[voxel].tolist())} {fault}; in a fluid, give a skin that is closed "
-        "but for cut links"
-    )
+    return ValueError(f"voxel {tuple(body.voxels[voxel].tolist())} {fault}")
 
 
 def _edges(square: Sequence[int]) -> list[Edge]:

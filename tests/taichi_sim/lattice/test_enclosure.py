@@ -4,23 +4,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pouches import EDGE, RUBBER, TIME_STEP, lopsided
+from pouches import EDGE, RUBBER, TIME_STEP, lopsided, shell, two_boxes
 
 from robots.inflatable import PUBLISHED, SMALL, InflatableGeometry
+from taichi_sim.autodiff.arrays import trace
 from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeState, ProgramBuilder, Quantity
-from taichi_sim.lattice.laws.enclosure import closed_surface, enclosed_volume, pressed_square
+from taichi_sim.lattice.laws.enclosure import (
+    chamber_surfaces,
+    chambers_under_pressure,
+    closed_surface,
+    enclosed_volume,
+    pressed_square,
+)
 
 PRESSURE = 3e3
 TINY = InflatableGeometry(bladder_columns=1, rows=6, foot_rows=1)
-
-
-def shell(shape=(4, 4, 4), **options) -> LatticeBody:
-    """A hollow box, its outer faces under pressure."""
-    places = np.argwhere(np.ones(shape))
-    low, high = places == 0, places == np.array(shape) - 1
-    skin = (low | high).any(axis=1)
-    options = {"pressure_normals": (high.astype(int) - low)[skin]} | options
-    return LatticeBody(places[skin], (RUBBER,), np.zeros(skin.sum(), int), EDGE, **options)
 
 
 BODIES = {"box": shell(), "slab": shell((3, 5, 3)), "pouch": lopsided(), "robot": TINY.body, "solid": shell((2, 2, 2))}
@@ -67,19 +65,51 @@ def test_the_inflatable_robots_skins_close_around_its_core(geometry):
 
 
 def test_each_part_of_a_body_has_a_surface_of_its_own():
-    box = shell((3, 3, 3))
-    bridge = np.array([[3, 1, 1], [4, 1, 1]])
-    voxels = np.concatenate([box.voxels, bridge, box.voxels + np.array([5, 0, 0])])
-    normals = np.concatenate([box.pressure_normals, 0 * bridge, -box.pressure_normals])
-    body = LatticeBody(voxels, (RUBBER,), np.zeros(len(voxels), int), EDGE, pressure_normals=normals)
+    body, count = two_boxes(), shell((3, 3, 3)).voxel_count
     squares = closed_surface(body)
-    inside = enclosed_volume(squares[squares[:, 0] < len(box.voxels)], body.start_positions)
+    inside = enclosed_volume(squares[squares[:, 0] < count], body.start_positions)
     assert inside == pytest.approx((2 * EDGE) ** 3)
     assert enclosed_volume(squares, body.start_positions) == pytest.approx(0.0, abs=1e-12)  # the other is inside out
 
 
 def test_no_pressurised_voxels_are_no_surface():
-    assert closed_surface(shell(pressure_normals=None)).shape == (0, 4)
+    body = shell(pressure_normals=None)
+    assert (
+        closed_surface(body).shape == (0, 4) and not chamber_surfaces(body) and not len(chambers_under_pressure(body))
+    )
+
+
+def test_each_chamber_has_a_surface_of_its_own():
+    """In the order of their labels, whatever that of their voxels; together they are the surface of the body."""
+    count = shell((3, 3, 3)).voxel_count
+    chambers = np.repeat([7, 0, 4], [count, 2, count])  # the bridge is under no pressure, so in none
+    body = two_boxes(chambers=chambers)
+    surfaces = chamber_surfaces(body)
+    assert chambers_under_pressure(body).tolist() == [4, 7]
+    assert [set(chambers[squares].ravel().tolist()) for squares in surfaces] == [{4}, {7}]
+    volumes = [enclosed_volume(squares, body.start_positions) for squares in surfaces]
+    assert volumes == pytest.approx([-((2 * EDGE) ** 3), (2 * EDGE) ** 3])
+    assert np.array_equal(closed_surface(body), np.concatenate(surfaces))
+
+
+def test_the_volume_of_a_turned_and_stretched_box_is_that_of_a_box():
+    """Of a robot alone as of one in a batch, to the bit."""
+    body, rng = shell((4, 3, 5)), np.random.default_rng(0)
+    squares, built = closed_surface(body), 3 * 2 * 4 * EDGE**3
+    changes = np.eye(3) + rng.normal(0, 0.3, (20, 3, 3))
+    places = body.start_positions @ changes + rng.normal(0, 0.2, (20, 1, 3))
+    found = enclosed_volume(squares, places)
+    assert found == pytest.approx(built * np.linalg.det(changes), rel=1e-12)
+    assert found.tolist() == [enclosed_volume(squares, each) for each in places]
+
+
+def test_the_derivative_of_a_volume_is_the_force_of_one_pascal():
+    body, rng = lopsided(), np.random.default_rng(0)
+    squares = closed_surface(body)
+    positions = body.start_positions + rng.normal(0, 0.4 * EDGE, (2, *body.voxels.shape))
+    _, pull_back = trace(lambda places: enclosed_volume(squares, places), positions)
+    expected = [forces(body, each, np.ones(body.voxel_count)) for each in positions]
+    assert pull_back(np.ones(2))[0] == pytest.approx(np.array(expected), rel=1e-9, abs=1e-18)
 
 
 @pytest.mark.kernels
