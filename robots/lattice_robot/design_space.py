@@ -82,7 +82,7 @@ class DesignSpace:
         """How many weights of reflexes are free."""
         if self.reflexes is None or self.reflexes.weights is not None:
             return 0
-        return self.reflexes.weight_count(len(self.felt_regions))
+        return self.reflexes.weight_count(self.body, self.felt_regions)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -14,7 +14,7 @@ from robots.lattice_robot.measures import Record
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Rollout, frames_from
 from robots.lattice_robot.scenes import Scenes, sharing
-from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, check_driven
+from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, Parts, check_felt
 from robots.lattice_robot.simulation import answers_in, channels_of, rollout_of, shares_in, swing_of
 from robots.robot import Trial
 from robots.world import Terrain
@@ -66,8 +66,8 @@ class Episodes:
             compute: device, precision and threads.
 
         Raises:
-            ValueError: for senses that are not there, robots without muscles to act on, and worlds that are too
-                different.
+            ValueError: for senses that are not there, or feel what the robot lacks, robots without muscles to act on,
+                and worlds that are too different.
         """
         plain = robot.fixed
         self.worlds = _in_one_batch(plain, [worlds] if isinstance(worlds, Terrain) else worlds)
@@ -82,7 +82,7 @@ class Episodes:
             replace(plain, target=light if self._aimed else plain.target).on(world) for world, light in pairs
         ]
         self.robot = robot = self._robots[0]
-        check_driven(len(robot.felt_regions))
+        check_felt(self.senses, robot.body, robot.felt_regions)
         if "light" in self.senses and self._lights is None:
             name = self.worlds[0].name
             raise ValueError(f"light: {name} has none to feel; give one, as {name}+light:0.5,0.1")
@@ -90,7 +90,7 @@ class Episodes:
         self._swing = np.repeat(swing_of(robot, np.zeros((1, 0))), batch, axis=0)
         self._compute, self._is_ready = compute, False
         self.regions = len(robot.felt_regions)
-        self.width = width_of(SENSES, self.senses, self.regions)
+        self.width = width_of(SENSES, self.senses, Parts.of(robot.body, robot.felt_regions))
         self.steps = (robot.cycle.cycles + 1) * SEGMENTS - 1
         self.seconds = robot.cycle.segment * robot.cycle.time_step
         answers = answers_in(robot, channels)

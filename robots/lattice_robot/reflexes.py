@@ -18,12 +18,12 @@ from robots.control.networks import LayeredNetwork
 from robots.control.oscillators import reach, waves_shifted
 from robots.control.reflexes import Answering, senses_among
 from robots.control.senses import width_of
-from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, check_driven
+from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, Parts, check_felt
 from robots.world import checked_place
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.lattice import Decision, Felt, LatticeProgram
+from taichi_sim.lattice import Decision, Felt, LatticeBody, LatticeProgram
 
 
 @dataclass(frozen=True)
@@ -51,17 +51,17 @@ class Reflexes(Answering):
             if "light" not in self.senses:
                 raise ValueError(f"light: {self.light} is not allowed without the sense light; give both, or neither")
 
-    def width(self, regions: int) -> int:
-        """How many numbers are felt of a body with so many driven regions."""
-        return width_of(SENSES, self.senses, regions)
+    def width(self, body: LatticeBody, regions: Sequence[int]) -> int:
+        """How many numbers are felt of a body that is driven in some regions."""
+        return width_of(SENSES, self.senses, Parts.of(body, regions))
 
-    def network(self, regions: int) -> LayeredNetwork:
-        """What answers, or modulates oscillators, for a body with so many driven regions."""
-        return self.network_of(self.width(regions), regions)
+    def network(self, body: LatticeBody, regions: Sequence[int]) -> LayeredNetwork:
+        """What answers, or modulates oscillators, in a body that is driven in some regions."""
+        return self.network_of(self.width(body, regions), len(regions))
 
-    def weight_count(self, regions: int) -> int:
+    def weight_count(self, body: LatticeBody, regions: Sequence[int]) -> int:
         """How many weights there are, K."""
-        return self.network(regions).weight_count
+        return self.network(body, regions).weight_count
 
     def least(self, nodes: Floats, shares: Floats) -> float:
         """Bound below the values that answers can bring muscles to.
@@ -74,14 +74,14 @@ class Reflexes(Answering):
             return float((nodes.min(axis=1) - self.gain * np.abs(shares)).min())
         return min(float(each.mean()) - (1.0 + self.gain) * reach(each) for each in nodes)
 
-    def check(self, regions: int) -> None:
-        """Refuse weights that do not fit a body with so many driven regions, or none to drive.
+    def check(self, body: LatticeBody, regions: Sequence[int]) -> None:
+        """Refuse a body that lacks what is felt, or driven regions, and weights that do not fit.
 
         Raises:
-            ValueError: that tells how many there are, and should be.
+            ValueError: that tells what the body lacks, or how many weights there are, and should be.
         """
-        check_driven(regions)
-        self.check_weights(self.weight_count(regions))
+        check_felt(self.senses, body, regions)
+        self.check_weights(self.weight_count(body, regions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ class ReflexLoop:
         self.rest, self.swing = rest, swing
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
         self.shares = self.moves * feeling.shares
-        self.network = self.reflexes.network(len(feeling.regions))
+        self.network = self.reflexes.network(anatomy.body, feeling.regions)
         self.oscillators = self.reflexes.oscillators_of(self.network)
         self.decisions: Sequence[Decision] = []
         self.begin()

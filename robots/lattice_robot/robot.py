@@ -126,7 +126,7 @@ class LatticeRobot(OutOfTheLab):
         object.__setattr__(self, "highest_moduli", highest)
         _ = self.free_moduli  # which checks their names
         if self.reflexes is not None:
-            self.reflexes.check(len(self.felt_regions))
+            self.reflexes.check(self.body, self.felt_regions)
 
     @cached_property
     def _space(self) -> DesignSpace:

@@ -1,7 +1,8 @@
 """What lattice robots can feel, sixteen times in every cycle."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,23 +11,68 @@ from robots.control.cyclic import SEGMENTS
 from robots.control.senses import Sense, SenseReader, way_gained
 from robots.lattice_robot.props import Placed
 from taichi_sim.autodiff.arrays import value_of
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.ground.relief import planes_below
 from taichi_sim.lattice import Felt, LatticeBody, Relief
+from taichi_sim.lattice.laws.enclosure import chamber_surfaces, chambers_under_pressure, enclosed_volume
 
 STILL = 1e-6  # m: a slip far below this has no direction
 STRAIN, TOUCH, SPEED = 0.05, 0.1, 1.0  # for a feeling of 1: strain; edges above the ground, for 1/e; lengths per cycle
+RISE = 0.05  # for a feeling of 1: part by which the pressure of a chamber rises from one reading to the next
+LEAST_VOLUME = 0.1  # of a chamber, part of its volume as built: what a hose and a gauge hold is not squeezed
 PER_READING = 1 / SEGMENTS  # cycles
 
 
-def check_driven(regions: int) -> None:
-    """Refuse a body without driven regions, in which nothing can answer.
+@dataclass(frozen=True)
+class Parts:
+    """How many parts a body has that are felt apart, with a number each.
+
+    Attributes:
+        regions: that are driven.
+        chambers: that have pressurised voxels.
+    """
+
+    regions: int
+    chambers: int = 0
+
+    @classmethod
+    def of(cls, body: LatticeBody, regions: Sequence[int]) -> "Parts":
+        """The parts of a body that is driven in some regions."""
+        return cls(len(regions), len(chambers_under_pressure(body)))
+
+
+def check_felt(names: Iterable[str], body: LatticeBody, regions: Sequence[int]) -> None:
+    """Refuse a body without driven regions, in which nothing can answer, and one that lacks what senses feel.
 
     Raises:
         ValueError: that says what to give.
     """
     if not regions:
         raise ValueError("reflexes: no drive changes a scale; give a Drive of a region's scale")
+    if "pressure" in names:
+        closed_chambers(body)
+
+
+def closed_chambers(body: LatticeBody) -> list[tuple[Ints, float]]:
+    """The closed surface of each chamber of a body, in ascending order, with its volume as built [m^3].
+
+    Raises:
+        ValueError: for a body without chambers, or with one that is open or empty.
+    """
+    refused = "senses: pressure is not allowed for a body"
+    try:
+        surfaces = chamber_surfaces(body)
+    except ValueError as error:
+        raise ValueError(
+            f"{refused} whose chamber is open: {error}; give a skin that is closed but for cut links"
+        ) from None
+    if not surfaces:
+        raise ValueError(f"{refused} without a chamber; give pressure_normals, out of a skin that is closed")
+    volumes = [float(enclosed_volume(squares, body.start_positions)) for squares in surfaces]
+    for label, volume in zip(chambers_under_pressure(body).tolist(), volumes, strict=True):
+        if abs(volume) < 1e-6 * body.voxel_size**3:
+            raise ValueError(f"{refused} whose chamber {label} encloses no volume; give one that does")
+    return list(zip(surfaces, volumes, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +80,7 @@ class Anatomy:
     """What senses know of the body.
 
     Attributes:
+        body: the robot's own.
         members: which voxels are in each driven region, as shares that add up to 1, shape (R, V).
         links: which links are within each, likewise, shape (R, L).
         edge: of a voxel [m].
@@ -45,6 +92,7 @@ class Anatomy:
         placed: the robot among props, which it does not feel but by touching them; None without.
     """
 
+    body: LatticeBody
     members: Floats
     links: Floats
     edge: float
@@ -69,6 +117,7 @@ class Anatomy:
         members = np.array([every == region for region in regions], float)
         within = np.array([(every[ends] == region).all(axis=1) for region in regions], float).reshape(-1, len(ends))
         return cls(
+            body,
             members / members.sum(axis=1, keepdims=True),
             within / np.maximum(within.sum(axis=1, keepdims=True), 1.0),
             body.voxel_size,
@@ -78,6 +127,17 @@ class Anatomy:
             lights,
             placed,
         )
+
+    @cached_property
+    def chambers(self) -> list[tuple[Ints, float]]:
+        """The closed surface of each chamber, ascending, with its volume as built; of bodies that feel pressure."""
+        return closed_chambers(self.body)
+
+    def volumes(self, positions: Any) -> Any:
+        """Volume of every chamber over that as built, at least ``LEAST_VOLUME``, shape (B, C)."""
+        parts = [enclosed_volume(squares, positions)[:, None] / built for squares, built in self.chambers]
+        found = np.concatenate(parts, axis=1)
+        return np.where(value_of(found) > LEAST_VOLUME, found, LEAST_VOLUME)
 
     def clearance(self, positions: Any) -> Any:
         """Height of voxel centres above where they would touch the ground [edges], shape (B, V)."""
@@ -166,11 +226,19 @@ def _clock(moment: Moment) -> Any:
     return np.broadcast_to([np.sin(angle), np.cos(angle)], (len(moment.positions), 2))
 
 
-def _one_each(regions: int) -> int:
-    return regions
+def _pressure(moment: Moment) -> Any:
+    """By Boyle's law, as no gas comes or goes from one reading to the next; before the first one it may."""
+    anatomy = moment.anatomy
+    if moment.number == 0:
+        return np.zeros((len(moment.positions), len(anatomy.chambers)))
+    return (anatomy.volumes(moment.before) / anatomy.volumes(moment.positions) - 1.0) / RISE
 
 
-def _two(regions: int) -> int:
+def _one_each(parts: Parts) -> int:
+    return parts.regions
+
+
+def _two(parts: Parts) -> int:
     return 2
 
 
@@ -188,8 +256,14 @@ SENSES = {
     "clock": Sense("sine and cosine of the time in the cycle", _two, _clock),
     "acceleration": Sense(
         "of the body's middle along x, y and z, over the last two readings, 0 at the first two [lengths a cycle^2]",
-        lambda regions: 3,
+        lambda parts: 3,
         _acceleration,
+    ),
+    "pressure": Sense(
+        "by what part the absolute pressure in every chamber rises as it is squeezed, since the last reading, 0 at the "
+        "first, over 0.05",
+        lambda parts: parts.chambers,
+        _pressure,
     ),
 }
 

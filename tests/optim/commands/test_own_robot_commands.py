@@ -274,3 +274,75 @@ def test_the_folder_of_a_run_is_no_gait(morpholab, tmp_path):
     (tmp_path / "x").mkdir()
     (tmp_path / "x/best.json").write_text("{}")
     assert "error: gait: x is a folder; give x/best.json\n" in morpholab("simulate --gait x")[2]
+
+
+FEELING = """
+import numpy as np
+from robots.lattice_robot import Drive, Free, LatticeRobot, Reflexes
+from taichi_sim.lattice import Material, body_from_array
+
+rubber = Material(5e4, 1e3, static_friction=1.0, kinetic_friction=0.5, internal_damping=1.0)
+filled = np.ones((4, 3, 3), int)
+filled[1:3, 1, 1] = 0
+places = np.stack(np.indices(filled.shape), axis=-1)
+outward = (places == np.array(filled.shape) - 1).astype(int) - (places == 0)
+outward[filled == 0] = 0
+body = body_from_array(filled, (rubber,), 0.02, regions=filled - 1 + (places[..., 0] > 1), pressure_normals=outward)
+wave = Drive("muscle", (0, 1), amplitude=0.1, phase=(0.1, 0.4))
+reflexes = Reflexes(("pressure", "clock"))
+robot = LatticeRobot(body, (wave, Drive("core", (0, 1), "pressure", mean=500.0)), cycles=1, reflexes=reflexes)
+"""
+
+
+@pytest.mark.kernels
+def test_a_robot_that_feels_its_chamber_is_designed_measured_and_seen(morpholab, tmp_path):
+    """A weight for each number that is felt, and one more, of either muscle; and the search goes on."""
+    (tmp_path / "feeling.py").write_text(FEELING)
+
+    def ask(line):
+        code, out, error = morpholab(f"{line} --quiet")
+        assert code == 0, error
+        return out
+
+    found = json.loads(ask("codesign --robot feeling.py --climbers 2 --generations 0 --out run --json --threads 1"))
+    assert list(found["best_point"]) == [f"reflex_{number + 1}" for number in range(8)]
+    words = "--controllers 2 --success speed>=-9 --precision f64 --out measured --json --threads 1"
+    assert json.loads(ask(f"measure --robot feeling.py {words}"))["each"][0]["count"] == 2
+    (tmp_path / "feeling.py").unlink()
+    found = json.loads(ask("codesign --resume --generations 1 --out run --json --threads 1"))
+    told = json.loads(ask("simulate --robot run/best.json --precision f64 --json --threads 1"))
+    assert told["speed"] == found["best"]
+    ask("view run/best.json --frames 5 --precision f64 --out seen.html --threads 1")
+    ask("report run --frames 5 --out page.html")
+    assert "feels pressure and clock" in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "simulate --robot {}",
+        "gradient-check --robot {}",
+        "codesign --robot {} --out out",
+        "codesign --task task.toml --out out",
+        "measure --robot {} --success speed>=0 --out out",
+        "view {} --out out.html",
+    ],
+)
+@pytest.mark.parametrize("name", ["open.py", "open.json"])
+def test_a_robot_without_a_chamber_to_feel_is_refused_in_one_line(morpholab, tmp_path, line, name):
+    """By the file and in it: what it lacks, before any work."""
+    source = FEELING.replace("outward[filled == 0] = 0", "outward[:] = 0").replace("mean=500.0", "mean=0.0")
+    source = source.replace(', Drive("core", (0, 1), "pressure", mean=0.0)', ",")
+    (tmp_path / "open.py").write_text(source)
+    (tmp_path / "task.toml").write_text(f'robot = "{name}"\n')
+    if name.endswith("json"):
+        from robots.lattice_robot import load_robot, save_robot
+
+        (tmp_path / "plain.py").write_text(source.replace('"pressure", "clock"', '"strain", "clock"'))
+        save_robot(load_robot(tmp_path / "plain.py"), tmp_path / name)
+        record = json.loads((tmp_path / name).read_text())
+        record["reflexes"]["senses"] = ["pressure", "clock"]
+        (tmp_path / name).write_text(json.dumps(record))
+    code, out, error = morpholab(line.format(name))
+    assert code == 2 and not out and not list(tmp_path.glob("out*"))
+    assert error.count("\n") == 1 and "senses: pressure is not allowed for a body without a chamber; give " in error

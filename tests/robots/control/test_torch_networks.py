@@ -10,6 +10,7 @@ from torch import nn
 from robots.control.networks import LayeredNetwork
 from robots.control.torch_networks import from_torch, to_torch
 from robots.lattice_robot import Reflexes
+from taichi_sim.lattice import Material, body_from_array
 
 
 @pytest.mark.parametrize("hidden", [(), (7,), (5, 6)])
@@ -31,8 +32,9 @@ def test_a_module_makes_reflexes():
     module = nn.Sequential(nn.Linear(4, 3), nn.Tanh(), nn.Linear(3, 2), nn.Tanh())
     network, weights = from_torch(module)
     made = dataclasses.replace(reflexes, hidden=network.hidden, weights=weights)
-    made.check(2)
-    assert weights[4] == module[0].bias[0].item() and made.network(2).inputs == network.inputs
+    body = body_from_array(np.ones((2, 1, 1)), Material(1e5, 1e3), 0.01, regions=[[[0]], [[1]]])
+    made.check(body, (0, 1))
+    assert weights[4] == module[0].bias[0].item() and made.network(body, (0, 1)).inputs == network.inputs
 
 
 @pytest.mark.parametrize(

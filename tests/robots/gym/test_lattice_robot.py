@@ -231,6 +231,7 @@ def test_what_the_way_to_a_light_is_worth_counts_from_where_the_robot_was_put():
         ({"strength": 0.6}, "strength: 0.6"),
         ({"senses": ("smell",)}, "senses: 'smell'"),
         ({"senses": ("light",)}, "light: flat has none to feel"),
+        ({"senses": ("pressure",)}, "senses: pressure is not allowed for a body without a chamber; give "),
         ({"robot": "vehicle"}, "robot: 'vehicle' is no lattice robot"),
         ({"robot": [QUICK["robot"]] * 2}, r"robot: \[LatticeRobot.* is no lattice robot; give a LatticeRobot, or its"),
         ({"robot": "nope"}, "robot: 'nope' is unknown; choose one of .*walker.* soft-quadruped"),

@@ -13,6 +13,7 @@ from robots.world import Terrain
 from taichi_sim.lattice import Material, body_from_array
 
 SOFT = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, collision_damping=0.5)
+EVERY = tuple(name for name in SENSES if name != "pressure")  # of which bodies with chambers alone have any
 FLOATING = "strain", "tilt", "velocity", "clock"
 
 
@@ -77,7 +78,7 @@ def test_the_gradient_is_that_of_central_differences():
 @pytest.mark.parametrize(("hidden", "late"), LATE)
 def test_long_gradients_are_central_differences(hidden, late):
     """With contact on a slope over 4,500 steps to 1e-4."""
-    walker = swimmer_or_walker(oscillating(*SENSES, hidden=hidden, light=(0.1, 0.03), coupling=1.0, **late))
+    walker = swimmer_or_walker(oscillating(*EVERY, hidden=hidden, light=(0.1, 0.03), coupling=1.0, **late))
     assert errors(walker, Terrain(2.0), (1e-7, 1e-8, 1e-9)).max() < 1e-4
 
 
