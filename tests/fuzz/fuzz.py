@@ -1,7 +1,9 @@
 """Fuzz the readers of files, guided by coverage: ``make fuzz``, or ``python tests/fuzz/fuzz.py --seconds 300 vxa``.
 
 What a reader may not do - raise anything but one line, take a gigabyte, or hang - ends its target, and leaves the input
-in ``build/fuzz/NAME/``. Add it to ``tests/fuzz/corpus/NAME/`` with the mended cause.
+in ``build/fuzz/NAME/``. Add it to ``tests/fuzz/corpus/NAME/`` with the mended cause. What was tried by time is a row of
+``docs/data/fuzzing.csv``, whose sums are in ``docs/faults.md``; ``--runs`` gives the same inputs each time, so it adds
+none.
 """
 
 import argparse
@@ -11,12 +13,18 @@ import os
 import re
 import sys
 import tempfile
+import time
 from contextlib import ExitStack, redirect_stderr, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
+
+import fuzz_log  # noqa: E402  it lies beside this script
+
 MEMORY, PATIENCE = 1000, 5  # MB and s of one input
 
 
@@ -63,8 +71,45 @@ def fuzz(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> No
     atheris.Fuzz()
 
 
-def fuzz_apart(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> tuple[int, str]:
-    """Fuzz one target in a copy of this process, which has all imports already; its exit code and what it wrote."""
+@dataclass(frozen=True)
+class Outcome:
+    """What came of fuzzing a target in a process of its own.
+
+    Attributes:
+        code: exit code of the process.
+        said: what it wrote.
+        cpu_seconds: that it took.
+        memory: the most that it took, in MB as libFuzzer counts them.
+    """
+
+    code: int
+    said: str
+    cpu_seconds: float
+    memory: float
+
+    @property
+    def inputs(self) -> str:
+        """How many inputs the target got; empty where the process did not live to tell."""
+        return next(iter(re.findall(r"number_of_executed_units:\s*(\d+)", self.said)), "")
+
+    @property
+    def failure(self) -> str:
+        """Why the target ended early: timeout, memory or crash; empty where it did not."""
+        if self.code == 0:
+            return ""
+        kinds = {"timeout": "timeout", "out-of-memory": "memory"}
+        told = re.search(r"ERROR: libFuzzer: (timeout|out-of-memory)", self.said)
+        return kinds[told[1]] if told else "crash"
+
+    def row(self, name: str) -> dict[str, object]:
+        """A row of the table of all fuzzing."""
+        told = (f"{datetime.now(UTC):%Y-%m-%d}", fuzz_log.commit(), name, self.inputs)
+        measured = (f"{self.cpu_seconds:.1f}", f"{self.memory:.0f}", self.failure)
+        return dict(zip(fuzz_log.COLUMNS, told + measured, strict=True))
+
+
+def fuzz_apart(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> Outcome:
+    """Fuzz one target in a copy of this process, which has all imports already."""
     with tempfile.TemporaryFile() as said:
         child = os.fork()
         if not child:
@@ -74,33 +119,59 @@ def fuzz_apart(targets: ModuleType, name: str, corpus: Path, options: list[str])
                 fuzz(targets, name, corpus, options)
             finally:
                 os._exit(1)
-        code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        _, status, used = os.wait4(child, 0)
         said.seek(0)
-        return code, said.read().decode(errors="replace")
+        text = said.read().decode(errors="replace")
+    return Outcome(os.waitstatus_to_exitcode(status), text, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+
+
+def fuzz_one(targets: ModuleType, name: str, args: argparse.Namespace, seed: int) -> Outcome:
+    """Fuzz one target for so long, from all that was found before, or with so many inputs, from what is kept."""
+    with ExitStack() as held:
+        options, corpus = [f"-max_total_time={args.seconds}"], ROOT / "build/fuzz" / name / "corpus"
+        if args.runs is not None:  # they do not depend on what was found before
+            options = [f"-runs={args.runs}"]
+            corpus = Path(held.enter_context(tempfile.TemporaryDirectory()))
+        return fuzz_apart(targets, name, corpus, [*options, f"-seed={seed}"])
+
+
+def arguments() -> argparse.ArgumentParser:
+    """The parser of the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("targets", nargs="*", help="names of targets; all by default")
+    parser.add_argument("--seconds", type=int, default=120, help="for each target (default: 120)")
+    parser.add_argument("--runs", type=int, help="inputs for each target, instead: the same ones each time")
+    parser.add_argument("--rounds", type=int, default=1, help="how often each target has its turn (default: 1)")
+    parser.add_argument("--seed", type=int, help="of changes, one more each round (default: 1 with --runs, else new)")
+    parser.add_argument("--log", type=Path, help="the table that gets a row for each target, instead of docs/data's")
+    return parser
 
 
 def main() -> int:
     """Fuzz the given targets in processes of their own, one after the other; 1 if one of them fails."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("targets", nargs="*", help="names of targets; all by default")
-    parser.add_argument("--seconds", type=int, default=120, help="for each target")
-    parser.add_argument("--runs", type=int, help="inputs for each target, instead: the same ones each time")
-    parser.add_argument("--seed", type=int, default=1, help="of the changes")
+    parser = arguments()
     args = parser.parse_args()
     targets = instrumented_targets()
-    failed = []
-    for name in args.targets or targets.TARGETS:
-        with ExitStack() as held:
-            options, corpus = [f"-max_total_time={args.seconds}"], ROOT / "build/fuzz" / name / "corpus"
-            if args.runs is not None:  # they do not depend on what was found before
-                options = [f"-runs={args.runs}"]
-                corpus = Path(held.enter_context(tempfile.TemporaryDirectory()))
-            code, said = fuzz_apart(targets, name, corpus, [*options, f"-seed={args.seed}"])
-        runs = next(iter(re.findall(r"number_of_executed_units:\s*(\d+)", said)), "?")
-        print(f"{name}: {runs} executions, {'ok' if code == 0 else 'FAILED'}", flush=True)
-        if code:
-            failed.append(name)
-            print(said[-3000:], flush=True)
+    if unknown := [name for name in args.targets if name not in targets.TARGETS]:
+        parser.error(f"unknown targets {', '.join(unknown)}; known are {', '.join(targets.TARGETS)}")
+    log = args.log or (None if args.runs is not None else fuzz_log.TABLE)
+    # From the same corpus, the same seed would try what was tried before, which then counted twice.
+    first = args.seed or (1 if args.runs is not None else time.time_ns() % 2**31)
+    failed: list[str] = []
+    for turn in range(args.rounds):
+        for name in args.targets or targets.TARGETS:
+            if name in failed:
+                continue
+            outcome = fuzz_one(targets, name, args, first + turn)
+            state = f"FAILED, {outcome.failure}" if outcome.failure else "ok"
+            print(f"{name}: {outcome.inputs or '?'} executions in {outcome.cpu_seconds:.0f} s, {state}", flush=True)
+            if outcome.failure:
+                failed.append(name)
+                print(outcome.said[-3000:], flush=True)
+            if log is not None:
+                fuzz_log.append(outcome.row(name), log)
+            if log == fuzz_log.TABLE:
+                fuzz_log.write_page()
     return 1 if failed else 0
 
 
