@@ -25,7 +25,8 @@ sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 import fuzz_log  # noqa: E402  it lies beside this script
 
-MEMORY, PATIENCE = 1000, 5  # MB and s of one input
+# MB, and s of CPU time of one input, which on a busy machine may take many times that.
+MEMORY, PATIENCE, HANGS = 1000, 5, 60
 
 
 def instrumented_targets() -> ModuleType:
@@ -55,12 +56,15 @@ def fuzz(targets: ModuleType, name: str, corpus: Path, options: list[str]) -> No
     corpus.mkdir(parents=True, exist_ok=True)
     for number, content in enumerate(targets.seeds(name)):
         (corpus / f"seed-{number}").write_bytes(content[: targets.LARGEST])
-    options = [*options, f"-rss_limit_mb={MEMORY}", f"-timeout={PATIENCE}", f"-max_len={targets.LARGEST}"]
+    options = [*options, f"-rss_limit_mb={MEMORY}", f"-timeout={HANGS}", f"-max_len={targets.LARGEST}"]
     options += [f"-artifact_prefix={folder}/", "-print_final_stats=1", "-verbosity=0"]
 
     def attack(content: bytes) -> None:
+        begun = time.process_time()
         try:
             targets.attack(name, content, targets.room())
+            if (seconds := time.process_time() - begun) > PATIENCE:
+                raise TimeoutError(f"it takes {seconds:.1f} s of CPU time, more than {PATIENCE}")
         except Exception:  # libFuzzer keeps what hangs or takes too much, but not this
             found = folder / f"crash-{hashlib.sha256(content).hexdigest()[:16]}"
             found.write_bytes(content)
@@ -97,9 +101,8 @@ class Outcome:
         """Why the target ended early: timeout, memory or crash; empty where it did not."""
         if self.code == 0:
             return ""
-        kinds = {"timeout": "timeout", "out-of-memory": "memory"}
-        told = re.search(r"ERROR: libFuzzer: (timeout|out-of-memory)", self.said)
-        return kinds[told[1]] if told else "crash"
+        kinds = {"ERROR: libFuzzer: timeout": "timeout", "TimeoutError: ": "timeout", "out-of-memory": "memory"}
+        return next((kind for told, kind in kinds.items() if told in self.said), "crash")
 
     def row(self, name: str) -> dict[str, object]:
         """A row of the table of all fuzzing."""

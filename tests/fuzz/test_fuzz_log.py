@@ -58,6 +58,7 @@ def test_a_page_without_its_marks_is_told(page):
         (0, "stat::number_of_executed_units: 512\n", "512", ""),
         (77, "AssertionError: \nstat::number_of_executed_units: 5\n", "5", "crash"),
         (70, "==1== ERROR: libFuzzer: timeout after 6 seconds\n", "", "timeout"),
+        (77, "TimeoutError: it takes 6.1 s of CPU time, more than 5\n", "", "timeout"),
         (71, "==1== ERROR: libFuzzer: out-of-memory (used: 1003Mb; limit: 1000Mb)\n", "", "memory"),
         (-9, "", "", "crash"),
     ],
