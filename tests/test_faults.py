@@ -43,7 +43,7 @@ class Case:
         line: the words after ``morpholab``.
         before: commands that prepare the folder.
         again: what gives the result after a failure that has left a run, if that is another command.
-        most: calls that are tried, in equal steps, of a command that takes long; all others are tried at each.
+        many: whether it makes so many arrays, or takes so long, that one fails for each place of the code, not each.
     """
 
     line: str
@@ -51,7 +51,7 @@ class Case:
     again: str = ""
     keeps: bool = True
     needs: str = ""
-    most: int = 100_000
+    many: bool = False
 
 
 CASES = {
@@ -59,14 +59,16 @@ CASES = {
     "export a mould": Case("export starfish.py --parts parts --mould draft=2,wall=3"),
     "export voxels": Case("export voxel_walker.vxa --voxels walker.vxl.json --parts walker.3mf"),
     "view": Case(
-        "view vehicle --out page.html --picture still.png --glb motion.glb --strip strip.png --quiet", most=30
+        "view vehicle --out page.html --picture still.png --glb motion.glb --strip strip.png --quiet", many=True
     ),
-    "films": Case("view vehicle --gif motion.gif --mp4 motion.mp4 --seconds 0.5 --quiet", most=30),
+    "films": Case("view vehicle --gif motion.gif --mp4 motion.mp4 --seconds 0.5 --quiet", many=True),
     "recording": Case("view vehicle --rerun motion.rrd --quiet", needs="rerun"),
     "paraview": Case("view vehicle --paraview frames --frames 20 --quiet"),
-    "simulate": Case("simulate --robot vehicle --record-every 100 --out results"),
-    "simulate a gait": Case("simulate --gait round.json --geometry small --precision f32 --out results"),
-    "check gradients": Case("gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out results"),
+    "simulate": Case("simulate --robot vehicle --record-every 100 --out results", many=True),
+    "simulate a gait": Case("simulate --gait round.json --geometry small --precision f32 --out results", many=True),
+    "check gradients": Case(
+        "gradient-check --robot vehicle --horizons 4 --directions 2 --quiet --out results", many=True
+    ),
     "codesign": Case(f"{RUN} results", again="codesign --resume --quiet --out results"),
     "codesign with seeds": Case(f"{RUN} results --seeds 2,3", again=f"{RUN} results --seeds 2,3 --resume"),
     "codesign with workers": Case(
@@ -82,14 +84,15 @@ CASES = {
     "measure": Case("measure --robot vehicle --controllers 4 --success closest<=1 --quiet --out results"),
     "interference": Case(
         "interference --robots legged --fitness sum --runs 1 --generations 2 --population 3 --steps 50 --threads 1 "
-        "--quiet --alone --figures --out results"
+        "--quiet --alone --figures --out results",
+        many=True,
     ),
-    "reproduce": Case("reproduce forgetting --budget small --quiet --out results", most=30),
+    "reproduce": Case("reproduce forgetting --budget small --quiet --out results", many=True),
     "reproduce from data": Case(f"reproduce light-seeking --from-data {ROOT}/docs/data --quiet --out results"),
-    "calibrate": Case("calibrate drags.toml --threads 1 --quiet --out results"),
+    "calibrate": Case("calibrate drags.toml --threads 1 --quiet --out results", many=True),
     "example of measurements": Case("calibrate --example example.toml --threads 1 --quiet"),
-    "pipeline": Case("pipeline task.toml --threads 1 --quiet --out results", most=30),
-    "play": Case("play gait.csv --to lines.jsonl --no-wait", ("export inching --csv gait.csv",), most=30),
+    "pipeline": Case("pipeline task.toml --threads 1 --quiet --out results", many=True),
+    "play": Case("play gait.csv --to lines.jsonl --no-wait", ("export inching --csv gait.csv",), many=True),
     "work": Case("work shared --idle 0.1 --threads 1 --quiet", (f"{RUN} one",), keeps=False),
 }
 # Commands that write nothing, and what others only read: no case is needed.
@@ -108,14 +111,13 @@ READ = {
     "train": ("--sweep",),
     "reproduce": ("--from-data", "--sweep"),
 }
-MOST_ARRAYS = 30  # that are tried of a command
 # What tells times, or checksums of such.
 VOLATILE = ("timing.jsonl", "environment.json", ".lock", "checkpoint.npz", "checkpoint.previous.npz")
 FAULTS = {"disk": Disk, "memory": Memory}
 # What is tried at every call in every run of the tests, as it takes no second; and of which arrays fail there.
 QUICK = ("example of measurements", "track", "track events")
 QUICK_OF_MEMORY = ("simulate", "codesign")
-NO_ARRAYS = ("track events", "reproduce from data", "example of measurements")  # that are large
+NO_ARRAYS = ("report", "track events", "reproduce from data", "example of measurements")  # that are large
 
 
 def prepare(folder, case, morpholab):
@@ -240,6 +242,24 @@ def is_slow(kind, name, every):
     return every and name not in QUICK
 
 
+def tried(case, fault, every):
+    """Numbers of calls that fail, of those that a fault has counted: the middle one; or all, or one of each place."""
+    calls = range(1, fault.count + 1)
+    if not every:
+        return calls[fault.count // 2 :][:1]
+    return fault.one_of_each_place() if case.many and isinstance(fault, Memory) else calls
+
+
+def test_an_array_fails_for_each_place_of_the_lab_that_makes_some(monkeypatch):
+    fault, module = Memory(monkeypatch), {"__name__": "robots.made", "np": np}
+    source = "for n in range(3):\n np.zeros(100)\nnp.zeros(1)\nnp.zeros(100)\n"
+    exec(compile(source, "made.py", "exec"), module)
+    assert (fault.count, fault.one_of_each_place()) == (4, [2, 4])
+    fault.begin(2)
+    with pytest.raises(MemoryError, match="800 bytes"):
+        exec(compile(source, "made.py", "exec"), module)
+
+
 CHOSEN = [
     (kind, name, every)
     for kind in FAULTS
@@ -284,9 +304,8 @@ def test_a_fault_costs_nothing_but_the_command(kind, name, every, morpholab, tmp
     calls, whole = fault.count, lasting(tmp_path / "whole")
     assert code == 0 and calls, error
     assert whole.keys() - before.keys()
-    most = case.most if kind == "disk" else min(case.most, MOST_ARRAYS)
     wrong = []
-    for n in range(1, calls + 1, 1 + calls // most) if every else range(1, calls + 1)[calls // 2 :][:1]:
+    for n in tried(case, fault, every):
         enter(tmp_path / f"fails{n}")
         if found := wrong_after(n, case, fault, morpholab, whole):
             wrong.append(f"{n}: {found}")

@@ -98,21 +98,41 @@ class Disk:
 
 
 class Memory:
-    """Calls by which NumPy makes arrays; the n-th large one fails as where memory ends."""
+    """Calls by which NumPy makes arrays; the n-th large one fails as where memory ends.
+
+    ``places`` has, of each large array since ``begin``, the innermost lines of the lab that asked for it.
+    """
 
     MADE = ("array", "asarray", "empty", "zeros", "ones", "full", "arange", "concatenate", "stack", "repeat", "tile")
     TOLD = ("there is not enough memory for this",)
     NAMES_PATHS = False
     LARGE = 200  # bytes; the commands here are small
+    LAB, LINES = ("taichi_sim", "robots", "optim"), 3
 
     def __init__(self, monkeypatch):
-        self.fails_at = self.count = 0
+        self.begin(0)
         for name in self.MADE:
             monkeypatch.setattr(np, name, self._failing(getattr(np, name)))
 
     def begin(self, fails_at):
         """Count anew, and fail at that call; never for 0."""
         self.fails_at, self.count = fails_at, 0
+        self.places = []
+
+    def one_of_each_place(self):
+        """Numbers of calls, the middle one of those that each place has made."""
+        made = {}
+        for n, place in enumerate(self.places, start=1):
+            made.setdefault(place, []).append(n)
+        return sorted(calls[len(calls) // 2] for calls in made.values())
+
+    def _place(self):
+        frame, lines = sys._getframe(2), []
+        while frame is not None and len(lines) < self.LINES:
+            if frame.f_globals.get("__name__", "").partition(".")[0] in self.LAB:
+                lines.append((frame.f_code.co_filename, frame.f_lineno))
+            frame = frame.f_back
+        return tuple(lines)
 
     def _failing(self, function):
         def call(*given, **options):
@@ -121,6 +141,7 @@ class Memory:
             caller = sys._getframe(1).f_globals.get("__name__", "")
             if getattr(made, "nbytes", 0) >= self.LARGE and not caller.startswith("trimesh"):
                 self.count += 1
+                self.places.append(self._place())
                 if self.count == self.fails_at:
                     raise MemoryError(f"Unable to allocate {made.nbytes} bytes")
             return made
