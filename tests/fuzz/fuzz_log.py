@@ -65,7 +65,7 @@ def _sum(name: str, rows: Iterable[Mapping[str, str]]) -> str:
     inputs, seconds = (sum(float(row[column] or 0) for row in rows) for column in ("inputs", "cpu_s"))
     memory = max(float(row["memory_mb"]) for row in rows)
     failures = sum(row["failure"] != "" for row in rows)
-    return f"| {name} | {inputs:,.0f} | {seconds / 60:,.0f} min | {memory:.0f} MB | {failures} |"
+    return f"| {name} | {inputs:,.0f} | {seconds:,.0f} s | {memory:.0f} MB | {failures} |"
 
 
 def written(page: str, rows: Iterable[Mapping[str, str]]) -> str:

@@ -40,9 +40,9 @@ def test_rows_are_added_to_what_is_there(tmp_path):
 def test_sums_are_by_reader_with_most_memory_and_failures():
     rows = [row("vxa", "1200", "90", "100"), row("stl", "", "24", "90", "timeout"), row("vxa", "34", "", "120")]
     assert fuzz_log.sums(rows).splitlines()[2:] == [
-        "| all 2 | 1,234 | 2 min | 120 MB | 1 |",
-        "| `stl` | 0 | 0 min | 90 MB | 1 |",
-        "| `vxa` | 1,234 | 2 min | 120 MB | 0 |",
+        "| all 2 | 1,234 | 114 s | 120 MB | 1 |",
+        "| `stl` | 0 | 24 s | 90 MB | 1 |",
+        "| `vxa` | 1,234 | 90 s | 120 MB | 0 |",
     ]
 
 
