@@ -22,7 +22,18 @@ from taichi_sim.rigid.run import Run
 from taichi_sim.rigid.session import RigidSession
 from taichi_sim.rigid.stages.friction import ENDLESS
 from taichi_sim.rigid.state import RigidResult, State
-from taichi_sim.rigid.tables import Senses, eyes_of, parameters_of, plan_of, points_of, portions_of, water_of
+from taichi_sim.rigid.tables import (
+    Ints,
+    Senses,
+    eyes_of,
+    parameters_of,
+    patches_of,
+    plan_of,
+    points_of,
+    portions_of,
+    sand_of,
+    water_of,
+)
 
 BLOCKS_AT_ONCE = 32  # a thread: so many that threads rarely wait for each other
 ROBOTS_AT_ONCE = 1 << 15  # on a GPU
@@ -41,8 +52,9 @@ class RigidEngine:
         world: ground, gravity and time.
         senses: what they sense.
         network: how neurons turn that into commands.
-        ground: uneven ground instead of the plane z = 0, one for all robots, or one for each robot, maybe with water;
-            only with a coefficient of friction do its factors of friction count, and only there are they allowed.
+        ground: uneven ground instead of the plane z = 0, one for all robots, or one for each robot, maybe with water
+            or sand; only with a coefficient of friction do its factors of friction count, and only there are they
+            allowed.
         width: robots side by side on a CPU, 1, 2, 4, 8, 16 or 32; results do not depend on it.
         **compute: precision (default ``"f64"``), device and threads, as of :class:`Compute`.
 
@@ -69,9 +81,10 @@ class RigidEngine:
         self._reliefs = [] if ground is None else [ground] if isinstance(ground, Relief) else list(ground)
         self._ground = None if ground is None else self._tables()
         self._wet = self._ground is not None and self._ground.water
-        first = plan_of(self.tree, self.senses, wet=self._wet)
+        self._granular = self._ground is not None and self._ground.granular
+        first = self._plan(self.tree)
         for n, tree in enumerate(self.trees[1:], 1):
-            if tree.fixed != self.tree.fixed or not np.array_equal(first, plan_of(tree, self.senses, wet=self._wet)):
+            if tree.fixed != self.tree.fixed or not np.array_equal(first, self._plan(tree)):
                 raise ValueError(f"trees: number {n} has another structure than the first; give trees of one structure")
         self._numbers = {
             slots.PARAMETER: np.stack([parameters_of(tree) for tree in self.trees]),
@@ -85,6 +98,14 @@ class RigidEngine:
             self._numbers[slots.WATER] = np.stack([water_of(relief, self.world.gravity) for relief in self._reliefs])
             self._numbers[slots.PORTION] = np.stack([portions_of(tree, *drag) for tree in self.trees])
 
+        if self._granular:
+            self._numbers[slots.SAND] = np.stack([sand_of(relief) for relief in self._reliefs])
+            self._numbers[slots.PATCH] = np.stack([patches_of(tree) for tree in self.trees])
+
+    def _plan(self, tree: Tree, commands: int = 0) -> Ints:
+        """The plan of a tree's memory."""
+        return plan_of(tree, self.senses, commands, wet=self._wet, granular=self._granular)
+
     @property
     def tree(self) -> Tree:
         """The first tree, whose structure all have."""
@@ -96,8 +117,6 @@ class RigidEngine:
             raise ValueError("ground: an empty list is not allowed; give at least one relief, or None")
         if np.isinf(self.world.friction) and any(relief.friction is not None for relief in self._reliefs):
             raise ValueError("ground: factors of friction are not allowed with infinite friction; give a coefficient")
-        if any(relief.yield_per_depth is not None for relief in self._reliefs):
-            raise ValueError("ground: sand is not allowed under rigid robots; give firm ground")
         if any(self.world.gravity_across) and any(relief.water is not None for relief in self._reliefs):
             raise ValueError(
                 "gravity_across: not allowed with water, whose surface is level; give gravity along z alone"
@@ -225,7 +244,7 @@ class RigidEngine:
         every = max(1, steps) if record_every is None else checks.integer("record_every", record_every, 1)
         given = self._given(weights, commands, lights, start or self.rest())
         threads = runtime.start(self.compute).thread_count
-        plan = plan_of(self.tree, self.senses, given["commands"].shape[1], wet=self._wet)
+        plan = self._plan(self.tree, given["commands"].shape[1])
         plan[[slots.HOLD, slots.STEPS, slots.EVERY, slots.FRAMES]] = hold, steps, every, steps // every + 1
         plan[slots.UNTIL] = steps
         plan[slots.PHASES] = VISCOUS_PHASES if np.isinf(self.world.friction) else COULOMB_PHASES

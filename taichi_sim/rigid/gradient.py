@@ -15,7 +15,7 @@ from taichi_sim.rigid import slots
 from taichi_sim.rigid.feedback import Feedback, felt_slots, go_back, roll
 from taichi_sim.rigid.model.tree import Tree
 from taichi_sim.rigid.run import Run, bodies_of
-from taichi_sim.rigid.tables import parameters_of, points_of, portions_of
+from taichi_sim.rigid.tables import parameters_of, patches_of, points_of, portions_of
 
 _SHIFT = 1e-5  # part of a number by which descriptions are shifted; they are polynomials of low degree
 
@@ -38,7 +38,9 @@ class RigidGradient:
         carried: velocities, or momenta, of bodies at the start, (B, bodies, 6); all other derivatives hold them fixed.
         described: whether robots started as their trees describe them.
         portions: of portions in water, (B, portions, 17), as ``tables.portions_of`` orders them.
+        patches: of the surface of points on sand, (B, points, 9), as ``tables.patches_of`` orders them.
         drag: coefficients of pressure drag and friction drag; None without water.
+        granular: whether there was sand.
     """
 
     weights: Floats
@@ -54,7 +56,9 @@ class RigidGradient:
     carried: Floats
     described: bool
     portions: Floats
+    patches: Floats
     drag: tuple[float, float] | None = None
+    granular: bool = False
 
     def by_design(self, tree_of: Callable[[float], Tree], value: float) -> Floats:
         """Derivatives by a number that robots are described by, (B,): of each robot, if its tree is that of the number.
@@ -71,14 +75,15 @@ class RigidGradient:
         shift = _SHIFT * max(abs(value), 1e-3)
         lower, upper = (self._numbers(tree_of(value + side * shift)) for side in (-1, 1))
         slopes = [(high - low) / (2 * shift) for low, high in zip(lower, upper, strict=True)]
-        mine = (self.parameters, self.points, self.places, self.position, self.portions)
+        mine = (self.parameters, self.points, self.places, self.position, self.portions, self.patches)
         found = [(x * slope).reshape(len(x), -1).sum(1) for x, slope in zip(mine, slopes, strict=True)]
         return np.asarray(sum(found), float)
 
     def _numbers(self, tree: Tree) -> tuple[Floats, ...]:
         places = np.array([body.position for body, _ in tree.ordered], float)
         portions = np.zeros((0, slots.PORTION_WIDTH)) if self.drag is None else portions_of(tree, *self.drag)
-        return parameters_of(tree), points_of(tree), places, places[0], portions
+        patches = patches_of(tree) if self.granular else np.zeros((0, slots.PATCH_WIDTH))
+        return parameters_of(tree), points_of(tree), places, places[0], portions, patches
 
 
 class RigidTape:
@@ -154,5 +159,7 @@ class RigidTape:
             carried=bodies[..., slots.CARRIED : slots.CARRIED + 6],
             described=self._run.described,
             portions=section(plan[slots.PORTION], plan[slots.PORTIONS], slots.PORTION_WIDTH),
+            patches=section(plan[slots.PATCH], points * self._run.granular, slots.PATCH_WIDTH),
+            granular=self._run.granular,
             drag=(world.pressure_drag, world.friction_drag) if self._run.wet else None,
         )

@@ -32,7 +32,7 @@ def _ground(relief: Any, grid: Any, width: int, uneven: bool) -> Uneven | None:
 
 @lru_cache
 def rollout_kernel(
-    real: Real, grain: int, drifting: bool, uneven: bool, wet: bool, recording: bool, taping: bool
+    real: Real, grain: int, drifting: bool, uneven: bool, wet: bool, granular: bool, recording: bool, taping: bool
 ) -> Any:
     """The kernel that runs robots from a step to another, for one kind of real."""
     lanes = grain > 1
@@ -57,7 +57,7 @@ def rollout_kernel(
                 at = start_of(block, plan[slots.FRAME_WIDTH] * plan[slots.FRAMES], lanes)
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
                 ground = ti.static(_ground(relief, grid, real.width, uneven))
-                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground, wet))
+                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground, wet, granular))
                 for t in range(plan[slots.FIRST], plan[slots.UNTIL] + 1):
                     if ti.static(taping):
                         copy_slots(robots, slots.STATE, slots.KEPT, tape, kept, t * plan[slots.KEPT])
@@ -75,7 +75,7 @@ def rollout_kernel(
 
 
 @lru_cache
-def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool, wet: bool) -> Any:
+def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool, wet: bool, granular: bool) -> Any:
     """The kernel that goes back through a rollout: every step again from the tape, then reversed."""
     lanes = grain > 1
     reals, ints, lists, numbers = _types(real, lanes)
@@ -99,9 +99,9 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool, wet: b
                 k = start_of(block, plan[slots.SLOTS], lanes)
                 kept = start_of(block, plan[slots.KEPT] * (plan[slots.STEPS] + 1), lanes)
                 ground = ti.static(_ground(relief, grid, real.width, uneven))
-                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground, wet))
-                motion = ti.static(Block(a, k, block, plan, listed, settings, False, ground, wet))
-                cotangents = ti.static(Block(g, k, block, plan, listed, settings, drifting, ground, wet))
+                robots = ti.static(Block(m, k, block, plan, listed, settings, drifting, ground, wet, granular))
+                motion = ti.static(Block(a, k, block, plan, listed, settings, False, ground, wet, granular))
+                cotangents = ti.static(Block(g, k, block, plan, listed, settings, drifting, ground, wet, granular))
                 for back in range(plan[slots.UNTIL] - plan[slots.FIRST] + 1):
                     t = plan[slots.UNTIL] - back
                     restore_state(robots, tape, kept, t * plan[slots.KEPT])

@@ -39,6 +39,7 @@ class Block(NamedTuple):
         drifting: whether bodies carry velocities and may drift off their hinges; else they carry momenta.
         ground: uneven ground, or None.
         wet: whether there is water on it.
+        granular: whether it is sand, under some of the robots at least.
     """
 
     m: Any
@@ -50,6 +51,7 @@ class Block(NamedTuple):
     drifting: bool
     ground: Uneven | None = None
     wet: bool = False
+    granular: bool = False
 
     @property
     def uneven(self) -> bool:
@@ -168,6 +170,12 @@ def point_at(robots: Block, i: Any) -> Any:
 
 
 @primitive
+def patch_at(robots: Block, i: Any) -> Any:
+    """First slot of the surface that belongs to a point."""
+    return emit(count_of(robots, slots.PATCH) + i * slots.PATCH_WIDTH)
+
+
+@primitive
 def column(robots: Block, b: Any, place: int) -> Any:
     """An integer of a body."""
     return emit(element(robots.plan, slots.PLACES + b * slots.BODY_COLUMNS + place))
@@ -202,6 +210,12 @@ def listed_at(robots: Block, n: Any) -> Any:
 def hinge_on_path(robots: Block, b: Any, d: Any) -> Any:
     """The hinged body number d on the way from the base to a body."""
     return listed_in_plan(robots, slots.PATHS, b * count_of(robots, slots.DEPTH) + d)
+
+
+@primitive
+def entry_at(robots: Block, section: int, n: Any, l: Any) -> Any:
+    """Slot of an entry of the matrix of normal rows, or of its factor: row n, column l <= n."""
+    return count_of(robots, section) + n * (n + 1) // 2 + l
 
 
 @primitive

@@ -94,6 +94,11 @@ class Run:
         return self.ground is not None and self.ground.water
 
     @property
+    def granular(self) -> bool:
+        """Whether there is sand."""
+        return self.ground is not None and self.ground.granular
+
+    @property
     def moving(self) -> slice:
         """Bodies that may move: all but a base that is fixed to the world."""
         return slice(1 if self.trees[0].fixed else 0, None)
@@ -163,7 +168,7 @@ class Part:
         self.memory.write(run.memory(self.padded))
         listed = np.zeros((self._blocks, max(1, int(self._plan[slots.POINTS]))), np.int32)
         drifting, grain = run.world.integration == "velocity", GRAIN if self._on_cpu else 1
-        self._kind = run.real, grain, drifting, run.ground is not None, run.wet
+        self._kind = run.real, grain, drifting, run.ground is not None, run.wet, run.granular
         self._shared = self._plan, listed, run.settings, *run.grids(self.padded)
 
     def store(self, count: int) -> Store:

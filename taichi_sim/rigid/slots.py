@@ -10,9 +10,11 @@ makes the plan.
 # the places, lie the integers of bodies. A launch goes from step FIRST to step UNTIL of the STEPS of a run.
 BODIES, POINTS, TOUCHES, LIGHTS, SENSORS, MOTORS, DEPTH, COMMANDS, PORTIONS = range(9)
 HOLD, STEPS, EVERY, FRAMES, PHASES, KEPT, FRAME_WIDTH, FIRST, UNTIL = range(9, 18)
-BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, WATER, PORTION, WET_BODY = range(18, 26)
-READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = range(26, 33)
-POINT_BODIES, PATHS, EYES, PORTION_BODIES, STATE, FRAME, PLACES = range(33, 40)
+BODY, PARAMETER, POINT, POINT_PARAMETER, LIGHT_PARAMETER, WATER, PORTION, WET_BODY, SAND, PATCH, SANDY_POINT = range(
+    18, 29
+)
+READING, NEURON, WEIGHT, COMMAND, MATRIX, FACTOR, SLOTS = range(29, 36)
+POINT_BODIES, PATHS, EYES, PORTION_BODIES, STATE, FRAME, PLACES = range(36, 43)
 
 # Places in the array of numbers that all robots of a run share: see ``World`` and ``Network``. PUSH_OUT is the error
 # reduction in a second, FLOATING 0 where the base is fixed to the world; GRAVITY is the first of three.
@@ -55,6 +57,12 @@ LIGHT_PARAMETER_WIDTH = 3
 # Of a body: its motion before the step, and what water adds to its spatial inertia.
 WATER_WIDTH, PORTION_WIDTH = 4, 17
 MOTION_BEFORE, WATER_INERTIA, WET_BODY_WIDTH = 0, 6, 27
+
+# Only of robots on sand. The sand: stress per depth at which it yields. Of a point: the surface that belongs to it, as
+# ``shapes.Patch`` has it: shares of its ball, length and axis of a cylinder, edges of a box. Of a point in a step: the
+# largest normal impulse that the sand bears, whether it has that one (1 or 0), and the impulse within bounds so far.
+SAND_WIDTH, PATCH_WIDTH = 1, 9
+LIMIT, SATURATED, WITHIN, SANDY_POINT_WIDTH = 0, 1, 2, 3
 
 # Columns of the integers of bodies and points.
 PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from taichi_sim.base.arrays import Floats
+from taichi_sim.ground.laws import FIRM
 from taichi_sim.ground.relief import Relief
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.model.shapes import Vector, vector
@@ -33,7 +34,7 @@ class Senses:
         return len(self.touch) + len(self.light)
 
 
-def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False) -> Ints:
+def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False, granular: bool = False) -> Ints:
     """The plan of a tree's memory (see ``slots``), but for the numbers of a run; trees of one structure have the same.
 
     Args:
@@ -41,6 +42,7 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False)
         senses: what it senses.
         commands: how many commands it is given over time, 0 for neurons.
         wet: whether there is water, in which its bodies are portions.
+        granular: whether there is sand, which finds the surface of its points.
 
     Raises:
         ValueError: for senses of bodies that do not exist or cannot touch.
@@ -63,6 +65,8 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False)
         *(slots.BODY_WIDTH * bodies, slots.PARAMETER_WIDTH * bodies, point_width * len(points)),
         *(slots.POINT_PARAMETER_WIDTH * len(points), slots.LIGHT_PARAMETER_WIDTH * len(eyes)),
         *(slots.WATER_WIDTH * wet, slots.PORTION_WIDTH * parts, slots.WET_BODY_WIDTH * bodies * wet),
+        *(width * granular for width in (slots.SAND_WIDTH, slots.PATCH_WIDTH * len(points))),
+        slots.SANDY_POINT_WIDTH * len(points) * granular,
         *(sensors, motors, sensors * motors, commands * motors, pairs, pairs),
     )
     plan[slots.BODY : slots.SLOTS + 1] = slots.HEAD + np.cumsum([0, *widths])
@@ -151,6 +155,17 @@ def water_of(relief: Relief, gravity: float) -> Floats:
     assert water is not None
     per_volume = max(0.0, -gravity), water.added_mass, 0.5
     return np.array([water.level, *(water.density * factor for factor in per_volume)])
+
+
+def patches_of(tree: Tree) -> Floats:
+    """What sand knows of the surface of the points of a tree, (points, PATCH_WIDTH), see ``slots``."""
+    found = [(*each.ball, each.length, *each.axis, *each.edges) for each in tree.patches()]
+    return np.array(found).reshape(-1, slots.PATCH_WIDTH)
+
+
+def sand_of(relief: Relief) -> Floats:
+    """The sand of a ground, (SAND_WIDTH,), see ``slots``."""
+    return np.array([FIRM if relief.yield_per_depth is None else relief.yield_per_depth])
 
 
 def eyes_of(senses: Senses) -> Floats:

@@ -1,10 +1,12 @@
 """A second implementation of the rigid engine's step, slow and plain: explicit Jacobians, dense matrices, pivoting.
 
 It shares descriptions (``Tree``, ``World``) with the engine and nothing else. A body's velocity is J u, u being that
-of the base and the rates of hinges; what motors, stops and normals ask of u is a linear complementarity problem.
+of the base and the rates of hinges; what motors, stops and normals ask of u is a linear complementarity problem. On
+sand normals have an upper bound, too.
 """
 
 import numpy as np
+from sand_surface import of_point
 from scipy.spatial.transform import Rotation
 
 from taichi_sim.rigid import Hinge
@@ -34,8 +36,8 @@ def complementarity(matrix, right, low, high):
 class Oracle:
     """One robot, step by step; ``position``, ``orientation`` and ``angles`` are where it is."""
 
-    def __init__(self, tree, world, start):
-        self.tree, self.world = tree, world
+    def __init__(self, tree, world, start, yield_per_depth=None):
+        self.tree, self.world, self.yield_per_depth, self.saturated = tree, world, yield_per_depth, 0
         self.position, self.orientation, self.angles = start.position[0], start.orientation[0], start.angles[0]
         self.masses = np.array([body.mass for body, _ in tree.ordered])
         rotations, places, jacobians = self.kinematics()
@@ -97,10 +99,17 @@ class Oracle:
         pushes, rows, demands = self.hinges(commands)
         right = np.einsum("bij,bi->j", jacobians, np.hstack([spin, linear])) + pushes
         contacts = self.contacts(rotations, places + drift, jacobians)
-        demands += [(push_out * (depth + drift[b, 2]), 0.0, np.inf) for depth, b, _ in contacts]
-        rows = np.array(rows + [motion[2] for *_, motion in contacts]).reshape(-1, len(right))
-        slides = [(motion[:2], push_out * drift[b, :2]) for _, b, motion in contacts]
-        u = self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides)
+        if self.yield_per_depth is None:
+            demands += [(push_out * (depth + drift[b, 2]), 0.0, np.inf) for depth, b, *_ in contacts]
+        else:
+            limits = [h * self.yield_per_depth * self.surface(each, rotations, [0, 0, -1]) for each in contacts]
+            demands += [
+                (push_out * drift[each[1], 2], 0.0, limit) for each, limit in zip(contacts, limits, strict=True)
+            ]
+        rows = np.array(rows + [motion[2] for *_, motion, _ in contacts]).reshape(-1, len(right))
+        slides = [(motion[:2], push_out * drift[b, :2]) for _, b, motion, _ in contacts]
+        ploughs = [lambda way, each=each: self.ploughing(each, rotations, way) for each in contacts]
+        u = self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides, ploughs)
         self.carry(places, inertias, jacobians @ u)
         self.velocities[:, 3:] -= push_out * drift
         self.own = self.own + h * self.velocities[:, 3:]
@@ -130,15 +139,28 @@ class Oracle:
         return pushes, rows, demands
 
     def contacts(self, rotations, places, jacobians):
-        """Depth, body and Jacobian of each point on the ground."""
+        """Depth, body, Jacobian and number of each point on the ground."""
         levers = [(b, rotations[b] @ centre - [0, 0, radius]) for b, centre, radius in self.tree.points()]
         return [
-            (-(places[b] + lever)[2], b, jacobians[b, 3:] + np.cross(jacobians[b, :3].T, lever).T)
-            for b, lever in levers
+            (-(places[b] + lever)[2], b, jacobians[b, 3:] + np.cross(jacobians[b, :3].T, lever).T, i)
+            for i, (b, lever) in enumerate(levers)
             if (places[b] + lever)[2] <= 0
         ]
 
-    def solve(self, matrix, right, rows, demands, slides):
+    def surface(self, contact, rotations, way):
+        """Integral over the surface of a point of depth by cos^2 from a way."""
+        depth, b, _, i = contact
+        owners = [(s, n) for body, _ in self.tree.ordered for s in body.shapes for n in range(len(s.points()))]
+        return of_point(*owners[i], rotations[b], depth, np.array(way))
+
+    def ploughing(self, contact, rotations, sliding):
+        """What ploughing adds to the largest impulse of friction of a point that slides so."""
+        if self.yield_per_depth is None:
+            return 0.0
+        way = [*(sliding / np.linalg.norm([*sliding, 1e-10])), 0.0]
+        return 0.37 * self.world.time_step * self.yield_per_depth * self.surface(contact, rotations, way)
+
+    def solve(self, matrix, right, rows, demands, slides, ploughs):
         """Velocities: first without friction, then with that of points that push; Coulomb's by repetition."""
         (rates, low, high), normals = demands, np.arange(len(rows) - len(slides), len(rows))
         soft = COMPLIANCE * (np.arange(len(rows)) >= len(rows) - len(slides))
@@ -152,12 +174,15 @@ class Oracle:
             system = rows @ inverse @ rows.T + np.diag(soft)
             impulses = complementarity(system, rates - rows @ inverse @ drive, low, high)
             u = inverse @ (drive + rows.T @ impulses)
-            speeds = np.array([np.linalg.norm([*(motion @ u - slip), 1e-6]) for motion, slip in slides])
+            sliding = [motion @ u - slip for motion, slip in slides]
+            speeds = np.array([np.linalg.norm([*each, 1e-6]) for each in sliding])
+            self.saturated += int(((impulses == high) & (high > 0) & (low == 0))[normals].sum())
             most = self.world.time_step / self.world.slip
             if np.isinf(self.world.friction):
                 strength = np.where(impulses[normals] > 0, most, 0.0)
                 continue
             largest = self.world.friction * np.maximum(impulses[normals], 0)
+            largest += [plough(each) for plough, each in zip(ploughs, sliding, strict=True)]
             lawful = np.minimum(largest / speeds, most)  # no more than the cone allows at the speed that is left
             self.excess = float(np.abs(strength - lawful).max(initial=0.0) / most)
             if phase == 0:

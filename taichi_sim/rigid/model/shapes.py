@@ -56,6 +56,7 @@ def _direction(field: str, value: Vector) -> tuple[float, ...]:
 Place = Annotated[Vector, triple]
 SLICES, BLOCKS = 6, 3  # of a capsule and along an edge of a box, in water
 LARGEST = 1e6  # m; the fifth powers of sizes in inertias stay far within single precision
+_CORNERS = np.array([(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
 _size = partial(positive, high=LARGEST)
 Size = Annotated[float, _size]
 
@@ -76,6 +77,24 @@ class Portion:
     spread: Floats
     volume: float
     is_ball: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """The part of a solid's surface that belongs to one of its points, as sand finds it.
+
+    Attributes:
+        ball: share of the ball about the point, and what is added to it for each unit of the cosine between ``axis``
+            and straight down.
+        length: of the cylinder half of which belongs to the point [m].
+        axis: along that cylinder, outwards; a unit vector, or zero.
+        edges: of the box whose corner the point is, as they go from it along the three axes at rest; signed [m].
+    """
+
+    ball: tuple[float, float] = (0.0, 0.0)
+    length: float = 0.0
+    axis: Vector = ORIGIN
+    edges: Vector = ORIGIN
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +146,10 @@ class Sphere:
         """Balls that stand for the solid in contact: centres from the body's centre of mass, and radii [m]."""
         return [(np.array(self.centre), self.radius)]
 
+    def patches(self) -> list[Patch]:
+        """The whole ball."""
+        return [Patch((1.0, 0.0))]
+
     def portions(self) -> list[Portion]:
         """Itself."""
         return [Portion(np.array(self.centre), self.radius**2 * np.eye(3), self.volume, is_ball=True)]
@@ -169,6 +192,11 @@ class Capsule:
         """Balls at the two ends: centres from the body's centre of mass, and radii [m]."""
         arm = unit("axis", self.axis) * self.length / 2
         return [(np.array(self.centre) + side * arm, self.radius) for side in (-1.0, 1.0)]
+
+    def patches(self) -> list[Patch]:
+        """Of either end its half ball, and half of the cylinder."""
+        axis = unit("axis", self.axis)
+        return [Patch((0.5, 0.5), self.length, side * axis) for side in (-1.0, 1.0)]
 
     def portions(self) -> list[Portion]:
         """One for either half ball, and equal slices of the cylinder; as many for any size, which may change."""
@@ -223,8 +251,11 @@ class Box:
     def points(self) -> list[tuple[Floats, float]]:
         """The eight corners as balls of radius 0: centres from the body's centre of mass, and radii [m]."""
         half = np.array(self.size) / 2
-        signs = np.array([(x, y, z) for x in (1, -1) for y in (1, -1) for z in (1, -1)])
-        return [(np.array(self.centre) + half * each, 0.0) for each in signs]
+        return [(np.array(self.centre) + half * each, 0.0) for each in _CORNERS]
+
+    def patches(self) -> list[Patch]:
+        """Of each corner a quarter of the three faces that meet there."""
+        return [Patch(edges=-np.array(self.size) * each) for each in _CORNERS]
 
     def portions(self) -> list[Portion]:
         """Equal blocks, three along each edge; as many for any size, which may change."""

@@ -12,7 +12,7 @@ import numpy as np
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
-from taichi_sim.rigid.model.shapes import Faces, Portion, Solid, Vector, unit, vector
+from taichi_sim.rigid.model.shapes import Faces, Patch, Portion, Solid, Vector, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +240,10 @@ class Tree:
             for shape in body.shapes
             for centre, radius in shape.points()
         ]
+
+    def patches(self) -> list[Patch]:
+        """The surface that belongs to each of its ``points``, as sand finds it."""
+        return [patch for body, _ in self.ordered for shape in body.shapes for patch in shape.patches()]
 
     def portions(self) -> list[tuple[int, Portion, Faces]]:
         """Portions that stand for the bodies in water: place of the body, and each with its share of drag areas."""

@@ -20,6 +20,7 @@ from taichi_sim.rigid.memory import (
     given_at,
     gravity_of,
     is_hinged,
+    listed_at,
     listed_point,
     parent_at,
     put,
@@ -30,7 +31,7 @@ from taichi_sim.rigid.memory import (
     variables,
     write,
 )
-from taichi_sim.rigid.stages import laws, spatial
+from taichi_sim.rigid.stages import laws, sand, spatial
 from taichi_sim.rigid.stages.arguments import (
     body_slots,
     carrier_slots,
@@ -132,6 +133,8 @@ def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti
         write(motion, body + slots.PUSH, read(cotangents, body + slots.RATE))
         put(motion, body + slots.TARGET, (zero,))
         put(motion, body + slots.LOW, (zero, zero))
+    if ti.static(motion.granular):
+        sand.forget_limits(motion)
 
 
 @ti.func
@@ -150,11 +153,13 @@ def solve_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.t
 
 
 @primitive
-def contact_slopes(robots: Block, point: Any, inputs: Reals, constants: Reals, one: Any) -> tuple[Any, ...]:
+def contact_slopes(robots: Block, n: Any, inputs: Reals, constants: Reals, one: Any) -> tuple[Any, ...]:
     """Derivatives of the work of a point that touches the ground, by ``inputs``."""
     if robots.ground is None:
         return pull_back(laws.contact_work, inputs, constants, (one,))
-    normal = row(robots, point + slots.NORMAL, 3)
+    normal = row(robots, listed_at(robots, n) + slots.NORMAL, 3)
+    if robots.granular:
+        return pull_back(sand.sand_work, inputs, (*constants, *normal, *sand.constants_of(robots, n)), (one,))
     return pull_back(laws.uneven_contact_work, inputs, (*constants, *normal), (one,))
 
 
@@ -183,7 +188,7 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
         impulse = read(robots, point + slots.IMPULSES + rows)
         inputs = ti.static(gather(robots, pieces) + row(motion, body + slots.VELOCITY, 6) + (strength,))
         constants = ti.static((impulse, multiplier, push_out, robots.drifting))
-        to = ti.static(contact_slopes(robots, point, inputs, constants, one))
+        to = ti.static(contact_slopes(robots, n, inputs, constants, one))
         scatter(cotangents, pieces, to[:-7])
         add(cotangents, body + slots.MOMENTUM, to[-7:-1])
         add_one(cotangents, slots.SLIP_STRENGTH, select(strength > 0.0, to[-1], 0.0 * one))

@@ -4,7 +4,7 @@ from typing import Any
 
 from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.rigid import slots
-from taichi_sim.rigid.memory import Block, Pieces, body_at, count_of, given_at, listed_in_plan, parent_at
+from taichi_sim.rigid.memory import Block, Pieces, body_at, count_of, given_at, listed_in_plan, parent_at, patch_at
 
 
 @primitive
@@ -45,12 +45,14 @@ def shifted_slots(robots: Block, b: Any) -> Pieces:
 def contact_slots(robots: Block, b: Any, i: Any) -> Pieces:
     """Slots for ``contact_work`` before the adjoint motion: pose, drift, the point, the base's height, velocity.
 
-    On uneven ground, where the law is another, the base's place instead of its height.
+    On uneven ground, where the law is another, the base's place instead of its height; on sand the surface that belongs
+    to the point comes first.
     """
     body, point = body_at(robots, b), count_of(robots, slots.POINT_PARAMETER) + i * slots.POINT_PARAMETER_WIDTH
     pose = (body + slots.ROTATION, 9), (body + slots.PLACE, 3), (body + slots.DRIFT, 3)
     base = (slots.POSITION + 2, 1) if robots.ground is None else (slots.POSITION, 3)
-    return (*pose, (point, slots.POINT_PARAMETER_WIDTH), base, (body + slots.VELOCITY, 6))
+    surface = ((patch_at(robots, i), slots.PATCH_WIDTH),) if robots.granular else ()
+    return (*surface, *pose, (point, slots.POINT_PARAMETER_WIDTH), base, (body + slots.VELOCITY, 6))
 
 
 @primitive

@@ -4,19 +4,16 @@ With M = L^T D L of the articulated tree, the matrix of normal rows is A = (L^-T
 holds an entry for each hinge between it and the base, and six for the base.
 """
 
-from typing import Any
-
 from taichi_sim.autodiff.lanes import any_lane, larger
-from taichi_sim.autodiff.tracing import primitive, select, sqrt
+from taichi_sim.autodiff.tracing import select, sqrt
 from taichi_sim.ground import laws as uneven
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
-    Block,
     assign,
     body_at,
     cell_under,
     column,
-    count_of,
+    entry_at,
     hinge_on_path,
     listed_at,
     listed_in_plan,
@@ -30,17 +27,11 @@ from taichi_sim.rigid.memory import (
     variables,
     write,
 )
-from taichi_sim.rigid.stages import spatial
+from taichi_sim.rigid.stages import sand, spatial
 from taichi_sim.runtime import ti
 
 MOST_PIVOTS = 60
 BLOCK_FLIPS = 5.0  # of all violators at once without there being fewer; then one at a time, which always ends
-
-
-@primitive
-def entry_at(robots: Block, section: int, n: Any, l: Any) -> Any:
-    """Slot of an entry of the matrix of normal rows, or of its factor: row n, column l <= n."""
-    return count_of(robots, section) + n * (n + 1) // 2 + l
 
 
 @ti.func
@@ -119,6 +110,8 @@ def reduce_points(robots: ti.template(), count, push_out):
         if ti.static(robots.uneven):
             drifted = ti.static(row(robots, body_at(robots, b) + slots.DRIFT, 3))
             drift = spatial.dot(row(robots, point + slots.NORMAL, 3), drifted)
+        if ti.static(robots.granular):
+            deep = sand.pushed_back(robots, deep)
         write(robots, point + slots.RIGHT, push_out * deep + push_out * drift - free)
 
 
@@ -148,8 +141,10 @@ def solve_members(robots: ti.template(), count, phase):
     """Impulses of the points that push: those make their velocities as required; the others' are zero."""
     for n in range(count):
         point = listed_at(robots, n)
-        member = read(robots, point + slots.MEMBER)
-        value = member * read(robots, point + slots.RIGHT)
+        member, right = read(robots, point + slots.MEMBER), read(robots, point + slots.RIGHT)
+        if ti.static(robots.granular):
+            right = right - sand.saturated_share(robots, count, n)
+        value = member * right
         factor_n = entry_at(robots, slots.FACTOR, n, 0)
         for l in range(n):
             other = listed_at(robots, l)
@@ -174,7 +169,10 @@ def solve_members(robots: ti.template(), count, phase):
         for l in range(n + 1, count):
             impulse = read(robots, listed_at(robots, l) + slots.IMPULSES + phase)
             value = value - read(robots, entry_at(robots, slots.FACTOR, l, n)) * impulse
-        write(robots, point + slots.IMPULSES + phase, value * read(robots, entry_at(robots, slots.FACTOR, n, n)))
+        impulse = value * read(robots, entry_at(robots, slots.FACTOR, n, n))
+        if ti.static(robots.granular):
+            impulse = sand.with_saturated(robots, n, impulse)
+        write(robots, point + slots.IMPULSES + phase, impulse)
 
 
 @ti.func
@@ -193,8 +191,13 @@ def violations(robots: ti.template(), count, phase):
         pushes = read(robots, point + slots.MEMBER) > 0.5
         touches = read(robots, point + slots.DEEP) >= 0.0
         amount = select(pushes, 0.0 - impulse, select(touches, short, 0.0))
+        if ti.static(robots.granular):
+            amount = sand.bounded_violation(robots, n, amount, impulse, short)
         wrong = amount > tolerance
-        write(robots, point + slots.EXCESS, select(wrong, 1.0, 0.0 * amount))
+        mark = select(wrong, 1.0, 0.0 * amount)
+        if ti.static(robots.granular):
+            mark = sand.marked(robots, wrong, amount)
+        write(robots, point + slots.EXCESS, mark)
         number = number + select(wrong, 1.0, 0.0)
         worst = larger(amount, worst)
     return number, worst
@@ -207,6 +210,8 @@ def choose_members(robots: ti.template(), count, phase):
         point = listed_at(robots, n)
         pushed = read(robots, point + slots.IMPULSES + phase) > 0.0
         write(robots, point + slots.MEMBER, select(pushed, 1.0, 0.0))
+        if ti.static(robots.granular):
+            sand.begin_saturated(robots, n, phase)
 
 
 @ti.func
@@ -214,16 +219,20 @@ def solve_normals(robots: ti.template(), count, phase):
     """Normal impulses, exactly: those push that must, and no other point sinks in.
 
     Block principal pivoting: all violators change sides at once; where that stops helping, the last one does (Murty).
-    Source: Judice, Pires, Computers & Operations Research 21 (1994) 587.
+    Source: Judice, Pires, Computers & Operations Research 21 (1994) 587. On sand see ``sand.move_within_bounds``.
     """
     fewest = 0.0 * read(robots, 0) + 1e9
     patience = 0.0 * fewest + BLOCK_FLIPS
     left = MOST_PIVOTS
+    if ti.static(robots.granular):
+        left = sand.MOST_ROUNDS
     while left > 0:
         solve_members(robots, count, phase)
         number, worst = violations(robots, count, phase)
         left -= 1
         if any_lane(number > 0.5):
+            if ti.static(robots.granular):
+                sand.move_within_bounds(robots, count, phase)
             better = number < fewest
             patience = select(better, BLOCK_FLIPS, patience - 1.0)
             fewest = select(better, number, fewest)
@@ -243,7 +252,10 @@ def solve_normals(robots: ti.template(), count, phase):
     for n in range(count):  # what rounding leaves of a point that does not push
         slot = listed_at(robots, n) + slots.IMPULSES + phase
         impulse = read(robots, slot)
-        write(robots, slot, select(impulse > 0.0, impulse, 0.0))
+        kept = select(impulse > 0.0, impulse, 0.0)
+        if ti.static(robots.granular):
+            kept = sand.bounded_impulse(robots, n, kept)
+        write(robots, slot, kept)
 
 
 @ti.func

@@ -16,6 +16,7 @@ from taichi_sim.autodiff.tracing import primitive, select, sqrt
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import Block, body_at, listed_point, read, row, setting, write
 from taichi_sim.rigid.stages import spatial
+from taichi_sim.rigid.stages.sand import ploughing
 from taichi_sim.runtime import ti
 
 _SLOWEST = 1e-12  # m^2/s^2, keeps a division finite
@@ -30,20 +31,35 @@ def axes_of(robots: Block, point: Any) -> spatial.Axes:
 
 
 @primitive
-def sliding_speed(robots: Block, point: Any, body: Any, push_out: Any) -> Any:
-    """How fast a point slides on the ground."""
+def sliding_of(robots: Block, point: Any, body: Any, push_out: Any) -> Any:
+    """Velocity of a point along the ground, in the axes that friction acts along."""
     y = row(robots, body + slots.VELOCITY, 6)
     of_tree = spatial.plus(y[3:], spatial.cross(y[:3], row(robots, point + slots.AT, 3)))
     moving = spatial.minus_times(of_tree, row(robots, body + slots.DRIFT, 3), push_out)
-    sliding = spatial.along(axes_of(robots, point), moving)
+    return spatial.along(axes_of(robots, point), moving)
+
+
+@primitive
+def sliding_speed(robots: Block, point: Any, body: Any, push_out: Any) -> Any:
+    """How fast a point slides on the ground."""
+    sliding = sliding_of(robots, point, body, push_out)
     return sqrt(sliding[0] * sliding[0] + sliding[1] * sliding[1] + _SLOWEST)
 
 
 @primitive
-def largest_impulse(robots: Block, point: Any, phase: Any) -> Any:
-    """The largest impulse of friction that the cone allows a point that pushed as it did in the last phase."""
+def largest_impulse(robots: Block, n: Any, point: Any, phase: Any, push_out: Any) -> Any:
+    """The largest impulse of friction that the cone allows a listed point that pushed as it did in the last phase.
+
+    On sand with what ploughing adds to it, as the point slides.
+    """
     largest = setting(robots, slots.FRICTION) * read(robots, point + slots.IMPULSES + ti.min(phase, 1))
-    return largest * read(robots, point + slots.ROUGHNESS) if robots.uneven else largest
+    if robots.uneven:
+        largest = largest * read(robots, point + slots.ROUGHNESS)
+    if robots.granular:
+        _, b, _ = listed_point(robots, n)
+        sliding = sliding_of(robots, point, body_at(robots, b), push_out)
+        largest = largest + ploughing(robots, n, sliding, axes_of(robots, point))
+    return largest
 
 
 @ti.func
@@ -57,7 +73,7 @@ def allowed_share(robots: ti.template(), count, phase):
         before = read(robots, point + slots.RUBS)
         slides = (before > 0.0) & (before < strength)
         impulse = before * sliding_speed(robots, point, body_at(robots, b), push_out)
-        allowed = allowed + select(slides, largest_impulse(robots, point, phase), 0.0 * before)
+        allowed = allowed + select(slides, largest_impulse(robots, n, point, phase, push_out), 0.0 * before)
         had = had + select(slides, impulse, 0.0 * before)
     return allowed / had
 
@@ -76,7 +92,7 @@ def rub(robots: ti.template(), count, phase):
         most = 0.0 * read(robots, point) + strength
         if friction < ENDLESS:
             speed = sliding_speed(robots, point, body_at(robots, b), push_out)
-            largest = largest_impulse(robots, point, phase)
+            largest = largest_impulse(robots, n, point, phase, push_out)
             if phase == 0:
                 write(robots, point + slots.SLIDES, speed)
             free, before = read(robots, point + slots.SLIDES), read(robots, point + slots.RUBS)

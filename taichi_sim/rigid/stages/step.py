@@ -22,6 +22,7 @@ from taichi_sim.rigid.stages.contact import (
 from taichi_sim.rigid.stages.control import clear_touch, command_hinges, sense_light, think
 from taichi_sim.rigid.stages.friction import rub
 from taichi_sim.rigid.stages.motion import gather_momentum, place_bodies
+from taichi_sim.rigid.stages.sand import limit_normals
 from taichi_sim.rigid.stages.water import immerse
 from taichi_sim.runtime import ti
 
@@ -48,6 +49,8 @@ def respond(robots: ti.template(), count):
     gather_momentum(robots)
     if ti.static(robots.wet):
         immerse(robots)
+    if ti.static(robots.granular):
+        limit_normals(robots, count)
     phases = robots.plan[slots.PHASES]
     for phase in range(phases):
         if phase == 0 or count > 0:

@@ -273,7 +273,6 @@ def test_single_precision_agrees():
             lambda: engine_of(walker(), gravity_across=(1.0, 0.0)),
             "gravity_across: not allowed with water",
         ),
-        (lambda: engine_of(walker(), replace(sea(), yield_per_depth=1e5)), "ground: sand is not allowed under rigid"),
         (lambda: engine_of(walker(), [sea(), replace(sea(), water=None)]), "ground: water for some robots of a batch"),
         (lambda: World(pressure_drag=-1.0), "pressure_drag: -1.0 is not allowed"),
         (
