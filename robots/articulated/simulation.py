@@ -66,7 +66,7 @@ def simulate(
     Args:
         robot: the robot.
         points: values of its parameters, (N, P).
-        terrain: ``GROUND``, or a ``Terrain`` with a slope, uneven ground, or water.
+        terrain: ``GROUND``, or a ``Terrain`` with a slope, uneven ground, sand, or water.
         record_every: time steps between frames; None for none.
         progress: called with the fraction done.
         **compute: device, precision and threads, as of :class:`Compute`.
@@ -145,7 +145,7 @@ def _engine(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[
 
 
 def on_ground(world: World) -> World:
-    """A world that robots of this kind can be in: ground that is level, tilted or uneven, maybe with water, or a fluid.
+    """A world that robots of this kind can be in: level, tilted or uneven ground, maybe with sand or water, or a fluid.
 
     Raises:
         ValueError: for worlds of other kinds, and terrains that are more than ground.
@@ -156,11 +156,7 @@ def on_ground(world: World) -> World:
     if not_taken(terrain, TERRAIN_FIELDS):
         raise ValueError(
             f"terrain: {terrain.where!r} is not allowed for an articulated robot; give a slope, uneven ground or "
-            "water, such as hill:5, rough:0.01 or ramp:-5+water:0, and friction by the robot"
-        )
-    if terrain.uneven is not None and "yield_per_depth" in terrain.uneven.laws:
-        raise ValueError(
-            f"terrain: {terrain.ground!r} is not allowed for an articulated robot; give firm ground, without sand"
+            "water, such as hill:5, rough:0.01+sand:2e5 or ramp:-5+water:0, and friction by the robot"
         )
     return terrain
 

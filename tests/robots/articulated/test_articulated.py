@@ -284,7 +284,8 @@ def test_a_file_that_starts_deep_in_the_ground_is_refused_but_not_in_records(tmp
 
 UNEVEN = Terrain(ground="rough:0.02,0.2")
 SHORE = Terrain(ground="ramp:-10,0.1+water:0.02")
-TERRAINS = [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), SHORE, Terrain.water()]
+SAND, BEACH = Terrain(ground="sand:3e4"), Terrain(ground="ramp:-10,0.1+sand:3e4+water:0.02")
+TERRAINS = [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), SHORE, Terrain.water(), SAND, BEACH]
 
 
 @pytest.mark.kernels
@@ -341,6 +342,22 @@ def engine_rest(robot) -> np.ndarray:
 
 
 @pytest.mark.kernels
+def test_it_sinks_into_sand_and_walks_there():
+    """The softer it is the deeper, and otherwise than on firm ground; on hills and slopes of it, too."""
+    robot = crawler(friction=None, duration=1.0)
+    still, points = [[1.0, *([0.0] * 6)]], some_points(robot, 2)
+    names = ("flat", "sand:1e6", "sand:1e5", "sand:3e4")
+    worlds = [KINDS["articulated"].world(name) for name in names]
+    heights = [simulate(robot, still, terrain=world, **HERE).runs[0].position[0, 2] for world in worlds]
+    assert (np.diff(heights) < -1e-4).all()
+    names = ("flat", "sand:1e5", "hill:5+sand:1e5", "rough:0.02,0.2+sand:1e5")
+    worlds = [KINDS["articulated"].world(name) for name in names]
+    found = [simulate(robot, points, terrain=world, **HERE) for world in worlds]
+    assert all((each.status == "ok").all() for each in found)
+    assert len(np.unique(np.concatenate([each.distance for each in found]))) == 8
+
+
+@pytest.mark.kernels
 def test_motions_show_what_is_below():
     """The ground of its world, uneven, tilted or below water; nothing solid in a fluid."""
     robot = crawler(duration=0.1)
@@ -389,8 +406,9 @@ def test_terrains_by_name():
     for terrain in (Terrain(5.0, high_friction=1.0), Terrain(ground="rough:0.01", high_friction=1.0)):
         with pytest.raises(ValueError, match=r"^terrain: .* is not allowed for an articulated robot; give"):
             kind.chosen_world({"terrain": terrain})
-    with pytest.raises(ValueError, match=r"^terrain: 'rough:0\.01\+sand:1e5' is not allowed .* give firm ground"):
-        kind.world("rough:0.01+sand:1e5")
+    assert kind.world("sand:3e4") == SAND and kind.world("hill:5+sand:3e4") == Terrain(5.0, ground=SAND.ground)
+    with pytest.raises(ValueError, match="YIELD 0 of 'sand:0' is not allowed; give more than 0"):
+        kind.world("sand:0")
     with pytest.raises(ValueError, match=r"^terrain: rough:0\.02,0\.2 is not allowed beside --world"):
         kind.chosen_world({"terrain": UNEVEN, "world": "ground"})
 
