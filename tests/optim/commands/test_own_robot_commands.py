@@ -77,6 +77,18 @@ def test_a_users_file_may_set_a_robot_of_another_kind(morpholab, tmp_path):
     assert {**json.loads(out), "robot": ""} == {**direct, "robot": ""}
 
 
+@pytest.mark.kernels
+@pytest.mark.filterwarnings("ignore:model. ignored")
+def test_a_robot_of_a_file_is_simulated_and_designed_on_sand(morpholab, tmp_path):
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    asked = "--robot crawler.xml --duration 0.3 --threads 1 --quiet --json"
+    code, out, error = morpholab(f"simulate {asked} --terrain sand:2e5")
+    assert code == 0 and json.loads(out)["world"] == "sand:2e5" and json.loads(out)["status"] == "ok", error
+    search = "--method hill-climb --climbers 2 --generations 2 --out dunes"
+    code, out, error = morpholab(f"codesign {asked} --terrain rough:0.02+sand:2e5 {search}")
+    assert code == 0 and Path("dunes/best.json").exists(), error
+
+
 HOPPER = """
 from robots.robot import Measure, Outcome, Parameter, Robot
 

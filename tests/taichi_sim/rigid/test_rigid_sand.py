@@ -10,6 +10,7 @@ from rigid_oracle import Oracle
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from robots.quadruped import LEGGED
 from taichi_sim.ground import Relief
 from taichi_sim.ground.relief import Water
 from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Sphere, State, Tree, World
@@ -201,6 +202,22 @@ def test_the_engine_is_its_dense_oracle_on_sand(friction, tolerance, limit, inte
             worst = max(worst, np.abs(ours - np.append(oracle.position, oracle.angles)).max())
             oracle.step(commands[min(step, 59)])
         assert worst < tolerance and done.residual[0] == 0 and oracle.saturated > 10
+
+
+def test_all_normals_are_solved_where_many_points_share_few_bodies():
+    """Of quadrupeds of 24 points that are thrown onto soft sand; pivoting does not end there."""
+    rng, tree, count = np.random.default_rng(1), LEGGED.tree(), 8
+    turn = rng.normal(size=(count, 4))
+    start = State(
+        np.tile([0, 0, 0.8], (count, 1)),
+        turn / np.linalg.norm(turn, axis=1)[:, None],
+        rng.uniform(-0.7, 0.7, (count, 8)),
+        rng.normal(size=(count, 6)),
+        rng.normal(size=(count, 8)),
+    )
+    engine = RigidEngine(tree, World(0.02, friction=0.5), ground=sand(1e4), **HERE)
+    done = engine.run(100, commands=rng.uniform(-1, 1, (count, 50, 8)), hold=2, start=start)
+    assert (done.status == "ok").all() and (done.residual == 0).all()
 
 
 @pytest.mark.parametrize("ground", [sand(2e4), slope(2e4)], ids=["level", "slope"])
