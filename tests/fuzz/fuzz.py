@@ -159,7 +159,8 @@ def main() -> int:
         parser.error(f"unknown targets {', '.join(unknown)}; known are {', '.join(targets.TARGETS)}")
     log = args.log or (None if args.runs is not None else fuzz_log.TABLE)
     # From the same corpus, the same seed would try what was tried before, which then counted twice.
-    first = args.seed or (1 if args.runs is not None else time.time_ns() % 2**31)
+    new = 1 if args.runs is not None else time.time_ns() % 2**31
+    first = new if args.seed is None else args.seed
     failed: list[str] = []
     for turn in range(args.rounds):
         for name in args.targets or targets.TARGETS:
@@ -173,7 +174,7 @@ def main() -> int:
                 print(outcome.said[-3000:], flush=True)
             if log is not None:
                 fuzz_log.append(outcome.row(name), log)
-            if log == fuzz_log.TABLE:
+            if log is not None and log.resolve() == fuzz_log.TABLE:
                 fuzz_log.write_page()
     return 1 if failed else 0
 

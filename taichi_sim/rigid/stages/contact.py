@@ -138,7 +138,10 @@ def fill_matrix(robots: ti.template(), count):
 
 @ti.func
 def solve_members(robots: ti.template(), count, phase):
-    """Impulses of the points that push: those make their velocities as required; the others' are zero."""
+    """Impulses of the points that push: those make their velocities as required; the others' are zero.
+
+    On sand those of saturated points are their largest ones.
+    """
     for n in range(count):
         point = listed_at(robots, n)
         member, right = read(robots, point + slots.MEMBER), read(robots, point + slots.RIGHT)
@@ -176,8 +179,12 @@ def solve_members(robots: ti.template(), count, phase):
 
 
 @ti.func
-def violations(robots: ti.template(), count, phase):
-    """Marks points that pull, or sink in without pushing; their number, and the largest violation."""
+def violations(robots: ti.template(), count, phase, late):
+    """Marks points that pull, sink in without pushing, or have more than sand bears; how many, and by how much at most.
+
+    A mark is 1, of robots on sand the violation. ``late`` is for batches with sand: robots on firm ground are left as
+    they are then, as they are alone.
+    """
     tolerance = setting(robots, slots.TOLERANCE)
     number = 0.0 * read(robots, 0)
     worst = number
@@ -196,9 +203,9 @@ def violations(robots: ti.template(), count, phase):
         wrong = amount > tolerance
         mark = select(wrong, 1.0, 0.0 * amount)
         if ti.static(robots.granular):
-            mark = sand.marked(robots, wrong, amount)
+            mark = sand.marked(robots, wrong, amount, late)
         write(robots, point + slots.EXCESS, mark)
-        number = number + select(wrong, 1.0, 0.0)
+        number = number + select(mark > 0.0, 1.0, 0.0)
         worst = larger(amount, worst)
     return number, worst
 
@@ -228,8 +235,11 @@ def solve_normals(robots: ti.template(), count, phase):
         left = sand.MOST_ROUNDS
     while left > 0:
         solve_members(robots, count, phase)
-        number, worst = violations(robots, count, phase)
+        number, worst = violations(robots, count, phase, left <= sand.MOST_ROUNDS - MOST_PIVOTS + 1)
         left -= 1
+        if ti.static(robots.granular):
+            if left == sand.MOST_ROUNDS - MOST_PIVOTS:
+                sand.give_up_on_firm(robots, worst)
         if any_lane(number > 0.5):
             if ti.static(robots.granular):
                 sand.move_within_bounds(robots, count, phase)

@@ -4,10 +4,11 @@ The stress on a surface that is pushed into the ground is YIELD times its depth,
 outward normal and the way that it is pushed (see ``ground.laws.outer_share``). Over the surface that belongs to a
 point, the part of it that is buried, that is YIELD times a volume:
 
-- straight down it is the largest normal impulse of a step, over h. The ground stops what goes down, with as much as
-  it takes up to that; it neither pulls, nor pushes out. So each point's impulse lies between two bounds: at the lower
-  one the point leaves, at the upper one (it is *saturated*) it goes on sinking, and between them it stands still;
-- along the ground 0.37 of it joins the largest impulse of friction: ploughing.
+- straight into the ground, along its normal, it is the largest normal impulse of a step, over h. The ground stops what
+  goes in, with as much as it takes up to that; it neither pulls, nor pushes out. So each point's impulse lies between
+  two bounds: at the lower one the point leaves, at the upper one (it is *saturated*) it goes on sinking, and between
+  them it stands still;
+- along the ground, the way that the lowest place slides, 0.37 of it joins the largest impulse of friction: ploughing.
 
 Of each face of a box a quarter belongs to each of its corners, at the corner's depth; where the other end of an edge
 is above the ground, only the buried part of it counts. So a box that is level, or tilted about one edge, has what its
@@ -51,7 +52,7 @@ UNBOUNDED = 1e30  # N s: what firm ground bears
 MOST_ROUNDS = 200  # solutions with other members in a phase
 
 
-def _round(weight: Callable[[Any], Any], power: float) -> Mapping[bool, list[float]]:
+def _half_cylinder(weight: Callable[[Any], Any], power: float) -> Mapping[bool, list[float]]:
     """Series in s of the integral of (cos a - 1 + s) weight(a) from a = 0 to where it is 0, over s^power, for s <= 1.
 
     It is that over half of a cylinder sunk by s of its radius: of depth by the square of a component of the normal.
@@ -71,7 +72,7 @@ def _round(weight: Callable[[Any], Any], power: float) -> Mapping[bool, list[flo
     return found
 
 
-_LYING, _ACROSS = _round(lambda a: np.cos(a) ** 2, 1.5), _round(lambda a: np.sin(a) ** 2, 2.5)
+_LYING, _ACROSS = _half_cylinder(lambda a: np.cos(a) ** 2, 1.5), _half_cylinder(lambda a: np.sin(a) ** 2, 2.5)
 
 
 @primitive
@@ -187,7 +188,7 @@ def sandy_at(robots: Block, i: Any) -> Any:
 
 @primitive
 def listed_sandy(robots: Block, n: Any) -> Any:
-    """The same of a listed point."""
+    """First slot of what sand knows of a listed point in a step."""
     return sandy_at(robots, listed_point(robots, n)[0])
 
 
@@ -281,10 +282,22 @@ def bounded_violation(robots: ti.template(), n, amount, impulse, short):
 
 
 @ti.func
-def marked(robots: ti.template(), wrong, amount):
-    """The mark of a violator: 1; of robots on sand by how much it violates its conditions. Else 0."""
-    mark = select(yield_per_depth(robots) < FIRM, amount, 1.0 + 0.0 * amount)
+def marked(robots: ti.template(), wrong, amount, late):
+    """The mark of a violator: of robots on sand by how much it violates its conditions, else 1, or 0 if it is late."""
+    on_firm = 1.0 + 0.0 * amount
+    if late:
+        on_firm = 0.0 * amount
+    mark = select(yield_per_depth(robots) < FIRM, amount, on_firm)
     return select(wrong, mark, 0.0 * amount)
+
+
+@ti.func
+def give_up_on_firm(robots: ti.template(), worst):
+    """Note the largest violation of robots on firm ground whose pivots are used up; they have no more rounds alone."""
+    on_firm = select(yield_per_depth(robots) < FIRM, 0.0 * worst, worst)
+    tolerance = setting(robots, slots.TOLERANCE)
+    left = select(on_firm > tolerance, on_firm, 0.0 * worst)
+    write(robots, slots.RESIDUAL, larger(left, read(robots, slots.RESIDUAL)))
 
 
 @ti.func

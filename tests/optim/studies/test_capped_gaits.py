@@ -22,6 +22,7 @@ def test_searches_keep_to_each_number_of_bladders():
         ({"full": ()}, r"full: \(\)"),
         ({"full": (2, 1)}, r"full: \(2, 1\)"),
         ({"full": (1, 9)}, "full: 9"),
+        ({"full": (1, "a")}, "full: 'a'"),
         ({"floor": "ice"}, "floor: 'ice'"),
         ({"slopes": (0.0, 95.0)}, "slopes: 95"),
     ):

@@ -33,9 +33,12 @@ FILES = ("table.md", DRAWS, "summary.json", GAITS, "searches")
 
 
 def _caps(field_name: str, value: Any) -> tuple[int, ...]:
-    if not isinstance(value, list | tuple) or not value or list(value) != sorted(set(value)):
+    if not isinstance(value, list | tuple) or not value:
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give numbers of bladders, the least first")
+    caps = tuple(checks.integer(field_name, each, low=1, high=BLADDERS) for each in value)
+    if list(caps) != sorted(set(caps)):
         raise ValueError(f"{field_name}: {value!r} is not allowed; give different numbers of bladders, the least first")
-    return tuple(checks.integer(field_name, each, low=1, high=BLADDERS) for each in value)
+    return caps
 
 
 @dataclass(frozen=True)
