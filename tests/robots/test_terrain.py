@@ -140,7 +140,7 @@ TAKING = {
         on_ground,
         {
             name: "terrain: .* is not allowed for an articulated robot; give a slope, uneven ground or water, such as "
-            "hill:5, rough:0.01 or ramp:-5.water:0, and friction by the robot"
+            "hill:5, rough:0.01.sand:2e5 or ramp:-5.water:0, and friction by the robot"
             for name in GIVEN
             if name not in ("slope", "fluid_density", "ground")
         },
