@@ -2,18 +2,21 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from rigid_differences import error_of_gradient
 from rigid_oracle import Oracle
+from rigid_walkers import swinging
+from rigid_walkers import walker as two_legged
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from robots.quadruped import LEGGED
 from taichi_sim.ground import Relief
 from taichi_sim.ground.relief import Water
-from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Sphere, State, Tree, World
+from taichi_sim.rigid import Body, Box, Capsule, RigidEngine, Sphere, State, Tree, World
 from taichi_sim.rigid.pose import rotation_matrix
 
 pytestmark = pytest.mark.kernels
@@ -22,6 +25,7 @@ GRAVITY, YIELD, DRAGGED = 9.81, 2e5, 0.37
 HERE = {"precision": "f64", "threads": 1}
 BOTH = [pytest.param("momentum"), pytest.param("velocity", marks=pytest.mark.slow)]
 SIDES = (0.2, 0.1, 0.1)
+walker = partial(two_legged, lean=0.3)
 AREA, MASS = SIDES[0] * SIDES[1], 4.0
 BORNE = MASS * GRAVITY / (YIELD * AREA)  # m: how deep the box is where the sand bears it
 
@@ -45,24 +49,6 @@ def box(depth: float = 0.0) -> Tree:
 
 def engine_of(tree, ground=None, time_step: float = 1e-4, **world) -> RigidEngine:
     return RigidEngine(tree, World(time_step, **world), ground=sand() if ground is None else ground, **HERE)
-
-
-def walker(radius: float = 0.06) -> Tree:
-    """A trunk with a leg before and behind, one a ball, the other a capsule; its corners reach the ground, too."""
-    trunk = Body("trunk", (0.0, 0.0, 0.31), 2.0, [Box((0.4, 0.2, 0.1))])
-    front = Body("front", (0.25, 0.0, 0.1), 0.3, [Sphere(radius)])
-    back = Body("back", (-0.25, 0.0, 0.09), 0.3, [Capsule(0.05, 0.2, (0.0, 1.0, 0.3))])
-    motor = Motor(4.0, 3.0, -5.0)
-    hinges = [
-        Hinge("trunk", "front", (0.25, 0.0, 0.31), (0.0, 1.0, 0.0), motor, command=0),
-        Hinge("trunk", "back", (-0.25, 0.0, 0.31), (0.0, 1.0, 0.0), motor, command=1),
-    ]
-    return Tree([trunk, front, back], hinges)
-
-
-def swinging(steps: int) -> np.ndarray:
-    times = np.arange(steps // 10)[:, None]
-    return np.sin(2 * math.pi * (0.08 * times + [0.0, 0.3]))[None]
 
 
 def bearing_of_ball(radius: float):

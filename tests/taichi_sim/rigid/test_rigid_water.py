@@ -6,11 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rigid_differences import error_of_gradient
+from rigid_walkers import swinging, walker
 from scipy.optimize import brentq
 
 from taichi_sim.ground import Relief
 from taichi_sim.ground.relief import Water
-from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Sphere, Tree, World
+from taichi_sim.rigid import Body, Box, Capsule, Hinge, RigidEngine, Sphere, Tree, World
 from taichi_sim.rigid.pose import rotation_matrix
 
 pytestmark = pytest.mark.kernels
@@ -37,24 +38,6 @@ def one(solid, density: float, height: float = 0.0) -> Tree:
 
 def engine_of(tree, ground=None, time_step: float = 2e-3, **world) -> RigidEngine:
     return RigidEngine(tree, World(time_step, **world), ground=sea() if ground is None else ground, **HERE)
-
-
-def walker(radius: float = 0.06) -> Tree:
-    """A trunk with a leg before and behind, one a ball, the other a capsule; it would float."""
-    trunk = Body("trunk", (0.0, 0.0, 0.31), 2.0, [Box((0.4, 0.2, 0.1))])
-    front = Body("front", (0.25, 0.0, 0.1), 0.3, [Sphere(radius)])
-    back = Body("back", (-0.25, 0.0, 0.09), 0.3, [Capsule(0.05, 0.2, (0.0, 1.0, 0.0))])
-    motor = Motor(4.0, 3.0, -5.0)
-    hinges = [
-        Hinge("trunk", "front", (0.25, 0.0, 0.31), (0.0, 1.0, 0.0), motor, command=0),
-        Hinge("trunk", "back", (-0.25, 0.0, 0.31), (0.0, 1.0, 0.0), motor, command=1),
-    ]
-    return Tree([trunk, front, back], hinges)
-
-
-def swinging(steps: int) -> np.ndarray:
-    times = np.arange(steps // 10)[:, None]
-    return np.sin(2 * math.pi * (0.08 * times + [0.0, 0.3]))[None]
 
 
 @pytest.mark.parametrize("integration", BOTH)
