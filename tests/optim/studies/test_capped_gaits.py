@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from optim.experiments.tables import read_records, write_records
-from optim.studies.beyond.robust_gaits import capped
+from optim.studies.beyond.robust_gaits import capped, search
 from optim.studies.beyond.robust_gaits.capped import STUDY, CappedGaits
 from robots.inflatable.design import INCHING, ROLLING, load_design
 
@@ -40,8 +40,8 @@ def test_searches_begin_where_fewer_bladders_and_less_slope_led(monkeypatch, tmp
         return [{}]
 
     monkeypatch.setattr(capped, "screened", lambda *args: [{"slope": slope, "speed": 0.0} for slope in (0.0, 9.0)])
-    monkeypatch.setattr(capped, "starts_of", started)
-    monkeypatch.setattr(capped, "refined", lambda *args: next(gaits))
+    monkeypatch.setattr(search, "starts_of", started)
+    monkeypatch.setattr(search, "refined", lambda *args: next(gaits))
     judged = lambda settings, parts, gaits, *rest: [  # noqa: E731
         {"gait": name, "slope": slope, "precision": "f64", "draw": draw, "speed": 0.1 * draw}
         for name, (_, slope) in gaits.items()

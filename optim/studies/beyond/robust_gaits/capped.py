@@ -14,14 +14,14 @@ from typing import Annotated, Any
 from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress, part_of, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
-from optim.experiments.tables import Record, cell, distinct, markdown, page, where, write_records
+from optim.experiments.tables import Record, distinct, markdown, page, where, write_records
 from optim.studies.beyond.robust_gaits.judgement import judged
 from optim.studies.beyond.robust_gaits.report import DRAWN as DRAWN_OF_GAITS
-from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, summary_row
-from optim.studies.beyond.robust_gaits.search import best_start, refined, screened, starts_of
+from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, SPEEDS_TOLD, speed_cells, summary_row
+from optim.studies.beyond.robust_gaits.search import kept, led_up, screened
 from optim.studies.beyond.robust_gaits.settings import NAME as SEARCHES
-from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes, file_of
-from robots.inflatable.design import InflatableDesign, load_design, save_design
+from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS
 from taichi_sim.base import checks
 from taichi_sim.base.files import write_text
@@ -71,7 +71,6 @@ class CappedGaits(Settings):
 def study(folder: Path, settings: CappedGaits, progress: Progress = None, threads: int | None = None) -> None:
     """Write gaits, their speeds in all draws, the page and the summary."""
     ResultsFolder(folder, NAME, settings.describe())
-    (folder / GAITS).mkdir(exist_ok=True)
     draws: list[dict[str, Any]] = []
     before: dict[float, InflatableDesign] = {}
     for number, full in enumerate(settings.full):
@@ -80,10 +79,7 @@ def study(folder: Path, settings: CappedGaits, progress: Progress = None, thread
         parts = ResultsFolder(place, SEARCHES, own.describe())
         before = _searched(own, parts, place, before, threads, part_of(share, 0, 10, 5))
         gaits = {f"{full} full {slope:g}°": (design, slope) for slope, design in before.items()}
-        for name, (design, slope) in gaits.items():
-            path = folder / GAITS / f"{file_of(name)}.json"
-            save_design(design, path)
-            gaits[name] = load_design(path), slope  # as whoever plays the file finds it
+        gaits = kept(folder / GAITS, gaits)
         draws += [{"full": full, **row} for row in judged(own, parts, gaits, threads, part_of(share, 5, 10, 5))]
         write_records(folder / DRAWS, draws)
     _report(folder, settings.describe(), draws)
@@ -104,12 +100,9 @@ def _searched(
     found: dict[float, InflatableDesign] = {}
     for number, slope in enumerate(sorted(settings.slopes)):
         share = part_of(part_of(progress, 2, 10, 8), number, len(settings.slopes))
-        best = max((row for row in screen if row["slope"] == slope), key=lambda row: row["speed"])
-        problem = settings.problem(slope, True, threads)
         known = [*list(found.values())[-1:], *([fewer[slope]] if slope in fewer else [])]
-        starts = starts_of(problem, settings, best, known)
-        start = best_start(problem, starts, parts, f"{slope:g}", part_of(share, 0, 10, 3))
-        found[slope] = refined(problem, settings, start, folder / "runs" / f"{slope:g}", part_of(share, 3, 10, 7))
+        path = folder / "runs" / f"{slope:g}"
+        found[slope] = led_up(settings, slope, True, screen, known, parts, path, threads, share)
     return found
 
 
@@ -121,25 +114,13 @@ def _report(folder: Path, settings: Mapping[str, Any], draws: Sequence[Record]) 
             if mine := where(draws, slope=slope, full=full):
                 rows.append({**summary_row(mine), "full": full})
     write_json(folder / "summary.json", {**settings, "rows": rows})
-    table = [
-        (
-            f"{row['slope']:g}°",
-            row["full"],
-            cell(row["nominal"]),
-            cell(row["mean"]),
-            f"{row['mean_low']:.4f} to {row['mean_high']:.4f}",
-            cell(row["worst"]),
-            f"{100 * row['forward']:.0f} %",
-            row["n"],
-        )
-        for row in rows
-    ]
+    table = [(f"{row['slope']:g}°", row["full"], *speed_cells(row), row["n"]) for row in rows]
     floor = f" on {settings['floor']}" if "floor" in settings else ""
     text = page(
         f"Speeds{floor}, bladders weighing, of gaits with at most so many full bladders at a time (the sum of levels), "
         f"searched for the worst of draws and judged in {rows[0]['precision']} under others [body lengths/s of the "
         "time simulated, no pneumatic lag]. Nominal: nothing is uncertain. Climb: the share of draws that go forward.",
-        markdown(("slope", "full", "nominal", "mean", "95 % interval", "worst", "climb", "n"), "rrrrrrrr", table),
+        markdown(("slope", "full", *SPEEDS_TOLD, "n"), "rrrrrrrr", table),
     )
     write_text(folder / "table.md", text)
 

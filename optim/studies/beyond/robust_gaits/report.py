@@ -19,6 +19,7 @@ from taichi_sim.base.files import write_text
 
 SCREEN, DRAWS, RIG, GAITS = "screen.csv", "draws.csv", "rig.csv", "gaits"
 INCHING_BOUNDS = "inching.md"
+SPEEDS_TOLD = ("nominal", "mean", "95 % interval", "worst", "climb")
 SCREENED: dict[str, Kind] = {
     "slope": float,
     "levels": str,
@@ -103,23 +104,17 @@ def summary_row(mine: Sequence[Record], design: InflatableDesign | None = None) 
     }
 
 
+def speed_cells(row: Record) -> tuple[str, ...]:
+    """What tables tell of a gait's speeds, under the headers ``SPEEDS_TOLD``."""
+    interval = MISSING if row["mean"] is None else f"{row['mean_low']:.4f} to {row['mean_high']:.4f}"
+    climbs = f"{100 * row['forward']:.0f} %"
+    return cell(row["nominal"]), cell(row["mean"]), interval, cell(row["worst"]), climbs
+
+
 def text_of(settings: Mapping[str, Any], rows: Sequence[Record], best: Sequence[Record], rig: Sequence[Record]) -> str:
     """The page: every gait under the held-out draws, on the rig, and the best waves by how many bladders are full."""
-    header = ("gait", "precision", "nominal", "mean", "95 % interval", "worst", "climb", "full bladders", "n")
-    table = [
-        (
-            row["gait"],
-            row["precision"],
-            cell(row["nominal"]),
-            cell(row["mean"]),
-            MISSING if row["mean"] is None else f"{row['mean_low']:.4f} to {row['mean_high']:.4f}",
-            cell(row["worst"]),
-            f"{100 * row['forward']:.0f} %",
-            cell(row["full"], ".1f"),
-            row["n"],
-        )
-        for row in rows
-    ]
+    header = ("gait", "precision", *SPEEDS_TOLD, "full bladders", "n")
+    table = [(row["gait"], row["precision"], *speed_cells(row), cell(row["full"], ".1f"), row["n"]) for row in rows]
     waved = [(f"{r['slope']:g}°", r["full"], r["levels"], f"{r['settling']:g}", cell(r["speed"])) for r in best]
     floor = f" on {settings['floor']}" if "floor" in settings else ""
     if "friction" in settings:

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.allowed import Allowed
-from optim.experiments.results import Progress, computed_arrays
+from optim.experiments.results import Progress, computed_arrays, part_of
 from optim.problem import Request, judge
 from optim.problems.inflatable.graded_encoding import LEAST_MOTION, SETTLING
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
 from optim.studies.beyond.gait_hunt.searches import search_within
-from optim.studies.beyond.robust_gaits.settings import BATCH, RobustGaits
-from robots.inflatable.design import INCHING, InflatableDesign
+from optim.studies.beyond.robust_gaits.settings import BATCH, RobustGaits, file_of
+from robots.inflatable.design import INCHING, InflatableDesign, load_design, save_design
 from robots.inflatable.schedule import BLADDERS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
@@ -119,6 +119,36 @@ def refined(
     own = {"population": settings.population, "seed": settings.seed, "start": start}
     search_within(problem, "genetic", own, path, settings.budget, progress)
     return _best(problem, path)
+
+
+def led_up(
+    settings: RobustGaits,
+    slope: float,
+    robust: bool,
+    screen: Sequence[Mapping[str, Any]],
+    known: Sequence[InflatableDesign],
+    parts: ResultsFolder,
+    path: Path,
+    threads: int | None,
+    progress: Progress,
+) -> InflatableDesign:
+    """The gait of a slope, searched in a run folder from the best screened wave there, or from gaits that are known."""
+    best = max((row for row in screen if row["slope"] == slope), key=lambda row: row["speed"])
+    problem = settings.problem(slope, robust, threads)
+    starts = starts_of(problem, settings, best, known)
+    start = best_start(problem, starts, parts, path.name, part_of(progress, 0, 10, 3))
+    return refined(problem, settings, start, path, part_of(progress, 3, 10, 7))
+
+
+def kept(
+    folder: Path, gaits: Mapping[str, tuple[InflatableDesign, float]]
+) -> dict[str, tuple[InflatableDesign, float]]:
+    """Gaits and their slopes by name, saved in a folder, and as whoever plays their files finds them."""
+    folder.mkdir(exist_ok=True)
+    paths = {name: folder / f"{file_of(name)}.json" for name in gaits}
+    for name, (design, _) in gaits.items():
+        save_design(design, paths[name])
+    return {name: (load_design(paths[name]), slope) for name, (_, slope) in gaits.items()}
 
 
 def flat_walk(folder: Path, settings: RobustGaits, threads: int | None, progress: Progress) -> InflatableDesign:

@@ -21,10 +21,10 @@ from optim.experiments.study import Study
 from optim.experiments.tables import write_records
 from optim.studies.beyond.robust_gaits.judgement import judged, on_rig
 from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, INCHING_BOUNDS, RIG, SCREEN, report, tell
-from optim.studies.beyond.robust_gaits.search import best_start, flat_walk, refined, screened, starts_of
-from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits, file_of
+from optim.studies.beyond.robust_gaits.search import flat_walk, kept, led_up, screened
+from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits
 from optim.studies.chapter5.gaits import repeated
-from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, load_design, save_design
+from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
 from taichi_sim.base.results_folder import ResultsFolder
 
 HAND_MADE = {"inching": repeated(INCHING, 1), "rolling": repeated(ROLLING, 1)}
@@ -47,10 +47,7 @@ def study(folder: Path, settings: RobustGaits, progress: Progress = None, thread
         f"robust {steepest:g}° on {steepest + more:g}°": (found["robust"][steepest], steepest + more)
         for more in settings.steeper
     }
-    (folder / GAITS).mkdir(exist_ok=True)
-    for name, (design, _) in gaits.items():
-        save_design(design, folder / GAITS / f"{file_of(name)}.json")
-    saved = {name: (load_design(folder / GAITS / f"{file_of(name)}.json"), slope) for name, (_, slope) in gaits.items()}
+    saved = kept(folder / GAITS, gaits)
     draws = judged(settings, parts, saved, threads, part_of(progress, 70, 100, 25))
     write_records(folder / DRAWS, draws)
     searched = {f"{kind} {s:g}°": saved[f"{kind} {s:g}°"] for kind in ("robust", "nominal") for s in found[kind]}
@@ -74,14 +71,10 @@ def _searched(
     found: dict[str, dict[float, InflatableDesign]] = {name: {} for name in ("robust", "nominal")}
     tasks = list(product(sorted(settings.slopes), (True, False)))
     for number, (slope, robust) in enumerate(tasks):
-        best = max((row for row in screen if row["slope"] == slope), key=lambda row: row["speed"])
-        share = part_of(progress, number, len(tasks))
-        own = found["robust" if robust else "nominal"]
-        problem, below = settings.problem(slope, robust, threads), list(own.values())[-1:]
-        path = folder / "runs" / f"{'robust' if robust else 'nominal'}-{slope:g}"
-        starts = starts_of(problem, settings, best, below)
-        start = best_start(problem, starts, parts, path.name, part_of(share, 0, 10, 3))
-        own[slope] = refined(problem, settings, start, path, part_of(share, 3, 10, 7))
+        kind, share = "robust" if robust else "nominal", part_of(progress, number, len(tasks))
+        own, path = found[kind], folder / "runs" / f"{kind}-{slope:g}"
+        below = list(own.values())[-1:]
+        own[slope] = led_up(settings, slope, robust, screen, below, parts, path, threads, share)
     return found
 
 
