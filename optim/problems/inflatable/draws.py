@@ -20,6 +20,8 @@ from robots.uncertainty import Perturbation, Risk, Uncertainty
 from robots.world import Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats, Indices, Ints
 
+FEW = 0.7  # share of draws
+
 
 @dataclass(frozen=True, eq=False)
 class Copies:
@@ -38,6 +40,16 @@ class Copies:
     drives: InflatableActuation | list[InflatableActuation]
     friction: Floats
     by_level: Floats | float = 1.0
+
+    def some(self, rows: Indices) -> "Copies":
+        """Some of the copies, by number."""
+        return Copies(
+            [self.designs[row] for row in rows],
+            self.terrains if isinstance(self.terrains, Terrain) else [self.terrains[row] for row in rows],
+            self.drives if isinstance(self.drives, InflatableActuation) else [self.drives[row] for row in rows],
+            self.friction[rows],
+            self.by_level if isinstance(self.by_level, float) else self.by_level[rows],
+        )
 
 
 @dataclass(frozen=True)
@@ -86,6 +98,15 @@ class Draws:
         count = len(speeds) // self.count
         return speeds.reshape(count, -1).mean(axis=1), slopes.reshape(count, self.count, -1).mean(axis=1)
 
+    @property
+    def few_weigh(self) -> bool:
+        """Whether so few copies of a robot count that it pays to find them before slopes are taken."""
+        return False
+
+    def weighing(self, speeds: Floats) -> Indices:
+        """Numbers of the copies whose speeds count, of N K."""
+        return np.arange(len(speeds))
+
     def first_failure(self, status: NDArray[Any]) -> NDArray[Any]:
         """The first status of a copy that is not ok, or ok, shape (N,)."""
         each = np.asarray(status).reshape(-1, self.count)
@@ -109,6 +130,15 @@ class UncertainDraws(Draws):
     def drawn(self) -> list[Perturbation]:
         """What is drawn, one for each copy of a robot."""
         return self.uncertainty.draw(self.count, actuators=BLADDERS)
+
+    @property
+    def few_weigh(self) -> bool:
+        """Whether the risk counts few of the draws: all are simulated once, which costs a sixth of their slopes."""
+        return self.risk.share <= FEW
+
+    def weighing(self, speeds: Floats) -> Indices:
+        """Numbers of the copies whose speeds count, of N K."""
+        return np.flatnonzero(self.risk.weights(speeds.reshape(-1, self.count)))
 
     def part(self, rows: Indices) -> Self:
         """Some of the draws, by number."""

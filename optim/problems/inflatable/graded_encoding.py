@@ -95,18 +95,24 @@ class GradedGait(GaitEncoding):
 
     def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
         """Derivatives by the genes: by levels that are not clipped, by grip through the sharpening; zero for times."""
-        inflation = self._told(values)[0]
-        by_levels = slopes_before(np.clip(inflation, 0.0, 1.0), slopes[:BLADDERS], self.most_full)
-        free = (inflation > 0) & (inflation < 1)
-        sharpening = self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
         return np.concatenate(
             [
-                (by_levels * free).ravel(),
-                (slopes[BLADDERS:] * sharpening).ravel(),
+                self._by_levels(values, slopes[:BLADDERS]).ravel(),
+                self._by_grip(values, sharpness, slopes[BLADDERS:]).ravel(),
                 np.zeros(self.columns),
                 *((np.where(within, others[name], 0.0)).ravel() for name, within in self._inside(values).items()),
             ]
         )
+
+    def _by_levels(self, values: Floats, slopes: Floats) -> Floats:
+        """Derivatives by the inflation that genes tell, shape (8, T): zero where it is clipped."""
+        inflation = self._told(values)[0]
+        by_levels = slopes_before(np.clip(inflation, 0.0, 1.0), slopes, self.most_full)
+        return by_levels * ((inflation > 0) & (inflation < 1))
+
+    def _by_grip(self, values: Floats, sharpness: float, slopes: Floats) -> Floats:
+        """Derivatives by the grip that genes tell, shape (2, T)."""
+        return slopes * self._graded(values).sharpening_slope(sharpness)[BLADDERS:]
 
     @property
     def more_tables(self) -> tuple[str, ...]:
@@ -212,7 +218,12 @@ class GradedWaveGait(GradedGait):
         shift = Variable("shift", 0, max(1, self.columns - 1), "integer", step=1.0)
         return [*levels, shift, *feet, Variable("settle", -SETTLING, SETTLING, step=SETTLING_STEP)]
 
-    slopes = GaitEncoding.slopes  # zero: waves are searched without gradients
+    def slopes(self, values: Floats, sharpness: float, slopes: Floats, **others: Floats) -> Floats:
+        """Derivatives by the genes: those by a level are the sum over bladders; zero for the shift and times."""
+        told = self._by_levels(values, slopes[:BLADDERS])
+        levels = sum(np.roll(row, self._shift(values) * bladder) for bladder, row in enumerate(told))
+        grip = self._by_grip(values, sharpness, slopes[BLADDERS:])
+        return np.concatenate([levels, [0.0], grip.ravel(), [0.0]])
 
     @staticmethod
     def genome(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> Floats:
@@ -233,8 +244,12 @@ class GradedWaveGait(GradedGait):
     def _tables(self, values: Floats) -> tuple[Floats, ...]:
         """The levels, shifted from bladder to bladder, grip, and settling."""
         values = np.asarray(values, float)
-        levels, shift, feet = values[: self.columns], int(values[self.columns]), values[self.columns + 1 : -1]
-        return _wave(levels, shift), feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
+        levels, feet = values[: self.columns], values[self.columns + 1 : -1]
+        return _wave(levels, self._shift(values)), feet.reshape(-1, self.columns), np.full(self.columns, values[-1])
+
+    def _shift(self, values: Floats) -> int:
+        """How many columns a bladder is behind the one before it."""
+        return int(values[self.columns])
 
 
 def _wave(levels: Floats, shift: int) -> Floats:

@@ -251,14 +251,37 @@ class GaitProblem(GaitPoints):
         settings |= {"actuation": copies.drives, **drawn.noise_of(len(designs))}
         if points is None:
             result = simulation.simulate(copies.designs, copies.terrains, **settings)
-            speeds, slopes = self.speeds(result), np.zeros((len(copies.designs), 0))
+            speeds, slopes, status = self.speeds(result), np.zeros((len(copies.designs), 0)), result.status
         else:
-            settings["counting"] = dataclasses.replace(settings["counting"], window=self.window)
-            run = gradient.differentiate(copies.designs, copies.terrains, **settings)
-            result, speeds = run.result, self.speeds(run.result)
-            slopes = self._slopes(run, np.repeat(points, drawn.count, axis=0), sharpness, copies)
+            rows = np.repeat(points, drawn.count, axis=0)
+            speeds, slopes, status = self._sloped(drawn, copies, rows, sharpness, settings)
         judged, by_points = drawn.judged(speeds, slopes)
-        return judged, drawn.first_failure(result.status), by_points
+        return judged, drawn.first_failure(status), by_points
+
+    def _sloped(
+        self, drawn: Draws, copies: Copies, points: Floats, sharpness: float, settings: Mapping[str, Any]
+    ) -> tuple[Floats, Floats, NDArray[Any]]:
+        """Speeds, slopes and status of copies, with the points of each; only slopes that count are taken.
+
+        Where few draws weigh, as under the risk of the worst, all are simulated first, which says which these are.
+        """
+        progress, chosen = settings["progress"], np.arange(len(points))
+        speeds, status = np.zeros(len(points)), np.full(len(points), OK, dtype=object)
+        if first := drawn.few_weigh:
+            plain = {**settings, "progress": part_of(progress, 0, 2)}
+            result = simulation.simulate(copies.designs, copies.terrains, **plain)
+            speeds, status = self.speeds(result), np.array(result.status, dtype=object)
+            chosen = drawn.weighing(speeds)
+            copies, progress = copies.some(chosen), part_of(progress, 1, 2)
+        counting = dataclasses.replace(settings["counting"], window=self.window)
+        own = {**settings, "actuation": copies.drives, "counting": counting, "progress": progress}
+        run = gradient.differentiate(copies.designs, copies.terrains, **own)
+        slopes = np.zeros(points.shape)
+        slopes[chosen] = self._slopes(run, points[chosen], sharpness, copies)
+        if not first:
+            speeds = self.speeds(run.result)
+        status[chosen] = np.where(status[chosen] == OK, run.result.status, status[chosen])
+        return speeds, slopes, status
 
     def check_true_gradients(self) -> None:
         """Raise a one-line ValueError: only relaxed gaits have gradients."""

@@ -80,7 +80,16 @@ def test_points_are_designs_and_designs_are_starts(geometry, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "settings", [{}, {"geometry": "two-core"}, {"more": ("pace", "bladders")}, {"more": ("core", "size")}]
+    "settings",
+    [
+        {},
+        {"geometry": "two-core"},
+        {"more": ("pace", "bladders")},
+        {"more": ("core", "size")},
+        {"more": (), "most_full": 2.5},
+        {"more": (), "encoding": "graded-wave"},
+        {"more": ("size", "bladders"), "encoding": "graded-wave", "columns": 5, "most_full": 2.5},
+    ],
 )
 @pytest.mark.parametrize("draws", [{}, {"draws": 3, "friction_spread": 0.5, "noise": 1e-6}])
 def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):
@@ -91,7 +100,7 @@ def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):
     assert exact.objectives == pytest.approx(made.evaluate_relaxed(points, 2.0, gradients=False).objectives)
     for number, reach in enumerate(1e-5 * space.span):
         step = np.where(np.arange(space.size) == number, reach, 0.0)
-        if space.names[number].startswith(("settle", "has_bladder")):
+        if space.names[number].startswith(("settle", "has_bladder", "shift")):
             assert not exact.gradients[:, number].any()
             continue
         up, down = (made.evaluate_relaxed(points + s, 2.0, gradients=False) for s in (step, -step))

@@ -56,6 +56,35 @@ def test_risk_has_exact_gradients(linear, risk, unknown):
         assert exact.gradients[:, number] == pytest.approx(slope, rel=1e-5, abs=1e-9), made.space.names[number]
 
 
+@pytest.mark.parametrize(
+    ("risk", "simulated"), [("worst", [15, 3]), ("cvar:0.4", [15, 6]), ("cvar:0.3", [15, 6]), ("mean", [15])]
+)
+def test_slopes_are_taken_in_the_draws_that_weigh(linear, risk, simulated):
+    made = problem(risk=risk, uncertain="levels=30%,timing=10%,slope=1")
+    points = made.space.relaxed().sample(np.random.default_rng(0), 3)
+    told = []
+    dataclasses.replace(made, progress=told.append).evaluate_relaxed(points, 1.0, gradients=True)
+    assert [len(call.designs) for call in linear.calls] == simulated
+    assert told[-1] == 1.0 and told == sorted(told)
+
+
+@pytest.mark.parametrize("at", ["simulate", "differentiate"])
+def test_a_draw_that_fails_fails_its_gait_whether_it_weighs_or_not(linear, monkeypatch, at):
+    def fail_one(self, designs, terrain, **options):
+        found = Linear._run(self, designs, terrain, options)
+        place = 1 if (len(designs) == 10) == (at == "simulate") else None
+        if place is not None:
+            found.result.status = np.where(np.arange(len(designs)) == place, "diverged", "ok")
+            found.result.stages[place] = found.result.distance[place] = np.nan
+        return found if len(designs) < 10 else found.result
+
+    made = problem(risk="worst")
+    for name, module in (("simulate", "simulation"), ("differentiate", "gradient")):
+        monkeypatch.setattr(f"robots.inflatable.{module}.{name}", lambda *a, **k: fail_one(linear, *a, **k))
+    judged = made.evaluate_relaxed(made.space.relaxed().sample(np.random.default_rng(0), 2), 1.0, gradients=True)
+    assert judged.status.tolist() == (["diverged", "ok"] if at == "simulate" else ["ok", "diverged"])
+
+
 @pytest.mark.parametrize("settings", [{}, {"encoding": "codes", "steps": None}, {"encoding": "bits", "steps": None}])
 def test_levels_and_timing_of_all_gaits_are_drawn(linear, monkeypatch, settings):
     monkeypatch.setattr(GaitProblem, "speeds", lambda self, result: result.distance)
