@@ -81,13 +81,24 @@ def warm_up(problem: Problem, gradients: bool) -> None:
     Points that are no robots compile nothing, so others are tried.
     """
     minibatch = Minibatch(1) if getattr(problem, "uncertain", "") else None  # a draw has the kernels of all
-    mixed = isinstance(problem, RobotProblem) and problem.robot.relaxable
+    sharpnesses = _sharpnesses(problem) if gradients else (np.inf,)
     for point in problem.space.sample(np.random.default_rng(WARM_UP), MOST_POINTS):
-        for sharpness in (1.0, np.inf) if gradients and mixed else (np.inf,):
+        for sharpness in sharpnesses:
             wants: Wants = "gradients" if gradients else "points"
             found = judge(problem, Request(point[None], wants, sharpness, minibatch))
         if not found.failed.any():
             return
+
+
+def _sharpnesses(problem: Problem) -> tuple[float, ...]:
+    """At which a problem has gradients: infinitely sharp ones are of true points; some relaxed ones compute more."""
+    if isinstance(problem, RobotProblem) and problem.robot.relaxable:
+        return 1.0, np.inf
+    try:
+        getattr(problem, "check_true_gradients", lambda: None)()
+    except ValueError:
+        return (0.0,)
+    return (np.inf,)
 
 
 def best_of_search(

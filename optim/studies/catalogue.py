@@ -37,6 +37,7 @@ STUDIES: Registry[Study] = Registry(
         "sense-and-switch": "optim.studies.beyond.sense_and_switch.study:STUDY",
         "robust-gaits": "optim.studies.beyond.robust_gaits.study:STUDY",
         "capped-gaits": "optim.studies.beyond.robust_gaits.capped:STUDY",
+        "robust-searches": "optim.studies.beyond.robust_gaits.searches:STUDY",
         "bladder-layouts": "optim.studies.beyond.bladder_layouts:STUDY",
         "inflatable-gradients": "optim.studies.beyond.inflatable_gradients:STUDY",
         "friction-sweeps": "optim.studies.chapter5.friction:STUDY",

@@ -1,0 +1,300 @@
+"""What gradients add to searches of gaits for a real floor: searches with and without them at equal CPU time.
+
+Every search maximises the speed in the worst of a few draws of friction, slope, levels and timing, with bladders that
+weigh. On each slope the waves around the ring of bladders are screened once without draws; the best ones are the starts
+of the runs, one for each seed, moved a little away from empty and full, where levels have slopes. What a run has found
+when its CPU time is used up is played under other draws.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+
+from optim.experiments.data import Data, Kind
+from optim.experiments.equal_cost import Arm, Contest, Entry
+from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
+from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.measures.statistics import mean_interval
+from optim.problems.inflatable.problem import GaitProblem
+from optim.studies.beyond.robust_gaits.judgement import judged
+from optim.studies.beyond.robust_gaits.search import kept, screened, starts_of
+from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes
+from robots.inflatable.schedule import BLADDERS
+from robots.world import FLOORS
+from taichi_sim.base import checks
+from taichi_sim.base.checks import positive
+from taichi_sim.base.files import write_text
+from taichi_sim.base.results_folder import ResultsFolder
+
+NAME = "robust-searches"
+TABLE = "runs.csv"
+FILES = ("table.md", TABLE, "summary.json", "runs", "designs")
+WITHIN = 0.05  # of a level: how far starts are from empty and full
+GROUND = "slope-{:g}"
+
+
+@dataclass(frozen=True)
+class GaitArm(Arm):
+    """A search of waves, or of the levels of every bladder."""
+
+    encoding: str = "graded-wave"
+
+
+_CLIMB = {"climbers": 1}
+_POPULATION = {"population": 12}
+_REFINED = {**_POPULATION, "refine": 2, "every": 3}
+ARMS = {
+    "hill-climb": GaitArm("hill climbing", "hill-climb", _CLIMB),
+    "gradient-hill-climb": GaitArm("gradient hill climbing", "gradient-hill-climb", {**_CLIMB, "blind": "mutate"}),
+    "genetic": GaitArm("genetic", "genetic", _POPULATION),
+    "memetic": GaitArm("memetic", "memetic", _REFINED),
+    "genetic-levels": GaitArm("genetic, of all levels", "genetic", _POPULATION, encoding="graded"),
+    "gradient-levels": GaitArm("gradient ascent of all levels", "gradient", {**_CLIMB, "verify": True}, None, "graded"),
+    "memetic-levels": GaitArm("memetic, of all levels", "memetic", _REFINED, encoding="graded"),
+}
+MAIN = tuple(name for name, arm in ARMS.items() if arm.encoding == "graded-wave")
+COLUMNS: dict[str, Kind] = {
+    "ground": str,
+    "search": tuple(ARMS),
+    "seed": int,
+    "start": str,
+    "evaluations": int,
+    "searched": float | None,
+    "nominal": float | None,
+    "speed": float | None,
+    "worst": float | None,
+}
+
+
+@dataclass(frozen=True)
+class RobustSearches(Settings):
+    """How gaits are searched for and judged.
+
+    Attributes:
+        seconds: of CPU time of a run.
+        seeds: runs of every search on every slope, each from a start of its own.
+        slopes: of the ground [degrees].
+        arms: of ``ARMS``.
+        floor: whose friction feet have.
+        geometry: of the body.
+        draws: that a search sees.
+        held_out: draws by which gaits are judged.
+        steps: of gaits in searches.
+        warm_up: of these, before what counts.
+        most_full: bladders that may be full at a time, of screened waves.
+        precision: of the judgement.
+    """
+
+    seconds: Annotated[float, positive] = 480.0
+    seeds: Count = 3
+    slopes: Annotated[tuple[float, ...], checked_slopes] = (0.0, 9.0)
+    arms: tuple[str, ...] = MAIN
+    floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
+    geometry: str = "published"
+    draws: Several = 4
+    held_out: Several = 16
+    steps: Count = 60_000
+    warm_up: Whole = 15_000
+    most_full: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = 4
+    precision: str = "f32"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for arm in self.arms:
+            checks.choice("arms", arm, ARMS)
+        _ = self.searches  # what it refuses is refused here
+
+    @cached_property
+    def searches(self) -> RobustGaits:
+        """The settings of screening, problems and judgement."""
+        own = {name: value for name, value in vars(self).items() if name not in ("seconds", "seeds", "arms")}
+        return RobustGaits(**own, begins=1, steeper=())
+
+    @property
+    def runs(self) -> list[Run]:
+        """Ground, search and seed of every run, seed by seed."""
+        return [(GROUND.format(s), arm, seed) for seed in range(self.seeds) for s in self.slopes for arm in self.arms]
+
+    def problem(self, slope: float, arm: str) -> GaitProblem:
+        """What a search designs on a slope, for one thread."""
+        return replace(self.searches.problem(slope, True, 1), encoding=ARMS[arm].encoding)
+
+
+@dataclass(frozen=True)
+class Searches:
+    """Runs in the folder of the study, from waves of the screen."""
+
+    folder: Path
+    settings: RobustSearches
+    screen: Sequence[Record]
+
+    def start(self, slope: float, seed: int) -> Record:
+        """The wave from which a run begins: the best of its slope is that of seed 0."""
+        mine = sorted(where(self.screen, slope=slope), key=lambda row: -row["speed"])
+        return mine[seed % len(mine)]
+
+    def contest(self, slope: float, seed: int) -> Contest:
+        """The searches on a slope from one start."""
+        begun = starts_of(self.settings.problem(slope, MAIN[0]), self.settings.searches, self.start(slope, seed), [])[0]
+        begun |= {name: within(level) for name, level in begun.items() if name.startswith("level_")}
+        wave = self.settings.problem(slope, MAIN[0])
+        design = wave.design(wave.space.from_dict(begun))
+        entries = {}
+        for name in self.settings.arms:
+            start = self.settings.problem(slope, name).start_values(design)
+            own = {**ARMS[name].settings, "start": start}
+            entries[name] = Entry(partial(self.settings.problem, slope, name), ARMS[name].method, own)
+        runs = self.folder / "runs" / GROUND.format(slope)
+        return Contest(entries, "cpu", self.settings.seconds, runs, lambda line: None)
+
+    def judged(self, run: Run) -> Record:
+        """What a search finds, under draws that it has not met; its gait is saved."""
+        ground, arm, seed = run
+        slope = float(ground.partition("-")[2])
+        contest, began = self.contest(slope, seed), self.start(slope, seed)
+        best, evaluations = best_of_search(contest, arm, seed, self.settings.seconds, ARMS[arm].gradients)
+        found: Record = {"start": f"{began['levels']}+{began['shift']}", "evaluations": evaluations}
+        if best is None:
+            return {**found, **dict.fromkeys(("searched", "nominal", "speed", "worst"))}
+        problem = self.settings.problem(slope, arm)
+        point = problem.space.from_dict(best)
+        name = "-".join(map(str, run))
+        gaits = kept(self.folder / "designs", {name: (problem.design(point), slope)})
+        own = self.settings.searches
+        parts = ResultsFolder(self.folder / "judged" / name, NAME, own.describe())
+        speeds = {row["draw"]: row["speed"] for row in judged(own, parts, gaits, 1, None)}
+        drawn = np.array([speed for draw, speed in speeds.items() if draw >= 0])
+        return {
+            **found,
+            "searched": float(problem.evaluate(point[None]).objectives[0, 0]),
+            "nominal": speeds[-1],
+            "speed": float(drawn.mean()),
+            "worst": float(drawn.min()),
+        }
+
+
+def within(level: float) -> float:
+    """A level a little away from empty and full."""
+    return min(max(level, WITHIN), 1.0 - WITHIN)
+
+
+def study(folder: Path, settings: RobustSearches, progress: Progress = None, jobs: int = 1) -> None:
+    """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
+    parts = ResultsFolder(folder, NAME, settings.lasting("seeds", "arms"))
+    own = settings.searches
+    screen = screened(own, parts, None, progress and part_of(progress, 0, 20, 1))
+    searches = Searches(folder, settings, screen)
+    runs = JudgedRuns(folder, TABLE, "ground", settings.seconds, searches.judged)
+    _report(folder, settings, runs.complete(settings.runs, progress and part_of(progress, 1, 20, 19), jobs))
+
+
+def tell(data: Data, folder: Path) -> None:
+    """Write the table and ``summary.json`` from the table of runs."""
+    _report(folder, data.settings(RobustSearches), data.records(TABLE, COLUMNS))
+
+
+def _report(folder: Path, settings: RobustSearches, rows: Sequence[Record]) -> None:
+    """Write ``summary.json`` and ``table.md``, which follow from the table of runs."""
+    told = {ground: _of_ground(where(rows, ground=ground)) for ground in distinct(rows, "ground")}
+    write_json(folder / "summary.json", {"settings": settings.describe(), "grounds": told})
+    text = (
+        f"Gaits on {settings.floor}, bladders weighing, found in {settings.seconds:g} s of CPU time a run for the "
+        f"worst of {settings.draws} draws, and judged in {settings.precision} in {settings.held_out} others "
+        "[body lengths/s of the time simulated]. Each seed begins at another of the best waves. Searched: the speed "
+        "that searches maximise. The pairs are with and without gradients, start by start."
+    )
+    write_text(folder / "table.md", page(text, *[part for ground, one in told.items() for part in _table(ground, one)]))
+
+
+PAIRS = (("gradient-hill-climb", "hill-climb"), ("memetic", "genetic"), ("memetic-levels", "genetic-levels"))
+
+
+def _of_ground(rows: Sequence[Record]) -> dict[str, Any]:
+    """What the searches of a ground found, and how those along gradients compare with their kin without."""
+    found = {arm: where(rows, search=arm) for arm in distinct(rows, "search")}
+    pairs = []
+    for one, other in PAIRS:
+        if one in found and other in found:
+            pairs.append({"of": one, "over": other, **_difference(found[one], found[other])})
+    return {"searches": {arm: _summary(mine) for arm, mine in found.items()}, "pairs": pairs}
+
+
+def _difference(rows: Sequence[Record], others: Sequence[Record]) -> dict[str, Any]:
+    """By how much rows are faster than others of the same starts, in the mean over these."""
+    theirs = {row["seed"]: row["searched"] for row in others}
+    apart = [
+        row["searched"] - theirs[row["seed"]]
+        for row in rows
+        if row["searched"] is not None and theirs.get(row["seed"]) is not None
+    ]
+    low, high = mean_interval(apart) if len(apart) > 1 else (None, None)
+    return {"starts": len(apart), "difference": float(np.mean(apart)) if apart else None, "low": low, "high": high}
+
+
+def _summary(rows: Sequence[Record]) -> dict[str, Any]:
+    """What a search found, as means over its runs that found a gait."""
+    some = [row for row in rows if row["speed"] is not None]
+    means = {name: float(column(some, name).mean()) if some else None for name in ("searched", "speed", "worst")}
+    low, high = mean_interval(column(some, "searched")) if len(some) > 1 else (None, None)
+    evaluations = float(np.median(column(rows, "evaluations")))
+    each = [row["searched"] for row in rows]
+    return {"seeds": len(rows), "evaluations": evaluations, **means, "low": low, "high": high, "each": each}
+
+
+def _table(ground: str, told: Mapping[str, Any]) -> list[str | list[str]]:
+    """A table of the searches of a ground, the best first, and what gradients add."""
+    ranked = sorted(told["searches"].items(), key=lambda item: -(item[1]["searched"] or -np.inf))
+    lines = [
+        (
+            f"**{ARMS[name].label}**" if ARMS[name].gradients else ARMS[name].label,
+            f"{each['evaluations']:.0f}",
+            cell(each["searched"], ".3f"),
+            f"{cell(each['low'], '.3f')} to {cell(each['high'], '.3f')}",
+            ", ".join(cell(speed, ".3f") for speed in each["each"]),
+            cell(each["speed"], ".3f"),
+            cell(each["worst"], ".3f"),
+        )
+        for name, each in ranked
+    ]
+    header = ("search", "evaluations", "searched", "95 % interval", "each start", "held-out mean", "worst")
+    parts: list[str | list[str]] = [f"{ground}:", markdown(header, "lrrrrrr", lines)]
+    for one in told["pairs"]:
+        label, other = (ARMS[one[key]].label for key in ("of", "over"))
+        parts.append(
+            f"{label} less {other}: {cell(one['difference'], '+.3f')} BL/s in the mean of {one['starts']} starts, "
+            f"95 % interval {cell(one['low'], '+.3f')} to {cell(one['high'], '+.3f')}."
+        )
+    return parts
+
+
+MEDIUM = RobustSearches()
+STUDY = Study(
+    title="gaits for a real floor: what gradients add to searches under draws, at equal CPU time",
+    source="beyond chapter 5",
+    scales={
+        "small": RobustSearches(
+            seconds=12.0,
+            seeds=1,
+            slopes=(0.0,),
+            arms=("hill-climb", "gradient-hill-climb"),
+            geometry="small",
+            draws=2,
+            held_out=2,
+            steps=2000,
+            warm_up=0,
+            most_full=1,
+        ),
+        "medium": MEDIUM,
+        "full": RobustSearches(seconds=3600.0, seeds=5, arms=tuple(ARMS), slopes=(0.0, 9.0, 14.0), held_out=64),
+    },
+    run=study,
+    tell=tell,
+    writes=FILES,
+    cost="five days of one core; medium takes four hours",
+)
