@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Whole
 from optim.measures import homeostasis
 from optim.measures.catastrophic_interference import RunMeasures, measure_run
 from optim.measures.sampled import SampledMetrics, sampled_metrics
 from optim.measures.statistics import mean_interval
 from optim.space import Space
-from robots.robot import Robot, Trial, World
+from robots.robot import Robot, Trial, World, part_of
 from robots.tasks import Success, check_success
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.checks import within

@@ -10,11 +10,12 @@ import numpy as np
 
 from optim.experiments.equal_cost import Contest
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress
 from optim.experiments.tables import Record, read_records, where, write_records
 from optim.problem import Minibatch, Problem, Request, Wants, judge
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
+from robots.robot import part_of
 from taichi_sim.base.arrays import Floats
 
 WARM_UP, MOST_POINTS = 3, 100  # seed of the points that have the kernels compiled, and how many are tried

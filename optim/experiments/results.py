@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.tables import write_records
+from robots.robot import part_of
 from taichi_sim.base import files, line_files
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.parsing import parse_json
@@ -54,11 +55,6 @@ def check_runs(folder: Path, kind: str, tables: Sequence[str], names: Sequence[s
             "the rest from them"
         )
     check_folder(folder, names, kind)
-
-
-def part_of(progress: Progress, done: int, total: int, length: int = 1) -> Progress:
-    """Make the progress of a part of ``length`` after ``done`` of ``total`` work; None for None."""
-    return progress and (lambda fraction: progress((done + length * fraction) / total))
 
 
 def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays], check: Check = None) -> Arrays:

@@ -11,13 +11,14 @@ from itertools import product
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import State, Trials
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays, Floats
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress
 from optim.pipeline.changes import Change
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
@@ -20,6 +20,7 @@ from robots.inflatable import simulation
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.robustness import NOISE
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.checks import choice, number, whole_number
 from taichi_sim.base.files import read_text

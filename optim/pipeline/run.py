@@ -6,7 +6,7 @@ from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.results import Progress, check_folder, part_of
+from optim.experiments.results import Progress, check_folder
 from optim.pipeline.changes import Change, best_single_gait, cross, find_change
 from optim.pipeline.machine import change_name
 from optim.pipeline.package import Package
@@ -20,6 +20,7 @@ from optim.search import build_method
 from robots.ground_files import ground_files
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.timing import gait_steps
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 

@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.pipeline.task import PipelineTask, slug
 from robots.inflatable import simulation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg, simulate_journey
 from robots.inflatable.robustness import NOISE
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress
 from optim.problem import Objective, Problem, objectives_of, score_of
 from optim.problems import problem_of_run
 from optim.problems.robot_designing import RobotDesigning
@@ -32,7 +32,7 @@ from optim.runs.history import History
 from optim.wording import counted
 from robots.ground_files import by_file_read
 from robots.hardware import PneumaticRig
-from robots.robot import KINDS, Facts, Quantity, Replay, Robot
+from robots.robot import KINDS, Facts, Quantity, Replay, Robot, part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.options import flag_of, spelled
 from taichi_sim.base.results_folder import BEST_DESIGN

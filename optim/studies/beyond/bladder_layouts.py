@@ -24,7 +24,7 @@ import numpy as np
 from optim.experiments.data import Data
 from optim.experiments.equal_cost import Contest, Entry
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, check_runs, part_of, write_json
+from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
 from optim.experiments.tables import (
     Record,
@@ -46,6 +46,7 @@ from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import load_design, save_design
 from robots.inflatable.layout import WAYS_TO_LIE, Layout, different_layouts, laid, told_layout
 from robots.inflatable.schedule import BLADDERS
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice

@@ -20,7 +20,7 @@ from optim.experiments.equal_cost import Contest, Entry, Point, of_kind
 from optim.experiments.figures import COLOURS, COLUMN, figure, logarithmic
 from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
-from optim.experiments.results import Progress, check_folder, part_of, write_json
+from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import mean_interval, ratio_of_means
@@ -30,6 +30,7 @@ from optim.studies.beyond.freeform_kept import kept_speeds, kept_table
 from optim.studies.beyond.freeform_problems import ARMS, PROBLEMS
 from robots.lattice_robot import load_robot
 from robots.lattice_robot.robustness import trust_in
+from robots.robot import part_of
 from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text

@@ -23,7 +23,7 @@ import numpy as np
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, check_runs, part_of, write_json
+from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
 from optim.measures.statistics import effect, holm, mann_whitney, mean_interval
@@ -35,6 +35,7 @@ from robots.inflatable import simulation
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import load_design, save_design
 from robots.inflatable.timing import Counting
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice, positive

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.data import Kind
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress
 from optim.experiments.tables import Record, column, where, write_records
 from optim.studies.chapter2.evolution import Runs, by_treatment, evolve
 from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
 from optim.studies.chapter2.tables import measure
 from robots.quadruped import TIME_STEP
+from robots.robot import part_of
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.files import write_text
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.experiments.data import Data
-from optim.experiments.results import Progress, check_folder, part_of, write_json
+from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Study, StudyReport, StudySection
 from optim.experiments.tables import read_table, where
 from optim.studies.chapter2.champions import COLUMNS as ALONE
@@ -22,6 +22,7 @@ from optim.studies.chapter2.likeness import QUANTITIES, likeness, write_likeness
 from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
 from optim.studies.chapter2.tables import COLUMNS as RUNS
 from optim.studies.chapter2.tables import Cells, cells_of, measure, rows_of, write_tables
+from robots.robot import part_of
 from taichi_sim.base.files import make_folder, read_text
 from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import read_settings

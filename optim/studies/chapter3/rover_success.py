@@ -16,13 +16,14 @@ import numpy as np
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data
 from optim.experiments.figures import COLUMN, caption, figure, save_arrays
-from optim.experiments.results import Progress, check_folder, computed, part_of, write_json
+from optim.experiments.results import Progress, check_folder, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import write_records
 from optim.measures.overlap import learnability, resistance
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep, VehicleBody, weight_grid
 from robots.braitenberg.sweeps import Overlap
+from robots.robot import part_of
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
 from taichi_sim.base import checks

@@ -19,7 +19,7 @@ import numpy as np
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
-from optim.experiments.results import Part, Progress, computed, part_of, write_json
+from optim.experiments.results import Part, Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, where, write_table
 from optim.experiments.trials import NOTHING, Trials, computed_trials, first_time, record_trials
@@ -28,6 +28,7 @@ from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
 from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
+from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
-from optim.experiments.results import Progress, cached, computed, part_of, write_json
+from optim.experiments.results import Progress, cached, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, column, where, write_records
 from optim.experiments.trials import NOTHING, Trials, computed_trials, record_trials
@@ -33,6 +33,7 @@ from optim.studies.chapter4.perturbations import PERTURBATIONS
 from optim.studies.chapter4.reality_gap import survival
 from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, distances_of
 from robots.braitenberg import VehicleBody, sweep
+from robots.robot import part_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.results_folder import ResultsFolder

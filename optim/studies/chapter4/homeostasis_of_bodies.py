@@ -15,7 +15,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
-from optim.experiments.results import Progress, computed, part_of, write_json
+from optim.experiments.results import Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
 from optim.experiments.tables import column, write_columns
 from optim.measures import learnability, resistance
@@ -25,6 +25,7 @@ from optim.studies.chapter3.sweep_table import overlaps_of
 from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, sensor_distances
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody, contralateral
 from robots.braitenberg.sweeps import Overlap
+from robots.robot import part_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder

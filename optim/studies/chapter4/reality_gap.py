@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from optim.experiments.comparison import compare
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
-from optim.experiments.results import Progress, computed, part_of, write_json
+from optim.experiments.results import Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, distinct, where, write_records
 from optim.measures.statistics import mean_band
@@ -32,6 +32,7 @@ from optim.studies.chapter4 import weight_manifolds
 from optim.studies.chapter4.perturbations import PERTURBATIONS, Perturbation
 from robots.braitenberg import BASELINE, Sweep, VehicleBody, contralateral
 from robots.braitenberg.sweeps import MOST_WEIGHTS
+from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.results_folder import ResultsFolder

@@ -16,7 +16,7 @@ import numpy as np
 
 from optim.experiments.data import Data
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, note
-from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.results import Progress, write_json
 from optim.experiments.side_by_side import BudgetedSearch, run_with_budget
 from optim.experiments.study import Count, Settings, Study, StudyReport, StudySection, Whole
 from optim.experiments.tables import read_table, write_columns, write_table
@@ -30,6 +30,7 @@ from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table, sample_designs, sweep_published
 from optim.wording import counted
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, Sweep, VehicleBody, VehicleTask
+from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.checks import within
 from taichi_sim.base.compute import Precision

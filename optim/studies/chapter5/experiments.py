@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Costs, Progress, part_of
+from optim.experiments.results import Costs, Progress
 from optim.experiments.side_by_side import run_side_by_side
 from optim.experiments.study import Count, Settings, Several, Whole
 from optim.problem import Evaluation, Request, judge
@@ -25,6 +25,7 @@ from optim.search import HillClimb
 from optim.studies.chapter5.gaits import Uphill
 from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign, highest_pressure
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure
-from optim.experiments.results import Costs, Progress, check_folder, part_of, write_json
+from optim.experiments.results import Costs, Progress, check_folder, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import MISSING, Record, cell, markdown, page, write_records, write_table
 from optim.measures.statistics import effect, mean_band, welch
@@ -16,6 +16,7 @@ from optim.plots import draw_band
 from optim.studies.chapter5.champions import KIND, PLACES, Played, Player
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PARTS, ROWS, Found, ShapeChange, read, search
 from optim.studies.chapter5.gaits import shown, spread
+from robots.robot import part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 

@@ -16,7 +16,7 @@ import numpy as np
 from optim.experiments.body_metrics import Environments, Measuring, measure_body
 from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.experiments.side_by_side import run_with_budget
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
@@ -26,6 +26,7 @@ from optim.search import build_method
 from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS, walker
 from optim.studies.beyond.body_and_learning.report import write_report
 from robots.lattice_robot import LatticeRobot
+from robots.robot import part_of
 from robots.tasks import Success
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import positive, within

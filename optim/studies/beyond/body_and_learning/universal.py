@@ -19,14 +19,14 @@ import numpy as np
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, cached, part_of, write_json
+from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Study
 from optim.experiments.tables import Record, cell, column, markdown, page, where, write_records
 from optim.measures.statistics import difference_of_means, mean_interval
 from optim.search.step_rules import Adam
 from optim.space import Space
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
-from robots.robot import Trial
+from robots.robot import Trial, part_of
 from taichi_sim.base.arrays import Arrays, Floats, Ints
 from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.experiments.tables import Record
 from optim.measures.pareto import non_dominated
 from optim.measures.sampled import SampledMetrics, sampled_metrics
@@ -19,7 +19,7 @@ from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS
 from optim.studies.beyond.body_and_learning.study import LEARNERS, BodyAndLearning, check_learned, learn
 from optim.studies.beyond.evolving_bodies.bodies import BODY, body_of, code, drawn_body, stands
 from robots.lattice_robot import LatticeRobot
-from robots.robot import Trial
+from robots.robot import Trial, part_of
 from taichi_sim.base.arrays import Arrays, Bools, Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder

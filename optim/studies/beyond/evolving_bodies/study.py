@@ -10,7 +10,7 @@ from typing import Annotated
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
 from optim.studies.beyond.body_and_learning.study import BodyAndLearning
@@ -19,6 +19,7 @@ from optim.studies.beyond.evolving_bodies.loops import TABLE as LOOPS_TABLE
 from optim.studies.beyond.evolving_bodies.loops import Loops, run_loops
 from optim.studies.beyond.evolving_bodies.metrics import ARMS, Evolving, arm_part
 from optim.studies.beyond.evolving_bodies.report import BODY_COLUMNS, write_report
+from robots.robot import part_of
 from taichi_sim.base.checks import positive
 from taichi_sim.base.results_folder import ResultsFolder
 

@@ -16,13 +16,14 @@ import numpy as np
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
 from optim.studies.beyond.body_and_learning.study import LEARNERS, check_learned, learn_until
 from optim.studies.beyond.evolving_vehicles.bodies import BOUND, drawn_body, exact, problem_of, tried
 from optim.studies.beyond.evolving_vehicles.report import ARMS, BODIES, COLUMNS, LEARNED, LOOPED, PICTURE, write_report
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS, MARKS, OBJECTIVES, BodyProblem, evolve, loop
+from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import positive
 from taichi_sim.base.results_folder import ResultsFolder
@@ -89,7 +90,7 @@ class Part:
 
     def _evolved(self, kept: ResultsFolder, arm: str, progress: Progress) -> Record:
         """Evolve a body by some objectives, or draw one, judge it by others, and learn in it."""
-        settings, told = self.settings, partial(part_of, progress, total=2 + len(LEARNED))
+        settings, told = self.settings, partial(part_of, progress, count=2 + len(LEARNED))
         if arm == "random":
             found: Arrays = {"body": drawn_body(self.seed)}
         else:

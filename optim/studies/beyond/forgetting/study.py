@@ -16,7 +16,7 @@ from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.body_metrics import Measuring, Tries, check_succeeded, controllers_of
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, write_records
 from optim.measures.sampled import sampled_metrics
@@ -24,6 +24,7 @@ from optim.space import Space
 from optim.studies.beyond.forgetting.families import FAMILIES, LOST, Learning
 from optim.studies.beyond.forgetting.methods import METHODS, SEQUENTIAL, Recipe, train
 from optim.studies.beyond.forgetting.report import LEVELS, TABLE, write_report
+from robots.robot import part_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.results_folder import ResultsFolder

@@ -15,7 +15,7 @@ import numpy as np
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, check_runs, part_of, write_json
+from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, markdown, page, write_records
 from optim.experiments.tables import where as select
@@ -32,6 +32,7 @@ from optim.studies.beyond.gait_hunt.finalists import (
 )
 from optim.studies.beyond.gait_hunt.program import RUNGS, Plan, Program, Step
 from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST
+from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.files import write_text
 

@@ -20,7 +20,7 @@ from optim.experiments.comparison import differences, table_of_differences
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, check_runs, part_of, write_json
+from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import mean_interval
@@ -39,6 +39,7 @@ from optim.studies.beyond.gait_hunt.finalists import (
 )
 from optim.studies.beyond.gait_hunt.searches import PUBLISHED_COST, SEARCHES, paid, read_spent, search_within
 from robots.inflatable.robustness import LEAST_HARD_SPEED
+from robots.robot import part_of
 from taichi_sim.base.checks import nearest, positive
 from taichi_sim.base.files import write_text
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from optim.experiments.data import Data, Kind
-from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Study, Whole
 from optim.experiments.tables import Record, distinct, markdown, page, where, write_records
 from optim.studies.beyond.robust_gaits.judgement import judged
@@ -23,6 +23,7 @@ from optim.studies.beyond.robust_gaits.settings import NAME as SEARCHES
 from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS
+from robots.robot import part_of
 from taichi_sim.base import checks
 from taichi_sim.base.files import write_text
 from taichi_sim.base.results_folder import ResultsFolder

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.allowed import Allowed
-from optim.experiments.results import Progress, computed_arrays, part_of
+from optim.experiments.results import Progress, computed_arrays
 from optim.problem import Request, judge
 from optim.problems.inflatable.graded_encoding import LEAST_MOTION, SETTLING
 from optim.problems.inflatable.problem import GaitProblem
@@ -19,6 +19,7 @@ from optim.studies.beyond.gait_hunt.searches import search_within
 from optim.studies.beyond.robust_gaits.settings import BATCH, RobustGaits, file_of
 from robots.inflatable.design import INCHING, InflatableDesign, load_design, save_design
 from robots.inflatable.schedule import BLADDERS
+from robots.robot import part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
 

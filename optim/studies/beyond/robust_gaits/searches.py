@@ -17,7 +17,7 @@ import numpy as np
 from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
-from optim.experiments.results import Progress, part_of, write_json
+from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval
@@ -26,6 +26,7 @@ from optim.studies.beyond.robust_gaits.judgement import judged
 from optim.studies.beyond.robust_gaits.search import kept, screened, starts_of
 from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes
 from robots.inflatable.schedule import BLADDERS
+from robots.robot import part_of
 from robots.world import FLOORS
 from taichi_sim.base import checks
 from taichi_sim.base.checks import positive

@@ -16,7 +16,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from optim.experiments.results import Progress, part_of
+from optim.experiments.results import Progress
 from optim.experiments.study import Study
 from optim.experiments.tables import write_records
 from optim.studies.beyond.robust_gaits.judgement import judged, on_rig
@@ -25,6 +25,7 @@ from optim.studies.beyond.robust_gaits.search import flat_walk, kept, led_up, sc
 from optim.studies.beyond.robust_gaits.settings import NAME, RobustGaits
 from optim.studies.chapter5.gaits import repeated
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
+from robots.robot import part_of
 from taichi_sim.base.results_folder import ResultsFolder
 
 HAND_MADE = {"inching": repeated(INCHING, 1), "rolling": repeated(ROLLING, 1)}

@@ -16,7 +16,7 @@ import numpy as np
 
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, cached, part_of
+from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, distinct, where, write_records, write_table
 from optim.studies.beyond.sense_and_switch.machine import Grounds, Search
@@ -38,6 +38,7 @@ from optim.studies.beyond.sense_and_switch.report import CHANCE, LOOK, RULES, TO
 from robots.control.switching import Switching, fitted
 from robots.course import KINDS
 from robots.lattice_robot.repertoire import Played
+from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import positive
 from taichi_sim.base.results_folder import ResultsFolder
