@@ -17,7 +17,6 @@ from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_co
 from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
 from robots.tasks import find_task
-from taichi_sim.base.parsing import parse_json
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -210,7 +209,7 @@ def _method(args: argparse.Namespace, name: str, design: Design, known: dict[str
     given = options.given((*SETTINGS, *SEARCH_BY_GRADIENTS), args)
     if design.start:
         given["start"] = dict(design.start)
-    given |= dict(_setting(text) for text in args.set or ())
+    given |= dict(options.setting(text) for text in args.set or ())
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
     settings |= {**given, **design.settings}
@@ -226,14 +225,3 @@ def _map(problem: "Problem", settings: Mapping[str, Any]) -> dict[str, Any]:
     known = isinstance(axes, list) and isinstance(given, Mapping)
     ends = {n: list(ends) for n, ends in suggested.items() if known and n in axes and n not in given}
     return {"descriptors": axes} | ({"ranges": {**ends, **given}} if ends else {})
-
-
-def _setting(text: str) -> tuple[str, Any]:
-    """``NAME=VALUE``, the value as JSON, or else as text."""
-    name, equals, value = text.partition("=")
-    if not (name and equals and value):
-        raise ValueError(f"set: {text!r} is not allowed; give NAME=VALUE")
-    try:
-        return name.replace("-", "_"), parse_json(value)
-    except ValueError:
-        return name.replace("-", "_"), value

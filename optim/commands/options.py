@@ -17,6 +17,7 @@ from taichi_sim.base.options import given as given
 from taichi_sim.base.options import number as number
 from taichi_sim.base.options import path_to as path_to
 from taichi_sim.base.options import whole as whole
+from taichi_sim.base.parsing import parse_json
 
 QUIET = flag("quiet", "no progress")
 JSON = flag("json", "print one JSON document, and nothing else, on stdout")
@@ -112,3 +113,14 @@ def claim_folder(args: argparse.Namespace, *names: str) -> None:
     """
     if args.out is not None:
         args.held.enter_context(claims.claimed_folder("out", args.out, names))
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """``NAME=VALUE``, the value as JSON, or else as text."""
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise ValueError(f"set: {text!r} is not allowed; give NAME=VALUE")
+    try:
+        return name.replace("-", "_"), parse_json(value)
+    except ValueError:
+        return name.replace("-", "_"), value

@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from optim.commands import Report, goes_on
-from optim.commands.options import QUIET, Command, Option, count, path_to
+from optim.commands.options import QUIET, Command, Option, count, path_to, setting
 from optim.progress import shown_progress
 from taichi_sim.base.claims import claimed_folder, undone_if_it_fails
 from taichi_sim.base.files import ASIDE
@@ -13,7 +13,7 @@ from taichi_sim.base.options import flag_of, numbers
 if TYPE_CHECKING:
     from optim.experiments.study import Study
 
-OF_RUNS = ("budget", "sweep", "jobs", "floor", "friction")  # options that say how a study is run
+OF_RUNS = ("budget", "sweep", "jobs", "floor", "friction", "set")  # options that say how a study is run
 
 COMMAND = Command(
     "reproduce",
@@ -42,6 +42,12 @@ COMMAND = Command(
             metavar="wood|acrylic",
         ),
         Option("friction", "of them, of sliding and of gripping feet", numbers(2), "SLIDING,GRIPPING"),
+        Option(
+            "set",
+            "another setting of the study, as JSON or text, such as seeds=10; a wrong name lists them; may be repeated",
+            metavar="NAME=VALUE",
+            several=True,
+        ),
         QUIET,
     ),
 )
@@ -78,6 +84,8 @@ def run(args: argparse.Namespace) -> Report:
             name = "friction" if args.floor is None else "floor"
             raise ValueError(f"{name}: study {args.study} has its own; leave it out")
         options["friction"] = friction
+    if args.set:
+        options["changes"] = dict(setting(text) for text in args.set)
     budget = args.budget or "small"
     with shown_progress(args.study, 1.0, args.quiet) as update:
         study.reproduce(args.out, budget, update, **options)

@@ -1,10 +1,11 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from optim.experiments.data import WHERE, Data
@@ -15,6 +16,13 @@ from taichi_sim.base import checks
 Whole = Annotated[int, partial(checks.integer, low=0)]
 Count = Annotated[int, partial(checks.integer, low=1)]
 Several = Annotated[int, partial(checks.integer, low=2)]
+
+
+def some_of(field_name: str, value: Any, names: Collection[str]) -> tuple[str, ...]:
+    """Check that a setting is a tuple of one or more different names of those that are known."""
+    if not isinstance(value, list | tuple) or not value or len(set(map(str, value))) < len(value):
+        raise ValueError(f"{field_name}: {checks.shown(value)} is not allowed; give different names, one or more")
+    return tuple(checks.choice(field_name, name, names) for name in value)
 
 
 @dataclass(frozen=True)
@@ -31,6 +39,34 @@ class Settings:
     def lasting(self, *grows: str) -> dict[str, Any]:
         """The description without fields by which a study only grows: its folder serves other values of them."""
         return {name: value for name, value in self.describe().items() if name not in grows}
+
+
+def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
+    """Settings with other values by name, of the kinds that they have: a dataclass, where anything changes.
+
+    Raises:
+        ValueError: for a name that is no setting, or a value that is not allowed.
+    """
+    if not changes:
+        return settings
+    known = [each.name for each in fields(settings) if each.init] if is_dataclass(settings) else []
+    for name in changes:
+        checks.choice("set", name, known)
+    return replace(settings, **{name: _like(name, value, getattr(settings, name)) for name, value in changes.items()})
+
+
+def _like(name: str, value: Any, present: Any) -> Any:
+    """A value of JSON as one of the kind that a setting has; what is None says nothing of its kind."""
+    if isinstance(value, list):
+        value = tuple(value)
+    if isinstance(present, tuple):
+        each = value if isinstance(value, tuple) else (value,)
+        return tuple(_like(name, one, present[0] if present else None) for one in each)
+    if isinstance(present, float) and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if present is not None and type(value) is not type(present):
+        raise ValueError(f"{name}: {checks.shown(value)} is not allowed; give a value such as {checks.shown(present)}")
+    return value
 
 
 @dataclass(frozen=True)
@@ -76,15 +112,17 @@ class Study:
         budget: str = "full",
         progress: Progress = None,
         friction: tuple[float, float] | None = None,
+        changes: Mapping[str, Any] = MappingProxyType({}),
         **options: Any,
     ) -> None:
         """Run the study, or continue it where its folder ended, with some of :attr:`options`.
 
-        A ``friction`` of sliding and of gripping feet is for studies that have a ground.
+        A ``friction`` of sliding and of gripping feet is for studies that have a ground; ``changes`` are other values
+        of settings of the budget, by name.
 
-        Raises ValueError if the study does not have the budget, or the folder holds something else.
+        Raises ValueError if the study does not have the budget or a setting, or the folder holds something else.
         """
-        settings = self.scales[checks.choice("budget", budget, self.scales)]
+        settings = changed(self.scales[checks.choice("budget", budget, self.scales)], changes)
         if friction is not None:
             settings = replace(settings, friction=friction)
         self.run(folder, settings, progress, **options)

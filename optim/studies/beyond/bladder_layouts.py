@@ -25,7 +25,7 @@ from optim.experiments.data import Data
 from optim.experiments.equal_cost import Contest, Entry
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
-from optim.experiments.study import Count, Settings, Study, Whole
+from optim.experiments.study import Count, Settings, Study, Whole, some_of
 from optim.experiments.tables import (
     Record,
     column,
@@ -83,7 +83,7 @@ class Enumeration(Settings):
     starts: Count = 1
     columns: Count = 4
     geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "small-closed"
-    bodies: tuple[str, ...] = tuple(BODIES)
+    bodies: Annotated[tuple[str, ...], partial(some_of, names=BODIES)] = tuple(BODIES)
 
     @property
     def runs(self) -> list[tuple[str, int]]:

@@ -21,7 +21,7 @@ from optim.experiments.figures import COLOURS, COLUMN, figure, logarithmic
 from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, write_json
-from optim.experiments.study import Count, Settings, Study
+from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import mean_interval, ratio_of_means
 from optim.problems.robot import RobotProblem
@@ -31,7 +31,7 @@ from optim.studies.beyond.freeform_problems import ARMS, PROBLEMS
 from robots.lattice_robot import load_robot
 from robots.lattice_robot.robustness import trust_in
 from robots.robot import part_of
-from taichi_sim.base.checks import positive
+from taichi_sim.base.checks import positive, shown
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
 
@@ -48,6 +48,16 @@ EXACT = Compute(precision="f64", threads=1)
 CURVE = 40  # points of a curve in the table, at most
 
 
+FIRST_ARMS = ("race", "race-quick", "genetic", "hill-climb", "nes", "cma")
+
+
+def _times(field_name: str, value: Any) -> tuple[float, ...]:
+    """Ascending multiples of the time of a run."""
+    if not isinstance(value, list | tuple) or not value or list(value) != sorted(set(value)):
+        raise ValueError(f"{field_name}: {shown(value)} is not allowed; give ascending numbers, one or more")
+    return tuple(positive(field_name, each) for each in value)
+
+
 @dataclass(frozen=True)
 class Comparison(Settings):
     """How large the comparison is.
@@ -61,10 +71,10 @@ class Comparison(Settings):
     """
 
     share: Annotated[float, positive] = 1.0
-    times: tuple[float, ...] = (1.0, 4.0)
+    times: Annotated[tuple[float, ...], _times] = (1.0, 4.0)
     seeds: Count = 5
-    problems: tuple[str, ...] = ("ground-288", "ground-960", "water-288")
-    arms: tuple[str, ...] = ("race", "race-quick", "genetic", "hill-climb", "nes", "cma")
+    problems: Annotated[tuple[str, ...], partial(some_of, names=PROBLEMS)] = ("ground-288", "ground-960", "water-288")
+    arms: Annotated[tuple[str, ...], partial(some_of, names=ARMS)] = FIRST_ARMS
 
     @property
     def runs(self) -> list[tuple[str, str, int]]:

@@ -24,7 +24,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, Point, of_kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
-from optim.experiments.study import Count, Settings, Study
+from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
 from optim.measures.statistics import effect, holm, mann_whitney, mean_interval
 from optim.problem import Request, judge
@@ -124,8 +124,8 @@ class Comparison(Settings):
     starts: Count = 3
     columns: Count = 3
     geometry: Annotated[str, partial(choice, names=NAMED_GEOMETRIES)] = "small-closed"
-    worlds: tuple[str, ...] = tuple(WORLDS)
-    arms: tuple[str, ...] = MAIN
+    worlds: Annotated[tuple[str, ...], partial(some_of, names=WORLDS)] = tuple(WORLDS)
+    arms: Annotated[tuple[str, ...], partial(some_of, names=ARMS)] = MAIN
 
     @property
     def runs(self) -> list[tuple[str, str, int]]:

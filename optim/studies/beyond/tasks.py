@@ -16,7 +16,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, check_folder, write_json
-from optim.experiments.study import Count, Settings, Study
+from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval
 from optim.problems.robot import RobotProblem
@@ -63,7 +63,7 @@ class Solving(Settings):
 
     seconds: Annotated[float, positive] = 60.0
     seeds: Count = 3
-    tasks: tuple[str, ...] = tuple(builtin_tasks())
+    tasks: Annotated[tuple[str, ...], partial(some_of, names=builtin_tasks())] = tuple(builtin_tasks())
 
     @property
     def runs(self) -> list[Run]:

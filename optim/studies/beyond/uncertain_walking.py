@@ -17,7 +17,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, write_json
-from optim.experiments.study import Count, Settings, Several, Study
+from optim.experiments.study import Count, Settings, Several, Study, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval, ratio_of_means
 from optim.problems.robot import RobotProblem
@@ -74,10 +74,14 @@ class UncertainWalking(Settings):
 
     seconds: Annotated[float, positive] = 60.0
     seeds: Count = 5
-    robots: tuple[str, ...] = tuple(ROBOTS)
+    robots: Annotated[tuple[str, ...], partial(some_of, names=ROBOTS)] = tuple(ROBOTS)
     draws: Several = 16
     held_out: Several = 64
     uncertain: str = "friction=20%,slope=3,levels=10%"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        Uncertainty.parse(self.uncertain)
 
     @property
     def runs(self) -> list[Run]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from optim.experiments.data import Data
 from optim.experiments.results import Progress, check_folder, write_json
-from optim.experiments.study import Study, StudyReport, StudySection
+from optim.experiments.study import Count, Settings, Study, StudyReport, StudySection
 from optim.experiments.tables import read_table, where
 from optim.studies.chapter2.champions import COLUMNS as ALONE
 from optim.studies.chapter2.champions import champions_of, train_alone, write_alone, write_champions
@@ -45,14 +45,14 @@ DRAWN = (".png", ".npz", ".csv.gz")  # a picture, and what it shows
 
 
 @dataclass(frozen=True)
-class Effort:
+class Effort(Settings):
     """How much a study does."""
 
-    population: int  # climbers of a run
-    runs: int  # of each treatment
-    generations: int  # of each run
-    runs_alone: int  # of each robot that is trained on a light alone
-    generations_alone: int  # of each of these
+    population: Count  # climbers of a run
+    runs: Count  # of each treatment
+    generations: Count  # of each run
+    runs_alone: Count  # of each robot that is trained on a light alone
+    generations_alone: Count  # of each of these
 
 
 def train(

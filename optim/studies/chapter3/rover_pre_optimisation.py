@@ -34,6 +34,7 @@ from optim.studies.chapter3.rover_success import RoverGrid
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
+from taichi_sim.base.compute import Device, Precision
 from taichi_sim.base.results_folder import ResultsFolder
 
 MASSES = ("body_mass", "wheel_mass", "castor_mass")
@@ -54,8 +55,8 @@ class RoverProblem:
 
     controller: str = "unit"  # ``"unit"``: both weights are 1; ``"evolved"``: they are variables, too
     steps: int = STEPS  # looks at the light in every rollout
-    precision: str = "f32"  # ``"f32"`` or ``"f64"``
-    device: str = "cpu"  # ``"cpu"``, ``"cuda"``, .
+    precision: Precision = "f32"  # ``"f32"`` or ``"f64"``
+    device: Device = "cpu"  # ``"cpu"``, ``"cuda"``, .
     threads: int | None = None  # CPU threads, all available if None; changes no result
 
     def __post_init__(self) -> None:

@@ -32,7 +32,7 @@ from optim.wording import counted
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, Sweep, VehicleBody, VehicleTask
 from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
-from taichi_sim.base.checks import within
+from taichi_sim.base.checks import check_fields, within
 from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
 
@@ -221,11 +221,12 @@ def _by_design(arrays: Arrays) -> dict[int, _Outcome]:
 class TrainingInBodies:
     """Bodies in which trainers are tried, and their sweep."""
 
-    bodies: int = DESIGNS  # how many, drawn from the published grid
+    bodies: Count = DESIGNS  # how many, drawn from the published grid
     weights: int = 121  # values of each weight in the sweep that gives their metrics
     training: Training = Training()  # of the trainers
 
     def __post_init__(self) -> None:
+        check_fields(self)
         _ = self.designs, Sweep(weights=self.weights)  # refuse numbers that are not allowed
 
     @property

@@ -20,11 +20,12 @@ from optim.studies.beyond.robust_gaits.report import DRAWN as DRAWN_OF_GAITS
 from optim.studies.beyond.robust_gaits.report import DRAWS, GAITS, SPEEDS_TOLD, speed_cells, summary_row
 from optim.studies.beyond.robust_gaits.search import kept, led_up, screened
 from optim.studies.beyond.robust_gaits.settings import NAME as SEARCHES
-from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes
+from optim.studies.beyond.robust_gaits.settings import Geometry, RobustGaits, checked_slopes
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import BLADDERS
 from robots.robot import part_of
 from taichi_sim.base import checks
+from taichi_sim.base.compute import Precision
 from taichi_sim.base.files import write_text
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -49,15 +50,15 @@ class CappedGaits(Settings):
     full: Annotated[tuple[int, ...], _caps] = (1, 2, 3, 4)
     slopes: Annotated[tuple[float, ...], checked_slopes] = (0.0, 9.0)  # [degrees]
     floor: str = "wood"
-    geometry: str = "published"
+    geometry: Geometry = "published"
     draws: Count = 4  # that a search sees
     held_out: Count = 64
-    budget: float = 6e6  # of each search [robot-steps]
+    budget: Annotated[float, checks.positive] = 6e6  # of each search [robot-steps]
     begins: Count = 1  # columns a start is tried from
     population: Count = 12
     steps: Count = 60_000  # of gaits in searches
     warm_up: Whole = 15_000  # of these, before what counts
-    precision: str = "f64"  # of the judgement
+    precision: Precision = "f64"  # of the judgement
 
     def __post_init__(self) -> None:
         super().__post_init__()

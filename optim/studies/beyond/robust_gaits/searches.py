@@ -18,18 +18,19 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.equal_cost import Arm, Contest, Entry
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
 from optim.experiments.results import Progress, write_json
-from optim.experiments.study import Count, Settings, Several, Study, Whole
+from optim.experiments.study import Count, Settings, Several, Study, Whole, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import mean_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.studies.beyond.robust_gaits.judgement import judged
 from optim.studies.beyond.robust_gaits.search import kept, screened, starts_of
-from optim.studies.beyond.robust_gaits.settings import RobustGaits, checked_slopes
+from optim.studies.beyond.robust_gaits.settings import Geometry, RobustGaits, checked_slopes
 from robots.inflatable.schedule import BLADDERS
 from robots.robot import part_of
 from robots.world import FLOORS
 from taichi_sim.base import checks
 from taichi_sim.base.checks import positive
+from taichi_sim.base.compute import Precision
 from taichi_sim.base.files import write_text
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -95,20 +96,18 @@ class RobustSearches(Settings):
     seconds: Annotated[float, positive] = 480.0
     seeds: Count = 3
     slopes: Annotated[tuple[float, ...], checked_slopes] = (0.0, 9.0)
-    arms: tuple[str, ...] = MAIN
+    arms: Annotated[tuple[str, ...], partial(some_of, names=ARMS)] = MAIN
     floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
-    geometry: str = "published"
+    geometry: Geometry = "published"
     draws: Several = 4
     held_out: Several = 16
     steps: Count = 60_000
     warm_up: Whole = 15_000
     most_full: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = 4
-    precision: str = "f32"
+    precision: Precision = "f32"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for arm in self.arms:
-            checks.choice("arms", arm, ARMS)
         _ = self.searches  # what it refuses is refused here
 
     @cached_property

@@ -5,17 +5,21 @@ from functools import cached_property, partial
 from typing import Annotated, Any
 
 from optim.experiments.study import Count, Settings, Whole
+from optim.problems.inflatable.graded_encoding import SETTLING
 from optim.problems.inflatable.problem import GaitProblem
 from optim.studies.beyond.gait_hunt.finalists import check_friction
 from robots.hardware.rig import PRESETS
+from robots.inflatable.body import NAMED_GEOMETRIES
 from robots.inflatable.schedule import BLADDERS
 from robots.uncertainty import Uncertainty
 from robots.world import FLOORS, STEEPEST, Terrain, floor_of
 from taichi_sim.base import checks
+from taichi_sim.base.compute import Precision
 
 NAME = "robust-gaits"
 PRESSURE = 12e3  # of the core [Pa]
 BATCH = 8  # gaits, or draws, of a part whose results are kept
+Geometry = Annotated[str, partial(checks.choice, names=NAMED_GEOMETRIES)]
 DESCRIBED_IF_SET = ("friction", "capped")  # which folders of before do not know
 
 
@@ -26,32 +30,48 @@ def checked_slopes(field_name: str, value: Any) -> tuple[float, ...]:
     return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
 
 
+def _settling(field_name: str, value: Any) -> tuple[float, ...]:
+    """Times that waves settle after each column [time steps]."""
+    if not isinstance(value, list | tuple) or not value:
+        raise ValueError(f"{field_name}: {checks.shown(value)} is not allowed; give one or more numbers")
+    return tuple(checks.number(field_name, each, 0.0, SETTLING, "time steps") for each in value)
+
+
+def _steeper(field_name: str, value: Any) -> tuple[float, ...]:
+    """By how much slopes are steeper than another one [degrees]."""
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{field_name}: {checks.shown(value)} is not allowed; give numbers")
+    return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
+
+
 @dataclass(frozen=True)
 class RobustGaits(Settings):
     """How large the study is, and on which floor: a named one, or one of a given friction, which then has no name."""
 
     slopes: Annotated[tuple[float, ...], checked_slopes] = (0.0, 9.0, 11.0, 12.0, 13.0, 14.0)  # [degrees]
     floor: Annotated[str, partial(checks.choice, names=FLOORS)] = "wood"
-    geometry: str = "published"
+    geometry: Geometry = "published"
     uncertain: str = "friction=20%,slope=1,levels=5%,timing=5%"
     draws: Count = 4  # that a search sees
     held_out: Count = 64  # by which gaits are judged
     most_full: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = 4  # bladders at a time, of waves
-    settling: tuple[float, ...] = (0.0,)  # of screened waves, time steps after each column
+    settling: Annotated[tuple[float, ...], _settling] = (0.0,)  # of screened waves, time steps after each column
     steps: Count = 60_000  # of gaits in searches
     warm_up: Whole = 15_000  # of these, before what counts
-    budget: float = 10e6  # of each search [robot-steps]
+    budget: Annotated[float, checks.positive] = 10e6  # of each search [robot-steps]
     begins: Annotated[int, partial(checks.integer, low=1, high=BLADDERS)] = BLADDERS  # columns a start is tried from
     population: Count = 12
     seed: Whole = 0
-    steeper: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0)  # than the steepest slope, on which its gait is tried [degrees]
-    precision: str = "f64"  # of the judgement
+    # Than the steepest slope, on which its gait is tried [degrees].
+    steeper: Annotated[tuple[float, ...], _steeper] = (2.0, 4.0, 6.0, 8.0)
+    precision: Precision = "f64"  # of the judgement
     rig: Annotated[str, partial(checks.choice, names=tuple(PRESETS))] = "dissertation-lag"  # that plays what is found
     friction: Annotated[tuple[float, float], check_friction] | None = None  # of sliding and of gripping feet
     capped: bool = False  # whether gaits of searches have at most ``most_full`` bladders full at a time, as waves do
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        Uncertainty.parse(self.uncertain)
         if self.friction is not None and (named := floor_of(self.friction)):  # however it is given, it is one study
             object.__setattr__(self, "floor", named)
             object.__setattr__(self, "friction", None)

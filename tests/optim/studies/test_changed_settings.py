@@ -1,0 +1,61 @@
+"""Settings of studies that ``morpholab reproduce --set`` changes: kinds, refusals, and with what the study is run."""
+
+from dataclasses import fields, replace
+
+import pytest
+
+from optim.experiments.study import changed
+from optim.studies.beyond.robust_gaits.capped import CappedGaits
+from optim.studies.catalogue import STUDIES
+
+# Values of no sense by the kind of a setting, which must not wait for the middle of a run to be refused.
+SENSELESS = {"str": ["xyzzy"], "int": [-1, 0.5, True], "float": [float("nan"), "x"], "tuple": ["xyzzy", [None]]}
+NAMED_ELSEWHERE = {"threads", "friction", "rigs"}  # None, or more names than a list
+
+
+@pytest.mark.parametrize("name", [name for name, _ in STUDIES.usable()])
+def test_no_study_takes_what_makes_no_sense(name):
+    settings = STUDIES.find(name).scales["small"]
+    for each in fields(settings):
+        present = getattr(settings, each.name)
+        if not each.init or each.name in NAMED_ELSEWHERE:
+            continue
+        for value in SENSELESS.get(type(present).__name__, []):
+            with pytest.raises(ValueError) as error:
+                changed(settings, {each.name: value})
+            assert "\n" not in str(error.value) and each.name in str(error.value), (each.name, value)
+
+
+def test_values_of_json_become_those_of_settings():
+    told = changed(CappedGaits(), {"full": [4], "slopes": [0, 5], "floor": "acrylic", "budget": 3})
+    assert told == replace(CappedGaits(), full=(4,), slopes=(0.0, 5.0), floor="acrylic", budget=3.0)
+    assert changed(CappedGaits(), {"full": 4}).full == (4,) and isinstance(told.slopes[1], float)
+
+
+def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    seen = []
+    study = replace(STUDIES.find("capped-gaits"), run=lambda folder, settings, progress: seen.append(settings))
+    monkeypatch.setattr(type(STUDIES), "find", lambda self, name: study)
+    line = (
+        "reproduce capped-gaits --budget medium --out a --set floor=acrylic --set full=[4] --set slopes=[0,5] --quiet"
+    )
+    assert morpholab(line)[0] == 0
+    assert seen == [CappedGaits((4,), (0.0, 5.0), "acrylic")]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("capped-gaits --out a --set seeds=1", "set: 'seeds' is unknown; choose one of full, slopes"),
+        ("capped-gaits --out a --set full", "set: 'full' is not allowed; give NAME=VALUE"),
+        ("capped-gaits --out a --set held_out=0.5", "held_out: 0.5 is not allowed; give a value such as 4"),
+        ("capped-gaits --out a --from-data . --set full=1", "set: ['full=1'] is not allowed with --from-data"),
+        ("--set full=1", "set: ['full=1'] is not allowed without a study"),
+    ],
+)
+def test_what_is_wrong_is_one_line_and_leaves_nothing(morpholab, monkeypatch, tmp_path, line, message):
+    monkeypatch.chdir(tmp_path)
+    code, _, error = morpholab(f"reproduce {line} --quiet")
+    assert code == 2 and message in error and len(error.strip().splitlines()) == 1
+    assert not list(tmp_path.iterdir())
