@@ -37,14 +37,15 @@ LEFT_OUT = {
     "interference": {f"two/{name}" for name in PICTURES_OF_TWO}
     | {f"{n}/{name}" for n in ENVIRONMENTS for name in PICTURES},
 }
+OTHER_FLOORS = [("capped-gaits", DATA / "capped-gaits-acrylic")]
 NOTHING_COMMITTED = ("sensor-placement", "training")  # but the tables themselves; tests of their own compare
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("study", TOLD)
-def test_the_committed_tables_come_out_of_the_committed_data(study, tmp_path, capsys):
+@pytest.mark.parametrize(("study", "data"), [*((study, DATA) for study in TOLD), *OTHER_FLOORS])
+def test_the_committed_tables_come_out_of_the_committed_data(study, data, tmp_path, capsys):
     out = tmp_path / "out"
-    assert cli.main(["reproduce", study, "--from-data", str(DATA), "--out", str(out), "--json"]) == 0
+    assert cli.main(["reproduce", study, "--from-data", str(data), "--out", str(out), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     names = sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
     assert document["files"] == names
