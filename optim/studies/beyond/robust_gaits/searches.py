@@ -166,7 +166,7 @@ class Searches:
         point = problem.space.from_dict(best)
         name = "-".join(map(str, run))
         gaits = kept(self.folder / "designs", {name: (problem.design(point), slope)})
-        own = self.settings.searches
+        own = replace(self.settings.searches, slopes=(slope,))
         parts = ResultsFolder(self.folder / "judged" / name, NAME, own.describe())
         speeds = {row["draw"]: row["speed"] for row in judged(own, parts, gaits, 1, None)}
         drawn = np.array([speed for draw, speed in speeds.items() if draw >= 0])
@@ -186,7 +186,7 @@ def within(level: float) -> float:
 
 def study(folder: Path, settings: RobustSearches, progress: Progress = None, jobs: int = 1) -> None:
     """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
-    parts = ResultsFolder(folder, NAME, settings.lasting("seeds", "arms"))
+    parts = ResultsFolder(folder, NAME, settings.lasting("seeds", "arms", "slopes"))
     own = settings.searches
     screen = screened(own, parts, None, progress and part_of(progress, 0, 20, 1))
     searches = Searches(folder, settings, screen)
