@@ -1,8 +1,11 @@
 """Registries: find things by name, built-in ones and those that installed packages add as entry points."""
 
 import difflib
+import os
+import sys
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from importlib import metadata
 from typing import Generic, TypeVar
 
@@ -138,4 +141,19 @@ class Registry(Mapping[str, Thing], Generic[Thing]):
             )
 
     def _entries(self) -> metadata.EntryPoints:
-        return metadata.entry_points(group=self.group)
+        return _installed(self.group, tuple(_state(folder) for folder in sys.path))
+
+
+@lru_cache(maxsize=64)
+def _installed(group: str, folders: tuple[tuple[int, int, int] | None, ...]) -> metadata.EntryPoints:
+    """Entry points of a group; all installed packages are read anew when folders on the path are others or changed."""
+    return metadata.entry_points(group=group)
+
+
+def _state(folder: str) -> tuple[int, int, int] | None:
+    """What tells that it is the same folder and that nothing was installed there, or removed; None without one."""
+    try:
+        found = os.stat(folder or os.curdir)
+    except OSError:
+        return None
+    return found.st_dev, found.st_ino, found.st_mtime_ns

@@ -37,6 +37,19 @@ def test_packages_add_things_and_cannot_replace_any(shapes, path):
     del sys.modules["starry"]
 
 
+def test_what_is_installed_or_removed_later_is_noticed(shapes, path, monkeypatch):
+    """In a folder of the path that was empty when names were listed, and with the path."""
+    assert "star" not in shapes
+    install(path, "starry", GROUP, {"star": "fractions:Fraction"})
+    assert "star" in shapes and shapes.package_of("star") == "starry"
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder != str(path)])
+    assert "star" not in shapes
+    monkeypatch.syspath_prepend(path)
+    assert "star" in shapes
+    (path / "starry-1.0.dist-info").rename(path / "elsewhere")
+    assert "star" not in shapes
+
+
 def test_unknown_names_are_told_the_nearest(shapes):
     with pytest.raises(ValueError, match=r"shape: 'sqare' is unknown; did you mean square\? all of them: square, circ"):
         shapes.find("sqare")
