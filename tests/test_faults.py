@@ -295,8 +295,9 @@ def test_a_fault_costs_nothing_but_the_command(kind, name, every, morpholab, tmp
     (tmp_path / "prepared").mkdir()
     monkeypatch.chdir(tmp_path / "prepared")
     prepare(tmp_path / "prepared", case, morpholab)
-    enter(tmp_path / "first")
-    assert morpholab(case.line)[0] == 0  # so that what is made once a process is there
+    if every:  # then the calls are the same in all runs, and what is made once a process must be there
+        enter(tmp_path / "first")
+        assert morpholab(case.line)[0] == 0
     enter(tmp_path / "whole")
     before = lasting(tmp_path / "whole")
     fault.begin(0)
