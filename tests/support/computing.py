@@ -85,7 +85,6 @@ SINGLE = (
     "test_stepwise.py::test_a_session_may_hold",
     "test_stepwise.py::test_what_a_session_is_given",
     "test_swimming.py::test_the_command_takes",
-    "test_task_problems.py::test_it_is_the_problem_of_the_command",
     "test_v1_runs.py::test_the_command_goes_on_with_them[gait]",
     "test_vector.py::test_statistics_of_gymnasium",
     "test_view_command.py::test_a_pouch_has_feet",

@@ -1,13 +1,18 @@
 """Tasks as problems in Python: what ``codesign --task`` searches, and nothing of a file is lost."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from optim.cli import build_parser
 from optim.commands.task_file import OWN as OF_COMMANDS
+from optim.problem import Evaluation
 from optim.problems.designer import COMPUTE, designer_of
 from optim.problems.goals import named
 from optim.problems.robot import RobotProblem
 from optim.problems.task import HOW, problem_of_task
+from optim.runs.config import read_config
 from robots.robot import KINDS
 from robots.tasks import builtin_tasks, find_task
 
@@ -55,10 +60,11 @@ def test_all_that_a_file_says_counts(problem):
     assert problem(UNCERTAIN.replace('"0.3,0.2"', "[0.3, 0.2]")).describe() == found.describe()
 
 
-@pytest.mark.kernels
-def test_it_is_the_problem_of_the_command(problem, morpholab, tmp_path):
-    from optim.runs.config import read_config
-
+def test_it_is_the_problem_of_the_command(problem, morpholab, tmp_path, monkeypatch):
+    """Whatever its robots do."""
+    monkeypatch.setattr(RobotProblem, "evaluate", lambda _, points: Evaluation(np.zeros(len(points))))
+    judged = SimpleNamespace(document={})
+    monkeypatch.setattr("optim.problems.uncertain.judge_uncertain", lambda *_, **__: judged)
     found = problem(UNCERTAIN.replace("draws = 4", "draws = 2").replace("climbers = 3", "climbers = 1"))
     assert morpholab("codesign --task task.toml --generations 0 --threads 1 --quiet --out a")[0] == 0
     assert read_config(tmp_path / "a")["problem"] == found.describe()
