@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from graded import TINY
 
 from robots.hardware import LineMap, PneumaticRig, export_csv, gait_table, read_csv
 from robots.hardware.rig_play import Play, check_strokes, commanded, play_table, play_tables
@@ -154,11 +155,10 @@ def test_a_lag_survives_a_rigs_file(tmp_path):
 
 @pytest.mark.kernels
 def test_a_lag_of_nothing_changes_no_bit_and_lags_change_the_way():
-    small = NAMED_GEOMETRIES["small"]
-    short = replace(SHORT, schedule=SHORT.schedule.cut(2, 1))
+    short = replace(SHORT, schedule=SHORT.schedule.cut(1, 1))
     rig = rig_with(lag_s=0.3)
     responses = (WHOLE_RESPONSE, WHOLE_RESPONSE - {LAG}, AS_COMMANDED)
-    played = play_table(gait_table(short), rig, None, responses, geometry=small, precision="f32")
+    played = play_table(gait_table(short), rig, None, responses, geometry=TINY, precision="f32")
     assert list(played.status) == ["ok"] * 3
     assert played.distance[1] == played.distance[2] != played.distance[0]
 
@@ -184,11 +184,13 @@ def test_tables_of_a_batch_are_played_as_alone():
 
 @pytest.mark.kernels
 @pytest.mark.parametrize("found", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path, found):
+def test_an_ideal_rig_plays_the_designs_bits(morpholab, tmp_path, monkeypatch, found):
     """Also of pressures and levels that a search has found, which have more digits than a table."""
+    if found:
+        monkeypatch.setitem(NAMED_GEOMETRIES, "small", TINY)
     short = replace(SHORT, schedule=SHORT.schedule.cut(1, 1)) if found else SHORT
-    levels = np.where(short.schedule.levels > 0, 0.9 + np.pi / 100, 0.0)
-    searched = replace(short, pressure=3581.893712345678, schedule=replace(short.schedule, levels=levels))
+    levels = np.where(short.schedule.levels > 0, 0.1 + np.pi / 100, 0.0)
+    searched = replace(short, pressure=1081.893712345678, schedule=replace(short.schedule, levels=levels))
     export_csv(searched if found else short, tmp_path / "gait.csv")
     options = "--geometry small --precision f32 --json"
     outs = [morpholab(f"simulate {what} {options}")[1] for what in ("--gait gait.csv", "--table gait.csv --rig ideal")]
