@@ -27,8 +27,9 @@ def rows() -> list[Row]:
 
 
 @pytest.mark.long
-def test_the_page_is_what_the_data_says():
+def test_the_page_is_what_the_data_says(monkeypatch):
     """Mended by ``python docs/site/reproduction_table.py``."""
+    monkeypatch.setattr(reproduction_table, "chapters", committed)
     assert written(PAGE.read_text()) == PAGE.read_text()
 
 
@@ -78,14 +79,10 @@ def test_numbers_follow_the_data(tmp_path, monkeypatch):
     """Of other data, another table: intervals, counts and correlations are read, not written down."""
     shutil.copytree(reproduction_rows.DOCS / "data", tmp_path / "data")
     monkeypatch.setattr(reproduction_rows, "DOCS", tmp_path)
-    assert tables() in PAGE.read_text()
     path = tmp_path / "data/interference/two/tables.csv"
-    text = path.read_text()
-    told, count = re.subn(r"(defined,M1,sum,legged,5,)[\d.]+", r"\g<1>1.25", text)
+    told, count = re.subn(r"(defined,M1,sum,legged,5,)[\d.]+", r"\g<1>1.25", path.read_text())
     assert count == 1
     path.write_text(told)
-    assert "| 1.25 [6.17, 7.48], " in tables()
-    path.write_text(text)
     (kept := tmp_path / "data/hand-gait-sensitivity").mkdir(exist_ok=True)
     made = [(1.0, None), (0.5, True), (2.0, False), (2.0, True)]
     names = ["unchanged", *["density"] * 3]
@@ -93,11 +90,17 @@ def test_numbers_follow_the_data(tmp_path, monkeypatch):
         {"parameter": name, "factor": f, "survives": s, "copies": 3} for name, (f, s) in zip(names, made, strict=True)
     ]
     (kept / "summary.json").write_text(json.dumps({"rows": told}))
-    assert "| 2 of 3 | 3 copies | h |" in tables() and "| 9.5 %: 2 of 21 changes |" in tables()
     sweep = tmp_path / "data/vehicle-sweep.csv.gz"
     told = gzip.decompress(sweep.read_bytes()).decode().replace("\n6553,26,1830\n", "\n6553,27,1830\n")
     sweep.write_bytes(gzip.compress(told.encode()))
-    assert "| 0.0018, 0.0148 |" in tables()
+    page, made = PAGE.read_text(), tables()
+    for changed in (
+        "| 1.25 [6.17, 7.48], ",
+        "| 2 of 3 | 3 copies | h |",
+        "| 9.5 %: 2 of 21 changes |",
+        "| 0.0018, 0.0148 |",
+    ):
+        assert changed in made and changed not in page
 
 
 def test_a_page_without_its_marks_is_refused():
