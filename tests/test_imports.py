@@ -52,11 +52,15 @@ def parsed() -> dict[Path, ast.Module]:
 
 
 def executed(node: ast.AST):
-    """All nodes below one, without blocks for type checkers."""
+    """All statements below one, without blocks for type checkers; an expression has none."""
     for child in ast.iter_child_nodes(node):
-        if not (isinstance(child, ast.If) and ast.unparse(child.test) == "TYPE_CHECKING"):
+        if not isinstance(child, ast.expr) and not (isinstance(child, ast.If) and is_name(child.test, "TYPE_CHECKING")):
             yield child
             yield from executed(child)
+
+
+def is_name(node: ast.expr, name: str) -> bool:
+    return isinstance(node, ast.Name) and node.id == name
 
 
 def imported(tree: ast.Module) -> set[str]:
