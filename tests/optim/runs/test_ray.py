@@ -64,7 +64,7 @@ def test_there_are_as_many_workers_as_the_cluster_has_cores(workers, tmp_path):
 def test_gaits_are_judged_to_the_same_bits(workers):
     problem = short_gaits("f32")
     request = Request(GAITS)
-    with workers.open(problem) as evaluate:
+    with workers.open(problem, 1, part=3) as evaluate:
         judgement = evaluate(request)
     assert same(judgement, problem.evaluate(request.points))
 
