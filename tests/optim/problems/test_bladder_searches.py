@@ -152,10 +152,10 @@ def test_evolution_decides_which_bladders_exist_and_goes_on_where_it_stopped(mor
     with pytest.MonkeyPatch.context() as patch:
         drawn = "robots.inflatable.view.picture.save_motion_picture"
         patch.setattr(drawn, lambda design, terrain, path, **_: path.write_text("drawn"))
-        assert morpholab(f"{line} --generations 2 --out a")[0] == 0
-        assert morpholab(f"{line} --generations 1 --out b")[0] == 0
-        assert morpholab("codesign --resume --generations 2 --out b --quiet")[0] == 0
-        assert morpholab(f"{line} --free control --bladders 1,3,6 --generations 1 --out c")[0] == 0
+        assert morpholab(f"{line} --generations 1 --out a")[0] == 0
+        assert morpholab(f"{line} --generations 0 --out b")[0] == 0
+        assert morpholab("codesign --resume --generations 1 --out b --quiet")[0] == 0
+        assert morpholab(f"{line} --free control --bladders 1,3,6 --generations 0 --out c")[0] == 0
     assert (tmp_path / "a/log.jsonl").read_bytes() == (tmp_path / "b/log.jsonl").read_bytes()
     point = log(tmp_path / "a")[-1]["best_point"]
     best = load_design(tmp_path / "a/best.json")

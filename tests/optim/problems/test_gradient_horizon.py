@@ -29,8 +29,8 @@ def length(given):
 @pytest.mark.kernels
 def test_what_grows_without_bound_is_bounded_by_a_horizon():
     """Of a robot that feels, exact gradients grow with the time of the trial, those with a horizon hardly."""
-    exact = [length(problem(None, cycles)) for cycles in (2, 6)]
-    short = [length(problem(0.03, cycles)) for cycles in (2, 6)]
+    exact = [length(problem(None, cycles)) for cycles in (1, 5)]
+    short = [length(problem(0.03, cycles)) for cycles in (1, 5)]
     assert exact[1] > 100 * exact[0]
     assert short[1] < 10 * short[0] and short[1] < exact[1] / 100
 

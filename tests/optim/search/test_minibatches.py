@@ -294,7 +294,14 @@ def test_vehicles_are_judged_in_a_few_environments():
 def test_gaits_of_the_inflatable_robot_are_judged_in_a_few_draws():
     uncertain = {"uncertain": "friction=20%,levels=5%", "draws": 4}
     problem = GaitProblem(
-        (Terrain(5.0),), columns=1, encoding="graded", geometry="small", steps=2000, threads=1, **uncertain
+        (Terrain(5.0),),
+        columns=1,
+        encoding="graded",
+        geometry="small",
+        steps=1000,
+        ramp_steps=200,
+        threads=1,
+        **uncertain,
     )
     points = problem.space.sample(np.random.default_rng(3), 2)
     whole = problem.evaluate(points)
