@@ -8,6 +8,7 @@ import pkgutil
 import re
 import shlex
 import tomllib
+from dataclasses import fields
 from inspect import signature
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from notebook_pages import notebook_page
 import morpholab
 from optim.cli import build_parser
 from optim.search import METHODS
+from optim.studies.catalogue import STUDIES
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text()
@@ -87,9 +89,10 @@ def test_every_name_that_documents_give_in_full_exists(name):
 
 
 @pytest.mark.parametrize("name", DOCUMENTS)
-def test_what_documents_set_is_a_setting_of_some_method(name):
+def test_what_documents_set_is_a_setting_of_some_method_or_study(name):
     settings = {name for method in METHODS.values() for name in signature(method).parameters}
-    assert set(re.findall(r"`--set (\w+)=", (ROOT / name).read_text())) <= settings | {"NAME"}
+    settings |= {each.name for _, study in STUDIES.usable() for each in fields(study.scales["full"])}
+    assert set(re.findall(r"`--set '?(\w+)=", (ROOT / name).read_text())) <= settings | {"NAME"}
 
 
 def targets_of_make(text: str) -> set[str]:

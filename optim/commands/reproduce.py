@@ -1,7 +1,7 @@
 """``morpholab reproduce``: studies of the dissertation, and what goes beyond them."""
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, Command, Option, count, path_to, setting
@@ -38,13 +38,13 @@ COMMAND = Command(
         count("jobs", 1, "runs that go on at the same time, of studies of many runs (default: one after the other)"),
         Option(
             "floor",
-            "of gait-hunt, gait-climb and robust-gaits, whose measured friction feet have",
+            "of studies of gaits for real ground, such as robust-gaits: whose measured friction feet have",
             metavar="wood|acrylic",
         ),
         Option("friction", "of them, of sliding and of gripping feet", numbers(2), "SLIDING,GRIPPING"),
         Option(
             "set",
-            "another setting of the study, as JSON or text, such as seeds=10; a wrong name lists them; may be repeated",
+            "another setting of the study, as JSON or text, such as slopes=[0,9]; a wrong name lists all; repeatable",
             metavar="NAME=VALUE",
             several=True,
         ),
@@ -85,7 +85,7 @@ def run(args: argparse.Namespace) -> Report:
             raise ValueError(f"{name}: study {args.study} has its own; leave it out")
         options["friction"] = friction
     if args.set:
-        options["changes"] = dict(setting(text) for text in args.set)
+        options["changes"] = _changes(args)
     budget = args.budget or "small"
     with shown_progress(args.study, 1.0, args.quiet) as update:
         study.reproduce(args.out, budget, update, **options)
@@ -115,6 +115,17 @@ def _told_again(args: argparse.Namespace, study: "Study") -> Report:
         files = sorted(path.relative_to(args.out).as_posix() for path in there)
     document = {"folder": str(args.out), "study": args.study, "data": str(data.folder), "files": files}
     return Report(document, f"{args.out}: {', '.join(files)}")
+
+
+def _changes(args: argparse.Namespace) -> dict[str, Any]:
+    """Other values of settings by name, each given once, and the floor in one way."""
+    given = [setting(text) for text in args.set]
+    for number, (name, _) in enumerate(given):
+        if name in dict(given[:number]):
+            raise ValueError(f"set: {name} is given twice; leave one out")
+        if name in ("floor", "friction") and (args.floor is not None or args.friction is not None):
+            raise ValueError(f"set: {name} is not allowed beside --floor and --friction; leave it out")
+    return dict(given)
 
 
 def _friction(args: argparse.Namespace) -> tuple[float, float] | None:

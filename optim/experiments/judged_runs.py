@@ -93,11 +93,11 @@ def warm_up(problem: Problem, gradients: bool) -> None:
 
 def _sharpnesses(problem: Problem) -> tuple[float, ...]:
     """At which a problem has gradients: infinitely sharp ones are of true points; some relaxed ones compute more."""
-    if isinstance(problem, RobotProblem) and problem.robot.relaxable:
-        return 1.0, np.inf
+    if isinstance(problem, RobotProblem):
+        return (1.0, np.inf) if problem.robot.relaxable else (np.inf,)
     try:
         getattr(problem, "check_true_gradients", lambda: None)()
-    except ValueError:
+    except ValueError:  # gaits have relaxed ones alone
         return (0.0,)
     return (np.inf,)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
@@ -44,10 +45,16 @@ def check_folder(folder: Path, names: Collection[str], kind: str = "") -> None:
         files.write_record(folder / f"{kind}.json", f"morpholab-{kind}-1", {})
 
 
-def check_runs(folder: Path, kind: str, tables: Sequence[str], names: Sequence[str]) -> None:
+def check_runs(
+    folder: Path,
+    kind: str,
+    tables: Sequence[str],
+    names: Sequence[str],
+    settings: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
     """Check a folder as :func:`check_folder`, and that it holds no tables whose runs are not there to go on from.
 
-    Raises ValueError if it does, or holds something else.
+    Raises ValueError if it does, or holds something else, or what was made with other ``settings``.
     """
     if not (folder / RAW).exists() and any((folder / name).exists() for name in tables):
         raise ValueError(
@@ -55,6 +62,21 @@ def check_runs(folder: Path, kind: str, tables: Sequence[str], names: Sequence[s
             "the rest from them"
         )
     check_folder(folder, names, kind)
+    if settings:
+        _keep_settings(folder / f"{kind}.json", kind, parse_json(json.dumps(settings)))
+
+
+def _keep_settings(path: Path, kind: str, settings: Mapping[str, Any]) -> None:
+    """Keep the settings of a study in the file that tells it; a folder of before has none there."""
+    form = f"morpholab-{kind}-1"
+    known = files.read_record(path, form, lambda record: {n: v for n, v in record.items() if n != "format"})
+    if not known:
+        files.write_record(path, form, settings)
+    for name in (name for name in settings if known and known.get(name) != settings[name]):
+        raise ValueError(
+            f"out: {path.parent} holds {kind} of other settings ({name}: {known.get(name)!r}, not {settings[name]!r}); "
+            "name another folder"
+        )
 
 
 def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays], check: Check = None) -> Arrays:

@@ -1,15 +1,16 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
-from types import MappingProxyType
-from typing import Annotated, Any
+from types import MappingProxyType, NoneType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from optim.experiments.data import WHERE, Data
 from optim.experiments.results import Progress
+from robots.world import FLOORS, floor_of
 from taichi_sim.base import checks
 
 # Types of fields: whole numbers of at least 0, 1 and 2.
@@ -42,31 +43,54 @@ class Settings:
 
 
 def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
-    """Settings with other values by name, of the kinds that they have: a dataclass, where anything changes.
+    """Settings with other values by name, as JSON has them: of a dataclass, and none that are dataclasses themselves.
 
     Raises:
         ValueError: for a name that is no setting, or a value that is not allowed.
     """
     if not changes:
         return settings
-    known = [each.name for each in fields(settings) if each.init] if is_dataclass(settings) else []
-    for name in changes:
-        checks.choice("set", name, known)
-    return replace(settings, **{name: _like(name, value, getattr(settings, name)) for name, value in changes.items()})
+    kinds = {each.name: each.type for each in fields(settings) if each.init} if is_dataclass(settings) else {}
+    given = [name for name in kinds if not is_dataclass(getattr(settings, name))]
+    values = {}
+    for name, value in changes.items():
+        checks.choice("set", name, given)
+        try:
+            values[name] = _of_kind(kinds[name], value)
+        except (TypeError, OverflowError):
+            present = checks.shown(getattr(settings, name))
+            text = f"{name}: {checks.shown(value)} is not allowed; give a value such as {present}"
+            raise ValueError(text) from None
+    return replace(settings, **values)
 
 
-def _like(name: str, value: Any, present: Any) -> Any:
-    """A value of JSON as one of the kind that a setting has; what is None says nothing of its kind."""
-    if isinstance(value, list):
-        value = tuple(value)
-    if isinstance(present, tuple):
-        each = value if isinstance(value, tuple) else (value,)
-        return tuple(_like(name, one, present[0] if present else None) for one in each)
-    if isinstance(present, float) and isinstance(value, int) and not isinstance(value, bool):
+def _of_kind(kind: Any, value: Any) -> Any:
+    """A value of JSON as one of the type of a setting; raises TypeError if it is none, OverflowError if too large."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return _of_kind(inner[0], value)
+    if origin in (Union, UnionType):
+        return None if value is None and NoneType in inner else _of_kind(inner[0], value)
+    if kind is tuple or origin in (tuple, Sequence):
+        each = tuple(value) if isinstance(value, list) else (value,)
+        alike = origin is not tuple or inner[-1] is ...
+        own = (inner or (Any,))[:1] * len(each) if alike else inner
+        return tuple(_of_kind(one, part) for one, part in _paired(own, each))
+    if origin in (Mapping, dict) and isinstance(value, dict):
+        return {name: _of_kind(inner[1], each) for name, each in value.items()}
+    if kind is float and type(value) is int:
         return float(value)
-    if present is not None and type(value) is not type(present):
-        raise ValueError(f"{name}: {checks.shown(value)} is not allowed; give a value such as {checks.shown(present)}")
+    plain = str if origin is Literal else kind
+    if plain is not Any and type(value) is not plain:
+        raise TypeError
     return value
+
+
+def _paired(kinds: Sequence[Any], values: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
+    """Kinds and values side by side; raises TypeError if there are not as many."""
+    if len(kinds) != len(values):
+        raise TypeError
+    return zip(kinds, values, strict=True)
 
 
 @dataclass(frozen=True)
@@ -103,8 +127,8 @@ class Study:
 
     @property
     def has_ground(self) -> bool:
-        """Whether its settings have a ``friction`` of the inflatable robot's feet."""
-        return all(hasattr(settings, "friction") for settings in self.scales.values())
+        """Whether its settings have a ``friction`` of the inflatable robot's feet, or a named ``floor``."""
+        return all(hasattr(each, "friction") or hasattr(each, "floor") for each in self.scales.values())
 
     def reproduce(
         self,
@@ -123,8 +147,12 @@ class Study:
         Raises ValueError if the study does not have the budget or a setting, or the folder holds something else.
         """
         settings = changed(self.scales[checks.choice("budget", budget, self.scales)], changes)
-        if friction is not None:
+        if friction is not None and hasattr(settings, "friction"):
             settings = replace(settings, friction=friction)
+        elif friction is not None:
+            if (floor := floor_of(friction)) is None:
+                raise ValueError(f"friction: {friction} is not allowed; give that of a floor, {', '.join(FLOORS)}")
+            settings = replace(settings, floor=floor)
         self.run(folder, settings, progress, **options)
 
 

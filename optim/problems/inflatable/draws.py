@@ -1,6 +1,7 @@
 """How relaxed gaits are judged beside the true ones: on average over noise and friction, and on gentler slopes."""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +21,7 @@ from robots.uncertainty import Perturbation, Risk, Uncertainty
 from robots.world import Terrain, friction_of_parts
 from taichi_sim.base.arrays import Floats, Indices, Ints
 
-FEW = 0.7  # share of draws
+FEW = 0.7  # share of the draws that weigh, up to which these are found before slopes are taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +134,9 @@ class UncertainDraws(Draws):
 
     @property
     def few_weigh(self) -> bool:
-        """Whether the risk counts few of the draws: all are simulated once, which costs a sixth of their slopes."""
-        return self.risk.share <= FEW
+        """Whether the risk counts few of the draws; to simulate all first takes a sixth of the time of all slopes."""
+        weighing = max(math.ceil(self.risk.share * self.count), 1)
+        return weighing <= FEW * self.count
 
     def weighing(self, speeds: Floats) -> Indices:
         """Numbers of the copies whose speeds count, of N K."""

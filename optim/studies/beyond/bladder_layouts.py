@@ -127,9 +127,8 @@ class Enumeration(Settings):
 
 def study(folder: Path, settings: Enumeration, progress: Progress = None, jobs: int = 1) -> None:
     """Write runs, the best design of each, a table of them, and what follows; runs go on where they ended."""
-    for body in settings.bodies:
-        choice("bodies", body, BODIES)
-    check_runs(folder, NAME, (TABLE,), FILES)
+    grows = ("bodies", "seeds", "evaluations", "evolved", "starts")
+    check_runs(folder, NAME, (TABLE,), FILES, settings.lasting(*grows))
     tasks = [(f"{_file(body)}-{seed}", partial(_search, folder, settings, body, seed)) for body, seed in settings.runs]
     run_parallel(tasks, jobs, {}, progress and part_of(progress, 0, 10, 9))
     rows, size = list[Record](), len(tasks) // settings.seeds

@@ -53,9 +53,10 @@ FIRST_ARMS = ("race", "race-quick", "genetic", "hill-climb", "nes", "cma")
 
 def _times(field_name: str, value: Any) -> tuple[float, ...]:
     """Ascending multiples of the time of a run."""
-    if not isinstance(value, list | tuple) or not value or list(value) != sorted(set(value)):
+    times = tuple(positive(field_name, each) for each in value) if isinstance(value, list | tuple) else ()
+    if not times or list(times) != sorted(set(times)):
         raise ValueError(f"{field_name}: {shown(value)} is not allowed; give ascending numbers, one or more")
-    return tuple(positive(field_name, each) for each in value)
+    return times
 
 
 @dataclass(frozen=True)

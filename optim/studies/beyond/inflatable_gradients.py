@@ -168,7 +168,7 @@ class Comparison(Settings):
 
 def study(folder: Path, settings: Comparison, progress: Progress = None, jobs: int = 1, **where: Any) -> None:
     """Write runs, the best gait of each, tables, and what follows from them; runs go on where they ended."""
-    check_runs(folder, NAME, TABLES, FILES)
+    check_runs(folder, NAME, TABLES, FILES, settings.lasting("seconds", "seeds", "worlds", "arms"))
     tasks = [("-".join(map(str, run)), partial(_task, folder, settings, run)) for run in settings.runs]
     run_parallel(tasks, jobs, where, progress and part_of(progress, 0, 10, 9))
     rows, curves = list[Record](), list[Record]()

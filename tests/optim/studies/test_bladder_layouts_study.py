@@ -72,6 +72,8 @@ def test_a_study_of_one_seed_has_no_intervals_of_bodies(linear, tmp_path):
     summary = json.loads((tmp_path / "one/summary.json").read_text())
     assert summary["bodies"]["1"]["low"] is None and summary["by_number"]["1"]["low"] is None
     assert summary["by_number"]["2"]["bodies"] == 2
+    with pytest.raises(ValueError, match=r"holds bladder-layouts of other settings \(columns: "):
+        study(tmp_path / "one", dataclasses.replace(SHORT, seeds=1, columns=SHORT.columns + 1))
     assert summary["by_number"]["2"]["low"] < summary["by_number"]["2"]["mean"] < summary["by_number"]["2"]["high"]
 
 

@@ -26,6 +26,22 @@ def linear(monkeypatch):
     return stand_in
 
 
+def test_a_folder_goes_on_with_more_of_the_same_alone(linear, tmp_path):
+    folder, short = tmp_path / "a", dataclasses.replace(SHORT, seeds=1, worlds=(FLAT,), arms=("random",))
+    study(folder, short)
+    study(folder, dataclasses.replace(short, seeds=2))
+    assert len(read_records(folder / "runs.csv")) == 2
+    for changes, message in (
+        ({"columns": 2}, "columns: 1, not 2"),
+        ({"geometry": "small"}, "geometry: 'small-closed'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            study(folder, dataclasses.replace(short, **changes))
+    (folder / "inflatable-gradients.json").write_text('{"format": "morpholab-inflatable-gradients-1"}')  # as before
+    study(folder, short)
+    assert json.loads((folder / "inflatable-gradients.json").read_text())["columns"] == 1
+
+
 @pytest.mark.long
 def test_runs_are_kept_and_tables_follow_from_what_they_found(linear, tmp_path):
     folder, reports = tmp_path / "whole", []

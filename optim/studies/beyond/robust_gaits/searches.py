@@ -42,7 +42,7 @@ GROUND = "slope-{:g}"
 
 
 @dataclass(frozen=True)
-class GaitArm(Arm):
+class EncodedArm(Arm):
     """A search of waves, or of the levels of every bladder."""
 
     encoding: str = "graded-wave"
@@ -52,25 +52,25 @@ _CLIMB = {"climbers": 1}
 _POPULATION = {"population": 12}
 _REFINED = {**_POPULATION, "refine": 2, "every": 3}
 ARMS = {
-    "hill-climb": GaitArm("hill climbing", "hill-climb", _CLIMB),
-    "gradient-hill-climb": GaitArm("gradient hill climbing", "gradient-hill-climb", {**_CLIMB, "blind": "mutate"}),
-    "genetic": GaitArm("genetic", "genetic", _POPULATION),
-    "memetic": GaitArm("memetic", "memetic", _REFINED),
-    "genetic-levels": GaitArm("genetic, of all levels", "genetic", _POPULATION, encoding="graded"),
-    "gradient-levels": GaitArm("gradient ascent of all levels", "gradient", {**_CLIMB, "verify": True}, None, "graded"),
-    "memetic-levels": GaitArm("memetic, of all levels", "memetic", _REFINED, encoding="graded"),
+    "hill-climb": EncodedArm("hill climbing", "hill-climb", _CLIMB),
+    "gradient-hill-climb": EncodedArm("gradient hill climbing", "gradient-hill-climb", {**_CLIMB, "blind": "mutate"}),
+    "genetic": EncodedArm("genetic", "genetic", _POPULATION),
+    "memetic": EncodedArm("memetic", "memetic", _REFINED),
+    "genetic-levels": EncodedArm("genetic, of all levels", "genetic", _POPULATION, encoding="graded"),
+    "gradient-levels": EncodedArm(
+        "gradient ascent of all levels", "gradient", {**_CLIMB, "verify": True}, None, "graded"
+    ),
+    "memetic-levels": EncodedArm("memetic, of all levels", "memetic", _REFINED, encoding="graded"),
 }
 MAIN = tuple(name for name, arm in ARMS.items() if arm.encoding == "graded-wave")
+JUDGED = ("searched", "nominal", "speed", "worst")  # speeds of a gait; none where none was found
 COLUMNS: dict[str, Kind] = {
     "ground": str,
     "search": tuple(ARMS),
     "seed": int,
     "start": str,
     "evaluations": int,
-    "searched": float | None,
-    "nominal": float | None,
-    "speed": float | None,
-    "worst": float | None,
+    **dict.fromkeys(JUDGED, float | None),
 }
 
 
@@ -108,7 +108,7 @@ class RobustSearches(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self.searches  # what it refuses is refused here
+        _ = self.searches  # what it refuses is refused here; what problems do, by ``check``
 
     @cached_property
     def searches(self) -> RobustGaits:
@@ -120,6 +120,11 @@ class RobustSearches(Settings):
     def runs(self) -> list[Run]:
         """Ground, search and seed of every run, seed by seed."""
         return [(GROUND.format(s), arm, seed) for seed in range(self.seeds) for s in self.slopes for arm in self.arms]
+
+    def check(self) -> None:
+        """Refuse, by a ValueError, what problems refuse, before any work."""
+        for arm in self.arms:
+            self.problem(self.slopes[0], arm)
 
     def problem(self, slope: float, arm: str) -> GaitProblem:
         """What a search designs on a slope, for one thread."""
@@ -137,13 +142,15 @@ class Searches:
     def start(self, slope: float, seed: int) -> Record:
         """The wave from which a run begins: the best of its slope is that of seed 0."""
         mine = sorted(where(self.screen, slope=slope), key=lambda row: -row["speed"])
-        return mine[seed % len(mine)]
+        if seed >= len(mine):
+            raise ValueError(f"seeds: {seed + 1} are not allowed; there are {len(mine)} waves to start from")
+        return mine[seed]
 
     def contest(self, slope: float, seed: int) -> Contest:
         """The searches on a slope from one start."""
-        begun = starts_of(self.settings.problem(slope, MAIN[0]), self.settings.searches, self.start(slope, seed), [])[0]
-        begun |= {name: within(level) for name, level in begun.items() if name.startswith("level_")}
         wave = self.settings.problem(slope, MAIN[0])
+        (begun,) = starts_of(wave, self.settings.searches, self.start(slope, seed), [])
+        begun |= {name: inside(level) for name, level in begun.items() if name.startswith("level_")}
         design = wave.design(wave.space.from_dict(begun))
         entries = {}
         for name in self.settings.arms:
@@ -161,14 +168,15 @@ class Searches:
         best, evaluations = best_of_search(contest, arm, seed, self.settings.seconds, ARMS[arm].gradients)
         found: Record = {"start": f"{began['levels']}+{began['shift']}", "evaluations": evaluations}
         if best is None:
-            return {**found, **dict.fromkeys(("searched", "nominal", "speed", "worst"))}
+            return {**found, **dict.fromkeys(JUDGED)}
         problem = self.settings.problem(slope, arm)
         point = problem.space.from_dict(best)
         name = "-".join(map(str, run))
         gaits = kept(self.folder / "designs", {name: (problem.design(point), slope)})
         own = replace(self.settings.searches, slopes=(slope,))
         parts = ResultsFolder(self.folder / "judged" / name, NAME, own.describe())
-        speeds = {row["draw"]: row["speed"] for row in judged(own, parts, gaits, 1, None)}
+        # One that diverged counts as standing still.
+        speeds = {row["draw"]: float(np.nan_to_num(row["speed"])) for row in judged(own, parts, gaits, 1, None)}
         drawn = np.array([speed for draw, speed in speeds.items() if draw >= 0])
         return {
             **found,
@@ -179,24 +187,36 @@ class Searches:
         }
 
 
-def within(level: float) -> float:
-    """A level a little away from empty and full."""
+def inside(level: float) -> float:
+    """The level that is nearest to a level, and not nearer to empty and full than starts are."""
     return min(max(level, WITHIN), 1.0 - WITHIN)
 
 
 def study(folder: Path, settings: RobustSearches, progress: Progress = None, jobs: int = 1) -> None:
     """Write what runs have found, and a table; runs that are whole in the folder are not run again."""
+    settings.check()
     parts = ResultsFolder(folder, NAME, settings.lasting("seeds", "arms", "slopes"))
     own = settings.searches
-    screen = screened(own, parts, None, progress and part_of(progress, 0, 20, 1))
+    screen = screened(own, parts, None, part_of(progress, 0, 20, 1))
     searches = Searches(folder, settings, screen)
+    searches.start(settings.slopes[0], settings.seeds - 1)  # refuses more seeds than waves
     runs = JudgedRuns(folder, TABLE, "ground", settings.seconds, searches.judged)
-    _report(folder, settings, runs.complete(settings.runs, progress and part_of(progress, 1, 20, 19), jobs))
+    rows = runs.complete(settings.runs, part_of(progress, 1, 20, 19), jobs)
+    _report(folder, settings, [row for row in rows if (row["ground"], row["search"], row["seed"]) in settings.runs])
 
 
 def tell(data: Data, folder: Path) -> None:
     """Write the table and ``summary.json`` from the table of runs."""
-    _report(folder, data.settings(RobustSearches), data.records(TABLE, COLUMNS))
+    settings = data.settings(RobustSearches)
+    columns = {**COLUMNS, "ground": tuple(map(GROUND.format, settings.slopes))}
+    rows = data.records(TABLE, columns, finite=JUDGED)
+    runs = [(row["ground"], row["search"], row["seed"]) for row in rows]
+    for number, (run, row) in enumerate(zip(runs, rows, strict=True)):
+        if run in runs[:number]:
+            raise ValueError(f"{data.folder / TABLE}: {' '.join(map(str, run))} is there twice")
+        if len({row[name] is None for name in JUDGED}) > 1:
+            raise ValueError(f"{data.folder / TABLE}: {' '.join(map(str, run))} lacks some of {', '.join(JUDGED)}")
+    _report(folder, settings, rows)
 
 
 def _report(folder: Path, settings: RobustSearches, rows: Sequence[Record]) -> None:
@@ -206,8 +226,9 @@ def _report(folder: Path, settings: RobustSearches, rows: Sequence[Record]) -> N
     text = (
         f"Gaits on {settings.floor}, bladders weighing, found in {settings.seconds:g} s of CPU time a run for the "
         f"worst of {settings.draws} draws, and judged in {settings.precision} in {settings.held_out} others "
-        "[body lengths/s of the time simulated]. Each seed begins at another of the best waves. Searched: the speed "
-        "that searches maximise. The pairs are with and without gradients, start by start."
+        "[body lengths/s of the time simulated]. Seed 0 begins at the best wave of the screen, seed 1 at the next. "
+        "Searched: the speed that searches maximise. Worst: the mean of the runs' worst draws. The pairs are with and "
+        "without gradients, start by start."
     )
     write_text(folder / "table.md", page(text, *[part for ground, one in told.items() for part in _table(ground, one)]))
 
@@ -249,10 +270,13 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
 
 def _table(ground: str, told: Mapping[str, Any]) -> list[str | list[str]]:
     """A table of the searches of a ground, the best first, and what gradients add."""
-    ranked = sorted(told["searches"].items(), key=lambda item: -(item[1]["searched"] or -np.inf))
+    found = {name: each for name, each in told["searches"].items() if each["searched"] is not None}
+    ranked = sorted(found.items(), key=lambda item: -item[1]["searched"])
+    ranked += [(name, each) for name, each in told["searches"].items() if name not in found]
     lines = [
         (
             f"**{ARMS[name].label}**" if ARMS[name].gradients else ARMS[name].label,
+            each["seeds"],
             f"{each['evaluations']:.0f}",
             cell(each["searched"], ".3f"),
             f"{cell(each['low'], '.3f')} to {cell(each['high'], '.3f')}",
@@ -262,12 +286,12 @@ def _table(ground: str, told: Mapping[str, Any]) -> list[str | list[str]]:
         )
         for name, each in ranked
     ]
-    header = ("search", "evaluations", "searched", "95 % interval", "each start", "held-out mean", "worst")
-    parts: list[str | list[str]] = [f"{ground}:", markdown(header, "lrrrrrr", lines)]
+    header = ("search", "runs", "evaluations", "searched", "95 % interval", "each start", "held-out mean", "worst")
+    parts: list[str | list[str]] = [f"{ground}:", markdown(header, "lrrrrrrr", lines)]
     for one in told["pairs"]:
         label, other = (ARMS[one[key]].label for key in ("of", "over"))
         parts.append(
-            f"{label} less {other}: {cell(one['difference'], '+.3f')} BL/s in the mean of {one['starts']} starts, "
+            f"{label} less {other}: {cell(one['difference'], '+.3f')} BL/s in the mean (n = {one['starts']} starts), "
             f"95 % interval {cell(one['low'], '+.3f')} to {cell(one['high'], '+.3f')}."
         )
     return parts

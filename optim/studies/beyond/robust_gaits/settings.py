@@ -25,23 +25,27 @@ DESCRIBED_IF_SET = ("friction", "capped")  # which folders of before do not know
 
 def checked_slopes(field_name: str, value: Any) -> tuple[float, ...]:
     """Different slopes, from level ground to the steepest that a world has [degrees]."""
-    if not isinstance(value, list | tuple) or not value or len(set(value)) < len(value):
+    slopes = _numbers(field_name, value, STEEPEST, "degrees")
+    if not slopes or len(set(slopes)) < len(slopes):
         raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more different slopes")
-    return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
+    for slope in slopes:
+        if float(f"{slope:g}") != slope:
+            raise ValueError(f"{field_name}: {slope} is not allowed; give at most six digits, which name files")
+    return slopes
 
 
 def _settling(field_name: str, value: Any) -> tuple[float, ...]:
     """Times that waves settle after each column [time steps]."""
-    if not isinstance(value, list | tuple) or not value:
-        raise ValueError(f"{field_name}: {checks.shown(value)} is not allowed; give one or more numbers")
-    return tuple(checks.number(field_name, each, 0.0, SETTLING, "time steps") for each in value)
+    if not (times := _numbers(field_name, value, SETTLING, "time steps")):
+        raise ValueError(f"{field_name}: {value!r} is not allowed; give one or more numbers")
+    return times
 
 
-def _steeper(field_name: str, value: Any) -> tuple[float, ...]:
-    """By how much slopes are steeper than another one [degrees]."""
+def _numbers(field_name: str, value: Any, most: float, unit: str) -> tuple[float, ...]:
+    """Numbers from 0 to the most that is allowed."""
     if not isinstance(value, list | tuple):
         raise ValueError(f"{field_name}: {checks.shown(value)} is not allowed; give numbers")
-    return tuple(checks.number(field_name, each, 0.0, STEEPEST, "degrees") for each in value)
+    return tuple(checks.number(field_name, each, 0.0, most, unit) for each in value)
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class RobustGaits(Settings):
     population: Count = 12
     seed: Whole = 0
     # Than the steepest slope, on which its gait is tried [degrees].
-    steeper: Annotated[tuple[float, ...], _steeper] = (2.0, 4.0, 6.0, 8.0)
+    steeper: Annotated[tuple[float, ...], partial(_numbers, most=STEEPEST, unit="degrees")] = (2.0, 4.0, 6.0, 8.0)
     precision: Precision = "f64"  # of the judgement
     rig: Annotated[str, partial(checks.choice, names=tuple(PRESETS))] = "dissertation-lag"  # that plays what is found
     friction: Annotated[tuple[float, float], check_friction] | None = None  # of sliding and of gripping feet
