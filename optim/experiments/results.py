@@ -63,20 +63,10 @@ def check_runs(
         )
     check_folder(folder, names, kind)
     if settings:
-        _keep_settings(folder / f"{kind}.json", kind, parse_json(json.dumps(settings)))
-
-
-def _keep_settings(path: Path, kind: str, settings: Mapping[str, Any]) -> None:
-    """Keep the settings of a study in the file that tells it; a folder of before has none there."""
-    form = f"morpholab-{kind}-1"
-    known = files.read_record(path, form, lambda record: {n: v for n, v in record.items() if n != "format"})
-    if not known:
-        files.write_record(path, form, settings)
-    for name in (name for name in settings if known and known.get(name) != settings[name]):
-        raise ValueError(
-            f"out: {path.parent} holds {kind} of other settings ({name}: {known.get(name)!r}, not {settings[name]!r}); "
-            "name another folder"
-        )
+        path, form = folder / f"{kind}.json", f"morpholab-{kind}-1"
+        if files.read_record(path, form, len) == 1:  # the format alone: a new folder, or one of before
+            files.write_record(path, form, settings)
+        ResultsFolder(folder, kind, settings)  # refuses other settings
 
 
 def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays], check: Check = None) -> Arrays:

@@ -1,6 +1,6 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from inspect import signature
@@ -57,7 +57,7 @@ def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
         checks.choice("set", name, given)
         try:
             values[name] = _of_kind(kinds[name], value)
-        except (TypeError, OverflowError):
+        except (TypeError, ValueError, OverflowError):
             present = checks.shown(getattr(settings, name))
             text = f"{name}: {checks.shown(value)} is not allowed; give a value such as {present}"
             raise ValueError(text) from None
@@ -65,7 +65,7 @@ def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
 
 
 def _of_kind(kind: Any, value: Any) -> Any:
-    """A value of JSON as one of the type of a setting; raises TypeError if it is none, OverflowError if too large."""
+    """A value of JSON as one of the type of a setting; raises TypeError, ValueError or OverflowError if it is none."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return _of_kind(inner[0], value)
@@ -75,7 +75,7 @@ def _of_kind(kind: Any, value: Any) -> Any:
         each = tuple(value) if isinstance(value, list) else (value,)
         alike = origin is not tuple or inner[-1] is ...
         own = (inner or (Any,))[:1] * len(each) if alike else inner
-        return tuple(_of_kind(one, part) for one, part in _paired(own, each))
+        return tuple(_of_kind(one, part) for one, part in zip(own, each, strict=True))
     if origin in (Mapping, dict) and isinstance(value, dict):
         return {name: _of_kind(inner[1], each) for name, each in value.items()}
     if kind is float and type(value) is int:
@@ -84,13 +84,6 @@ def _of_kind(kind: Any, value: Any) -> Any:
     if plain is not Any and type(value) is not plain:
         raise TypeError
     return value
-
-
-def _paired(kinds: Sequence[Any], values: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """Kinds and values side by side; raises TypeError if there are not as many."""
-    if len(kinds) != len(values):
-        raise TypeError
-    return zip(kinds, values, strict=True)
 
 
 @dataclass(frozen=True)

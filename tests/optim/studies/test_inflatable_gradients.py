@@ -33,7 +33,7 @@ def test_a_folder_goes_on_with_more_of_the_same_alone(linear, tmp_path):
     assert len(read_records(folder / "runs.csv")) == 2
     for changes, message in (
         ({"columns": 2}, "columns: 1, not 2"),
-        ({"geometry": "small"}, "geometry: 'small-closed'"),
+        ({"geometry": "small"}, 'geometry: "small-closed", not "small"'),
     ):
         with pytest.raises(ValueError, match=message):
             study(folder, dataclasses.replace(short, **changes))
