@@ -44,7 +44,8 @@ COMMAND = Command(
         Option("friction", "of them, of sliding and of gripping feet", numbers(2), "SLIDING,GRIPPING"),
         Option(
             "set",
-            "another setting of the study, as JSON or text, such as slopes=[0,9]; a wrong name lists all; repeatable",
+            "another setting of the study, as JSON or text, such as slopes=[0,9] or robot.copies=4; a wrong name lists "
+            "all; repeatable",
             metavar="NAME=VALUE",
             several=True,
         ),

@@ -1,12 +1,14 @@
 """Studies: experiments that ``morpholab reproduce`` runs to repeat or extend something published."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+import numpy as np
 
 from optim.experiments.data import WHERE, Data
 from optim.experiments.results import Progress
@@ -43,7 +45,7 @@ class Settings:
 
 
 def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
-    """Settings with other values by name, as JSON has them: of a dataclass, and none that are dataclasses themselves.
+    """Settings with other values by name, as JSON has them; one of settings in settings has both names, with a dot.
 
     Raises:
         ValueError: for a name that is no setting, or a value that is not allowed.
@@ -51,17 +53,33 @@ def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
     if not changes:
         return settings
     kinds = {each.name: each.type for each in fields(settings) if each.init} if is_dataclass(settings) else {}
-    given = [name for name in kinds if not is_dataclass(getattr(settings, name))]
-    values = {}
+    names = list(_names(settings))
+    values: dict[str, Any] = {}
+    within: dict[str, dict[str, Any]] = {}
     for name, value in changes.items():
-        checks.choice("set", name, given)
+        outer, dot, inner = checks.choice("set", name, names).partition(".")
+        if dot:
+            within.setdefault(outer, {})[inner] = value
+            continue
         try:
             values[name] = _of_kind(kinds[name], value)
         except (TypeError, ValueError, OverflowError):
             present = checks.shown(getattr(settings, name))
             text = f"{name}: {checks.shown(value)} is not allowed; give a value such as {present}"
             raise ValueError(text) from None
+    for outer, given in within.items():
+        values[outer] = changed(getattr(settings, outer), given)
     return replace(settings, **values)
+
+
+def _names(settings: Any) -> Iterator[str]:
+    """Names of all settings that can be changed, those in settings after a dot; arrays are none."""
+    for each in fields(settings) if is_dataclass(settings) else ():
+        value = getattr(settings, each.name)
+        if each.init and is_dataclass(value):
+            yield from (f"{each.name}.{name}" for name in _names(value))
+        elif each.init and not isinstance(value, np.ndarray):
+            yield each.name
 
 
 def _of_kind(kind: Any, value: Any) -> Any:

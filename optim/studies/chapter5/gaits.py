@@ -25,6 +25,7 @@ from robots.robot import KINDS
 from robots.world import FRICTION_OF_PARTS, STEEPEST, Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder
 
 BATCH = 16  # robots of a part of a study at least, if there are any more: they fill the lanes of two threads in f64
@@ -56,7 +57,7 @@ class Robot(Settings):
 
     geometry: InflatableGeometry = PUBLISHED  # shape and materials
     actuation: InflatableActuation = ACTUATION  # rates, timing and friction
-    precision: str = "f64"  # ``"f32"`` or ``"f64"``
+    precision: Precision = "f64"
     copies: Annotated[int, partial(checks.integer, low=1, high=1000)] = 8  # of each gait
     noise: float = NOISE  # standard deviation of the noise on the start positions [m]
     seed: Whole = 0  # of the noise

@@ -1,7 +1,9 @@
 """Settings of studies that ``morpholab reproduce --set`` changes: kinds, refusals, and with what the study is run."""
 
+import json
 from dataclasses import fields, is_dataclass, replace
 
+import numpy as np
 import pytest
 
 from optim.experiments.study import changed
@@ -20,23 +22,45 @@ SENSELESS = {
 }
 
 
+def settings_of(settings, before=""):
+    """Every setting that can be changed, by name, and those in settings, with their values."""
+    for each in fields(settings):
+        value = getattr(settings, each.name)
+        if each.init and is_dataclass(value):
+            yield from settings_of(value, f"{before}{each.name}.")
+        elif each.init and not isinstance(value, np.ndarray):
+            yield before + each.name, value
+
+
 @pytest.mark.parametrize("name", [name for name, _ in STUDIES.usable()])
 def test_no_study_takes_what_makes_no_sense(name):
     settings = STUDIES.find(name).scales["small"]
-    for each in fields(settings):
-        present = getattr(settings, each.name)
-        if not each.init or is_dataclass(present):
-            continue
+    for each, present in settings_of(settings):
         for value in SENSELESS[type(present).__name__]:
             with pytest.raises(ValueError) as error:
-                changed(settings, {each.name: value})
-            assert "\n" not in str(error.value) and each.name in str(error.value), (each.name, value)
+                changed(settings, {each: value})
+            told = str(error.value)
+            assert "\n" not in told and each.rpartition(".")[2] in told, (each, value)
+
+
+@pytest.mark.parametrize("name", [name for name, _ in STUDIES.usable()])
+def test_every_study_takes_the_values_that_it_has(name):
+    settings = STUDIES.find(name).scales["small"]
+    present = {each: json.loads(json.dumps(value, default=dict)) for each, value in settings_of(settings)}
+    assert dict(settings_of(changed(settings, present))) == dict(settings_of(settings))
 
 
 def test_values_of_json_become_those_of_settings():
     told = changed(CappedGaits(), {"full": [4], "slopes": [0, 5], "floor": "acrylic", "budget": 3})
     assert told == replace(CappedGaits(), full=(4,), slopes=(0.0, 5.0), floor="acrylic", budget=3.0)
     assert changed(CappedGaits(), {"full": 4}).full == (4,) and isinstance(told.slopes[1], float)
+
+
+def test_settings_in_settings_have_both_names():
+    present = STUDIES.find("slope-sweep").scales["small"]
+    told = changed(present, {"robot.copies": 3, "robot.geometry.closed": True, "robot.noise": 0})
+    robot = replace(present.robot, copies=3, noise=0.0, geometry=replace(present.robot.geometry, closed=True))
+    assert told == replace(present, robot=robot)
 
 
 def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
@@ -62,6 +86,8 @@ def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
         ("capped-gaits --out a --floor wood --set floor=acrylic", "set: floor is not allowed beside --floor"),
         ("capped-gaits --out a --friction 0.1,0.9", "friction: (0.1, 0.9) is not allowed; give that of a floor, wood"),
         ("rover-sweep --out a --set grid=3", "set: 'grid' is unknown; choose one of bodies, seed"),
+        ("rover-sweep --out a --set grid.xyzzy=3", "set: 'grid.xyzzy' is unknown; choose one of bodies, seed"),
+        ("slope-sweep --out a --set robot.copies=0", "copies: 0 is not allowed"),
         ("--set full=1", "set: ['full=1'] is not allowed without a study"),
     ],
 )
