@@ -13,6 +13,7 @@ Precision = Literal["f32", "f64"]
 DEVICES = ("cpu", "cuda", "vulkan", "metal")
 PRECISIONS = ("f32", "f64")
 MOST_THREADS = 1024
+Threads = Annotated[int | None, partial(integer, low=1, high=MOST_THREADS)]  # all available ones if None
 
 
 class ComputeOptions(TypedDict, total=False):
@@ -41,7 +42,7 @@ class Compute:
 
     device: Annotated[str, partial(choice, names=DEVICES)] = "cpu"
     precision: Annotated[str, partial(choice, names=PRECISIONS)] = "f64"
-    threads: Annotated[int | None, partial(integer, low=1, high=MOST_THREADS)] = None
+    threads: Threads = None
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -34,7 +34,7 @@ from optim.studies.chapter3.rover_success import RoverGrid
 from robots.rover import BEST, CANONICAL, STEPS, Rover, simulate
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
-from taichi_sim.base.compute import Device, Precision
+from taichi_sim.base.compute import Device, Precision, Threads
 from taichi_sim.base.results_folder import ResultsFolder
 
 MASSES = ("body_mass", "wheel_mass", "castor_mass")
@@ -57,7 +57,7 @@ class RoverProblem:
     steps: int = STEPS  # looks at the light in every rollout
     precision: Precision = "f32"  # ``"f32"`` or ``"f64"``
     device: Device = "cpu"  # ``"cpu"``, ``"cuda"``, .
-    threads: int | None = None  # CPU threads, all available if None; changes no result
+    threads: Threads = None  # of the CPU; changes no result
 
     def __post_init__(self) -> None:
         checks.choice("controller", self.controller, CONTROLLERS)
@@ -144,7 +144,7 @@ class PreOptimisation(Settings):
     seed: Whole = 1  # of the first search; the others have those that follow
     weights: Several = 31  # values of each weight, in the grid that base bodies are judged by afterwards
     steps: Count = STEPS  # looks at the light in every rollout
-    threads: int | None = None  # CPU threads, all available if None; changes no result
+    threads: Threads = None  # of the CPU; changes no result
 
 
 def front_of(trials: Sequence[Trials]) -> list[Record]:

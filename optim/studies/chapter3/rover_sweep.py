@@ -25,7 +25,7 @@ from optim.studies.chapter3.sweep_table import sample_designs
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.compute import Device
+from taichi_sim.base.compute import Device, Threads
 
 
 def _short(model: str) -> str:
@@ -53,7 +53,7 @@ class RoverSweep(Settings):
     grid: RoverGrid = field(default_factory=lambda: RoverGrid(31))  # of weights
     theory: Sweep = field(default_factory=lambda: Sweep(31))  # of the theoretical model, with as many weights
     device: Device = "cpu"  # ``"cpu"``, ``"cuda"``, .
-    threads: int | None = None  # CPU threads, all available if None; changes no result
+    threads: Threads = None  # of the CPU; changes no result
 
     def __post_init__(self) -> None:
         super().__post_init__()

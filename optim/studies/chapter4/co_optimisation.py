@@ -30,6 +30,7 @@ from optim.studies.chapter4.sensor_homeostasis import MEASURES, decimation, dist
 from robots.braitenberg import BASELINE, PUBLISHED, VehicleTask
 from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Floats, Ints
+from taichi_sim.base.compute import Threads
 from taichi_sim.base.results_folder import ResultsFolder
 
 BORG: dict[str, Any] = {"population": 50, "children": 1, "epsilons": 0.1, "window": 1000}
@@ -66,7 +67,7 @@ class CoOptimisation(Settings):
     budget: Count = 500  # evaluations of each
     seed: Whole = 1  # of the first search; the others have those that follow
     task: VehicleTask = PUBLISHED  # environments, radius of success and time
-    threads: int | None = None  # CPU threads, all available if None; changes no result
+    threads: Threads = None  # of the CPU; changes no result
 
     @property
     def seeds(self) -> range:

@@ -28,6 +28,7 @@ from robots.braitenberg.sweeps import Overlap
 from robots.robot import part_of
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.compute import Threads
 from taichi_sim.base.results_folder import ResultsFolder
 
 TABLE = "bodies.csv"
@@ -45,7 +46,7 @@ class BodyHomeostasis(Settings):
     seed: Whole = 1  # with which bodies and controllers are drawn
     sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep
     samples: Count = 5000  # of a decimated trace, at most
-    threads: int | None = None  # CPU threads, all available if None; changes no result
+    threads: Threads = None  # of the CPU; changes no result
 
 
 def chosen_bodies(settings: BodyHomeostasis, sweep_folder: Path, progress: Progress = None) -> dict[int, Overlap]:

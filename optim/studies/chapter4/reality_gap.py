@@ -35,6 +35,7 @@ from robots.braitenberg.sweeps import MOST_WEIGHTS
 from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.compute import Threads
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.vehicle import VehicleBatch, VehicleTask, rollout
 
@@ -80,7 +81,7 @@ class RealityGap(Settings):
     draws: Count = 10  # perturbed copies of each, where a perturbation is random
     seed: Whole = 1  # of all draws
     sweep: Sweep = field(default_factory=Sweep)  # settings of the sweep in which controllers are found
-    threads: int | None = None  # CPU threads, all available if None; changes no result
+    threads: Threads = None  # of the CPU; changes no result
     manifold: Annotated[int, partial(whole_number, low=2, high=MOST_WEIGHTS)] = 121  # values of a weight in manifolds
     manifold_draws: Count = 3  # as ``draws``, of manifolds
 

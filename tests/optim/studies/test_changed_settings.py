@@ -88,6 +88,7 @@ def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
         ("rover-sweep --out a --set grid=3", "set: 'grid' is unknown; choose one of bodies, seed"),
         ("rover-sweep --out a --set grid.xyzzy=3", "set: 'grid.xyzzy' is unknown; choose one of bodies, seed"),
         ("slope-sweep --out a --set robot.copies=0", "copies: 0 is not allowed"),
+        ("co-optimisation --out a --set threads=0", "threads: 0 is not allowed"),
         ("--set full=1", "set: ['full=1'] is not allowed without a study"),
     ],
 )
