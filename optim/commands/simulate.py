@@ -17,7 +17,8 @@ from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.progress import shown_progress
 from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
 
-FILES = ("design.json", "result.json", "frames.npz", "gait.csv", "robot.png")
+TABLE_FILE = "gait.csv"  # of pressures, of robots that a rig can drive
+FILES = ("design.json", "result.json", "frames.npz", TABLE_FILE, "robot.png")
 COMMAND = Command(
     "simulate",
     "simulate a robot",
@@ -135,6 +136,9 @@ def _report(
     after = f" after {steps:,} steps" if (steps := document["steps"]) else ""  # kinds need not count them
     status = outcome.reason[0] or f"{outcome.status[0]}{after}"
     text = f"{title}: {status}" + (f"\n{robot.spoken(outcome)}" if ok else "")
+    if args.out is not None and (without := robot.untabled):
+        document["no_table"] = without
+        text += f"\nno {TABLE_FILE}: {without}"
     report = Report(document, text, 0 if ok else FAILED)
     if args.out is None:
         return report
@@ -156,7 +160,7 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
         "result.json": lambda path: write_text(path, json.dumps(document, indent=2) + "\n"),
         **({"frames.npz": lambda path: np.savez_compressed(path, **frames)} if frames else {}),
         # The header tells what was clipped.
-        **({"gait.csv": partial(write_csv, robot.table(on_violation="clip"))} if robot.exportable else {}),
+        **({TABLE_FILE: partial(write_csv, robot.table(on_violation="clip"))} if robot.exportable else {}),
         **({"robot.png": partial(save_robot_picture, robot, world)} if robot.has_motion else {}),
     }
     with undone_if_it_fails() as made:
