@@ -99,8 +99,8 @@ def test_a_run_says_why_it_has_no_table_for_a_rig_and_how_to_get_one(morpholab):
     ]
     told = json.loads(morpholab("codesign --resume --out a --quiet --threads 1 --json")[1])["no_table"]
     assert told.endswith("; search with --channels 8")
-    played = morpholab("simulate a --out c --quiet")[1]
-    assert played.endswith(f"\nno gait.csv: {told.removesuffix('; search with --channels 8')}\n"), played
+    code, played, error = morpholab("simulate --gait a/best.json --out c --precision f32 --quiet")
+    assert played.endswith(f"\nno gait.csv: {told.removesuffix('; search with --channels 8')}\n"), (code, played, error)
     code, out, _ = morpholab(f"{line} --channels 8 --out b")
     assert code == 0 and "\nb: best.json, gait.csv\n" in f"{out}\n" and "no gait.csv" not in out
 
