@@ -47,6 +47,8 @@ class Settings:
 def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
     """Settings with other values by name, as JSON has them; one of settings in settings has both names, with a dot.
 
+    What settings name in ``fixed``, their study sets itself: it cannot be changed.
+
     Raises:
         ValueError: for a name that is no setting, or a value that is not allowed.
     """
@@ -68,16 +70,21 @@ def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
             text = f"{name}: {checks.shown(value)} is not allowed; give a value such as {present}"
             raise ValueError(text) from None
     for outer, given in within.items():
-        values[outer] = changed(getattr(settings, outer), given)
+        try:
+            values[outer] = changed(getattr(settings, outer), given)
+        except ValueError as error:  # of a field of the inner ones, as all refusals
+            raise ValueError(f"{outer}.{error}") from None
     return replace(settings, **values)
 
 
 def _names(settings: Any) -> Iterator[str]:
-    """Names of all settings that can be changed, those in settings after a dot; arrays are none."""
+    """Names of all settings that can be changed, those in settings after a dot: no arrays, and none of ``fixed``."""
+    fixed = getattr(settings, "fixed", ())
     for each in fields(settings) if is_dataclass(settings) else ():
         value = getattr(settings, each.name)
         if each.init and is_dataclass(value):
-            yield from (f"{each.name}.{name}" for name in _names(value))
+            names = (f"{each.name}.{name}" for name in _names(value))
+            yield from (name for name in names if not any(f"{name}.".startswith(f"{one}.") for one in fixed))
         elif each.init and not isinstance(value, np.ndarray):
             yield each.name
 

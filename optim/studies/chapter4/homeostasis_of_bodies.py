@@ -100,6 +100,8 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
     """Write ``summary.json``, ``bodies.csv`` and ``homeostasis-of-bodies.png``."""
     results = ResultsFolder(folder, "homeostasis-of-bodies", settings.describe())
     bodies = list(chosen_bodies(settings, sweep_folder or folder / "sweep", part_of(progress, 0, 2)).items())
+    if not bodies:
+        raise ValueError("sweep: no body succeeds from everywhere; give it more steps, or a larger radius")
     parts = {
         first: partial(measure, settings, dict(bodies[first : first + BODIES_PER_PART]))
         for first in range(0, len(bodies), BODIES_PER_PART)

@@ -10,7 +10,7 @@ the order asked for.
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -221,6 +221,7 @@ def _by_design(arrays: Arrays) -> dict[int, _Outcome]:
 class TrainingInBodies:
     """Bodies in which trainers are tried, and their sweep."""
 
+    fixed: ClassVar = ("training.task", "training.precision")  # those of the sweep
     bodies: Count = DESIGNS  # how many, drawn from the published grid
     weights: int = 121  # values of each weight in the sweep that gives their metrics
     training: Training = Training()  # of the trainers

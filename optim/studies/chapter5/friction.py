@@ -6,7 +6,7 @@ Source: Powers 2021 dissertation, ch. 5, figure "friction", d (the difference of
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,6 +43,7 @@ TOLERANCE = 0.004  # BL/s: how far the original program's own builds are apart, 
 class FrictionSweeps:
     """Frictions of feet, and the robot that inches with them."""
 
+    fixed: ClassVar = ("robot.actuation.high_friction", "robot.actuation.low_friction")  # what it sweeps
     robot: Robot = field(default_factory=Robot)  # that inches
     # of each sweep: friction of sliding and of gripping feet, and the published speed [body lengths/s]. Each replaces
     # the robot's own everywhere: skin, seams and feet; bladders have a third of the higher one

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -85,6 +85,7 @@ def _several(field_name: str, value: Any) -> tuple[Any, ...]:
 class HardwareFriction(Settings):
     """What was not measured, with the values that are tried, and the robot that plays the gaits."""
 
+    fixed: ClassVar = tuple(f"robot.actuation.{name}" for name in ("weight", "high_friction", "low_friction"))
     robot: Robot = field(default_factory=lambda: Robot(precision="f32", copies=4))
     weights: Annotated[tuple[str, ...], _weights] = WEIGHTS  # of bladders
     inflations: Annotated[tuple[float, ...], _shares] = (0.6, 0.9, 1.0)  # shares of a bladder's full stroke

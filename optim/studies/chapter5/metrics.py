@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -45,6 +45,7 @@ LEAST_BODIES = 10  # of fewer an interval and a p of their correlation say nothi
 class SoftRobotMetrics(Settings):
     """Bodies whose metrics are found, the gaits that are tried in them, and the hill."""
 
+    fixed: ClassVar = ("robot.copies", "robot.noise", "robot.seed")  # each gait is played once, from rest
     pressures: tuple[float, ...] = (0.0, 3e3, 6e3, 9e3, 12e3)  # of the core [Pa], ascending
     orientations: tuple[float, ...] = (0.0, 22.5, 45.0, 67.5, 90.0)  # [degrees], ascending
     # sampled, the same ones in every body: every frequency and offset of every actuator equally likely

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -151,6 +151,7 @@ FEW_FACTORS: Mapping[str, tuple[float, ...]] = {
 class Sensitivity(Settings):
     """Parameters that are changed, and what is played with each of them."""
 
+    fixed: ClassVar = ("robot.geometry", "robot.actuation")  # what it changes itself
     factors: Mapping[str, tuple[float, ...]] = field(
         default_factory=lambda: FACTORS
     )  # of ``VARIATIONS``, one at a time

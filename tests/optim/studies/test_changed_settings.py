@@ -24,10 +24,13 @@ SENSELESS = {
 
 def settings_of(settings, before=""):
     """Every setting that can be changed, by name, and those in settings, with their values."""
+    fixed = tuple(f"{before}{name}." for name in getattr(settings, "fixed", ()))
     for each in fields(settings):
         value = getattr(settings, each.name)
         if each.init and is_dataclass(value):
-            yield from settings_of(value, f"{before}{each.name}.")
+            for name, inner in settings_of(value, f"{before}{each.name}."):
+                if not f"{name}.".startswith(fixed):
+                    yield name, inner
         elif each.init and not isinstance(value, np.ndarray):
             yield before + each.name, value
 
@@ -41,6 +44,7 @@ def test_no_study_takes_what_makes_no_sense(name):
                 changed(settings, {each: value})
             told = str(error.value)
             assert "\n" not in told and each.rpartition(".")[2] in told, (each, value)
+            assert told.startswith(each.rpartition(".")[0]), (each, told)
 
 
 @pytest.mark.parametrize("name", [name for name, _ in STUDIES.usable()])
@@ -61,6 +65,14 @@ def test_settings_in_settings_have_both_names():
     told = changed(present, {"robot.copies": 3, "robot.geometry.closed": True, "robot.noise": 0})
     robot = replace(present.robot, copies=3, noise=0.0, geometry=replace(present.robot.geometry, closed=True))
     assert told == replace(present, robot=robot)
+
+
+def test_forgetting_needs_a_robot():
+    settings = STUDIES.find("forgetting").scales["small"]
+    none = {f"{robot}.bodies": 0 for robot in ("vehicle", "quadruped", "walker")}
+    assert changed(settings, {"vehicle.bodies": 0}).vehicle.bodies == 0
+    with pytest.raises(ValueError, match=r"^bodies: 0 of every robot are not allowed; give some of one$"):
+        changed(settings, none)
 
 
 def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
@@ -87,7 +99,9 @@ def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
         ("capped-gaits --out a --friction 0.1,0.9", "friction: (0.1, 0.9) is not allowed; give that of a floor, wood"),
         ("rover-sweep --out a --set grid=3", "set: 'grid' is unknown; choose one of bodies, seed"),
         ("rover-sweep --out a --set grid.xyzzy=3", "set: 'grid.xyzzy' is unknown; choose one of bodies, seed"),
-        ("slope-sweep --out a --set robot.copies=0", "copies: 0 is not allowed"),
+        ("slope-sweep --out a --set robot.copies=0", "robot.copies: 0 is not allowed"),
+        ("training --out a --set training.task.radius=0.2", "set: 'training.task.radius' is unknown; choose one of"),
+        ("hardware-friction --out a --set robot.actuation.weight=1", "set: 'robot.actuation.weight' is unknown"),
         ("co-optimisation --out a --set threads=0", "threads: 0 is not allowed"),
         ("--set full=1", "set: ['full=1'] is not allowed without a study"),
     ],

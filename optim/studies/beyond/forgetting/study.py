@@ -66,6 +66,11 @@ class Forgetting(Settings):
     quadruped: Effort = field(default_factory=lambda: Effort(8, steps=30))
     walker: Effort = field(default_factory=lambda: Effort(5, measured=4, controllers=64, starts=1, steps=15))
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.efforts:
+            raise ValueError("bodies: 0 of every robot are not allowed; give some of one")
+
     @property
     def efforts(self) -> dict[str, Effort]:
         """Effort by robot, of those that are not left out."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,6 +44,7 @@ FILES = ("table.md", *TABLES, "climb.png", "summary.json", "runs", "gaits")
 class Climb(Finals):
     """How large the study is; finalists are designs of each of the last three steps."""
 
+    fixed: ClassVar = ("plan",)  # folders do not tell of it
     seeds: Seeds  # of the programs
     plan: Plan = field(default_factory=Plan)  # of each of them
 
