@@ -14,6 +14,7 @@ from optim.commands.codesign_seeds import check_single, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
 from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
+from optim.commands.robots import TABLE_FILE
 from optim.commands.task_file import TASK, take_task
 from optim.notes import note
 from optim.problem import Objective
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from optim.runs import Generation, RunFolder
     from robots.robot import Robot
 
-TABLE_FILE = "gait.csv"  # of pressures, of robots that a rig can drive
 COMMAND = Command(
     "codesign",
     "design a robot",

@@ -29,6 +29,7 @@ from robots.robot import (
 from taichi_sim.base.options import given
 
 SHARED = "seed"  # of a search, which may be that of its robot, too
+TABLE_FILE = "gait.csv"  # of pressures, of robots that a rig can drive
 OptionsOf = Callable[[RobotKind], Sequence[Option]]
 
 

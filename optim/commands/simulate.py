@@ -13,11 +13,10 @@ import numpy as np
 from optim.commands import FAILED, Report, options
 from optim.commands.far_ground import note_unmet_ground
 from optim.commands.options import Command, Option, count, flag, path_to
-from optim.commands.robots import kinds_of_robot, world_and_own
+from optim.commands.robots import TABLE_FILE, kinds_of_robot, world_and_own
 from optim.progress import shown_progress
 from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
 
-TABLE_FILE = "gait.csv"  # of pressures, of robots that a rig can drive
 FILES = ("design.json", "result.json", "frames.npz", TABLE_FILE, "robot.png")
 COMMAND = Command(
     "simulate",

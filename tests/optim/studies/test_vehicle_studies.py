@@ -194,3 +194,9 @@ def test_controllers_that_a_perturbation_lacks_are_told(tmp_path):
     )
     with pytest.raises(ValueError, match=re.escape(message)):
         reality_gap.tell(Data(tmp_path), tmp_path / "told")
+
+
+def test_bodies_none_of_which_succeeds_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(homeostasis_of_bodies, "chosen_bodies", lambda *given: {})
+    with pytest.raises(ValueError, match=r"^sweep: no body succeeds from everywhere; give it more steps, or a larger"):
+        homeostasis_of_bodies.study(tmp_path, BodyHomeostasis(bodies=4, controllers=2, sweep=SHORT, samples=50))
