@@ -78,6 +78,14 @@ class Data:
                 raise ValueError(f"{path}: it has no rows of {about}")
         return found
 
+    def columns(self, name: str) -> list[str]:
+        """Names of the columns of a table, which older data may have fewer of.
+
+        Raises:
+            ValueError: if the file cannot be read.
+        """
+        return read_table(self.path(name))[0]
+
     def has(self, name: str) -> bool:
         """Whether there is a file of this name."""
         return self.path(name).is_file()

@@ -60,6 +60,31 @@ class Correlation:
 
 
 @dataclass(frozen=True)
+class Reliability:
+    """How far values that were measured anew differ between things, rather than within each of them.
+
+    Attributes:
+        n: things, such as bodies.
+        repetitions: k, measurements of each.
+        within: standard deviation within a thing.
+        single: intraclass correlation ICC(1), the share of the variance of one measurement that is between things;
+            None where nothing varies.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        mean: the same share of the mean of k measurements, ICC(1, k); no quantity can be expected to correlate with
+            such means above its root. It is 0 where things differ less than chance would have them differ.
+    """
+
+    n: int
+    repetitions: int
+    within: float
+    single: float | None
+    low: float | None
+    high: float | None
+    mean: float | None
+
+
+@dataclass(frozen=True)
 class WelchTest:
     """Welch's t-test of whether the means of two samples differ; their variances may differ.
 
@@ -217,6 +242,33 @@ def _correlation(test: Any, x: Floats, y: Floats, alternative: Alternative, vari
             centre, half = np.arctanh(r), _scipy().norm.isf(0.025) * np.sqrt(variance / (n - 3))
         low, high = float(np.tanh(centre - half)), float(np.tanh(centre + half))
     return Correlation(n, r, low, high, float(found.pvalue) if n > 2 else 1.0)
+
+
+def reliability(values: ArrayLike) -> Reliability:
+    """Intraclass correlation of measurements, shape (n, k), of n >= 2 things k >= 2 times each.
+
+    One-way random effects: Shrout & Fleiss, Psychological Bulletin 86, 1979, ICC(1, 1) and ICC(1, k). The interval
+    takes measurements to be normal.
+
+    Raises:
+        ValueError: for fewer things or measurements, or one that is not finite.
+    """
+    found = np.asarray(values, float)
+    if found.ndim != 2 or min(found.shape) < 2 or not np.isfinite(found).all():
+        raise ValueError(f"values: shape {found.shape} is not allowed; give finite ones of shape (n, k), both >= 2")
+    n, k = found.shape
+    between = k * float(found.mean(axis=1).var(ddof=1))
+    within = float(found.var(axis=1, ddof=1).mean())
+    if not between and not within:
+        return Reliability(n, k, 0.0, None, None, None, None)
+
+    def share(low: float, high: float) -> float:
+        return (low - high) / (low + (k - 1) * high)
+
+    freedom, fisher = (n - 1, n * (k - 1)), _scipy().f
+    low, high = (share(between, within * float(fisher.ppf(level, *freedom))) for level in (0.975, 0.025))
+    mean = max(0.0, 1 - within / between) if between else 0.0
+    return Reliability(n, k, within**0.5, share(between, within), low, high, mean)
 
 
 def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> Floats:

@@ -21,6 +21,7 @@ from optim.measures.statistics import (
     mean_interval,
     pearson,
     ratio_of_means,
+    reliability,
     spearman,
     superiority,
     welch,
@@ -226,3 +227,36 @@ def test_the_interval_of_a_ratio_holds_it_about_as_often_as_it_says():
         _, low, high = ratio_of_means(rng.normal(3.0, 0.5, 12), rng.normal(1.0, 0.2, 12))
         held += low <= 3.0 <= high
     assert held >= 48  # of 60; percentiles of small samples are somewhat narrow
+
+
+def test_reliability_of_the_published_example():
+    """Six targets and four judges of Shrout & Fleiss 1979, tables 2 and 4; the interval as R's psych gives it."""
+    judged = [[9, 2, 5, 8], [6, 1, 3, 2], [8, 4, 6, 8], [7, 1, 2, 6], [10, 5, 6, 9], [6, 2, 4, 7]]
+    found = reliability(judged)
+    assert (found.n, found.repetitions) == (6, 4)
+    assert found.within**2 == pytest.approx(6.26, abs=0.005)
+    assert (found.single, found.mean) == (pytest.approx(0.17, abs=0.005), pytest.approx(0.44, abs=0.005))
+    assert (found.low, found.high) == (pytest.approx(-0.13, abs=0.005), pytest.approx(0.72, abs=0.005))
+
+
+def test_reliability_at_its_ends():
+    """All of the variance between things, none, and nothing that varies; one measurement tells nothing of it."""
+    apart = reliability([[1, 1], [2, 2], [5, 5]])
+    assert (apart.single, apart.low, apart.high, apart.mean, apart.within) == (1, 1, 1, 1, 0)
+    alike = reliability([[1, 3], [3, 1]])
+    assert alike.single == -1 and alike.mean == 0
+    assert reliability([[2, 2], [2, 2]]).single is None
+    for wrong in ([[1], [2]], [[1, 2]], [[1, 2], [np.nan, 1]]):
+        with pytest.raises(ValueError, match="give finite ones of shape"):
+            reliability(wrong)
+
+
+def test_intervals_of_reliability_hold_what_they_say():
+    """Of 400 samples of known shares, some 95 % of intervals have the share in them."""
+    rng = np.random.default_rng(0)
+    share, held = 0.4, 0
+    for _ in range(400):
+        things, runs = rng.normal(size=(24, 1)), rng.normal(size=(24, 5))
+        found = reliability(share**0.5 * things + (1 - share) ** 0.5 * runs)
+        held += found.low <= share <= found.high
+    assert 0.92 <= held / 400 <= 0.98

@@ -14,9 +14,10 @@ from optim.measures.sampled import sampled_metrics
 from optim.measures.statistics import spearman
 from optim.studies.beyond.body_and_learning import pouches, report, study, universal
 from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
+from optim.studies.beyond.body_and_learning.learning import LEARNERS, single_runs
 from optim.studies.beyond.body_and_learning.pouches import pouch
 from optim.studies.beyond.body_and_learning.report import correlations, foretold, possible, write_report
-from optim.studies.beyond.body_and_learning.study import LEARNERS, STUDY, BodyAndLearning, body_part
+from optim.studies.beyond.body_and_learning.study import STUDY, BodyAndLearning, body_part
 from optim.studies.beyond.body_and_learning.universal import Controller
 
 
@@ -96,6 +97,35 @@ def test_each_row_tells_of_how_many_bodies_it_is(tmp_path):
     assert told["evolution"] == "19.5 (16.7 to 22.3)" and table.count("40 of 40") == len(LEARNERS)
     write_report(tmp_path, made_up(20, 0), {name: each.title for name, each in LEARNERS.items()}, {"repetitions": 2})
     assert "unknown" not in (tmp_path / "table.md").read_text()
+
+
+def test_runs_tell_how_reliable_their_means_are(tmp_path):
+    """Rows with single runs have a table of it, older rows with means alone have none."""
+    titles = {name: each.title for name, each in LEARNERS.items()}
+    rows = [row | {f"{name}_runs": [row[name] - 3, row[name] + 3] for name in LEARNERS} for row in made_up(20, 0)]
+    write_report(tmp_path, rows, titles, {"repetitions": 2})
+    within, between = 18, 2 * np.var(np.arange(20), ddof=1)
+    single, mean = (between - within) / (between + within), 1 - within / between
+    table = (tmp_path / "table.md").read_text()
+    assert f"| gradients | {within**0.5:.1f} | {single:.2f} (" in table
+    assert f"| {mean:.2f} | {mean**0.5:.2f} |" in table
+    write_report(tmp_path, made_up(20, 0), titles, {"repetitions": 2})
+    assert "reliable" not in (tmp_path / "table.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("runs", "why"),
+    [
+        ([9, 11, 10], r"evolution_runs: lists of \[2, 3\] runs are not allowed"),
+        ([9, 12], "evolution_runs: the means of a row are not evolution"),
+    ],
+)
+def test_runs_that_cannot_be_those_of_a_row_are_refused(runs, why):
+    rows = [row | {"evolution_runs": [row["evolution"]] * 2} for row in made_up(4, 0)]
+    assert single_runs(rows, "evolution").shape == (4, 2)
+    rows[0]["evolution_runs"] = runs
+    with pytest.raises(ValueError, match=why):
+        single_runs(rows, "evolution")
 
 
 def test_coefficients_hide_no_body(tmp_path, monkeypatch):

@@ -10,7 +10,8 @@ import numpy as np
 from optim.experiments.figures import COLOURS, PAGE, caption, figure, headroom, note
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, column, markdown, mean_with_interval, page
-from optim.measures.statistics import Correlation, spearman
+from optim.measures.statistics import Correlation, reliability, spearman
+from optim.studies.beyond.body_and_learning.learning import single_runs
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
@@ -89,6 +90,7 @@ def write_report(
             f"Evaluations until one succeeded in all worlds, {settings['repetitions']} repetitions in each of "
             f"{len(rows)} bodies, means with 95 % intervals over bodies:",
             markdown(["learning", "mean evaluations", "runs that succeeded"], "lrr", needs),
+            *_spread(rows, learners),
         ),
     )
     summary = {
@@ -119,6 +121,31 @@ def _left_out(rows: Sequence[Record], learners: Mapping[str, str]) -> str:
         f"Were it the least or the greatest of all in each of them, correlations could be {ranges}.",
     ]
     return " ".join(told[: bool(missing) + bool(ranges)])
+
+
+def _spread(rows: Sequence[Record], learners: Mapping[str, str]) -> list[str | list[str]]:
+    """How far runs differ within a body and between bodies, of rows that keep single runs; else nothing."""
+    found = {title: single_runs(rows, name) for name, title in learners.items()}
+    known = {title: reliability(runs) for title, runs in found.items() if runs is not None and min(runs.shape) > 1}
+    if not known:
+        return []
+    lines = [
+        [
+            title,
+            f"{each.within:.1f}",
+            "-" if each.single is None else f"{each.single:.2f} ({each.low:.2f} to {each.high:.2f})",
+            "-" if each.mean is None else f"{each.mean:.2f}",
+            "-" if each.mean is None else f"{each.mean**0.5:.2f}",
+        ]
+        for title, each in known.items()
+    ]
+    heads = ["learning", "deviation within a body", "share between bodies", "of means", "a correlation at most"]
+    return [
+        "How reliable evaluations are: their standard deviation between runs in one body, the share of the variance of "
+        "a run that is between bodies (ICC(1), 95 % interval), that of the mean of a body's runs, and its root, above "
+        "which no metric can be expected to correlate with these means:",
+        markdown(heads, "lrrrr", lines),
+    ]
 
 
 def _told(found: Correlation) -> str:

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
@@ -16,51 +15,24 @@ import numpy as np
 from optim.experiments.body_metrics import Environments, Measuring, measure_body
 from optim.experiments.data import Data
 from optim.experiments.jobs import run_parallel
-from optim.experiments.results import Progress, cached
-from optim.experiments.side_by_side import run_with_budget
+from optim.experiments.results import Progress
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
-from optim.problem import Evaluation, Request, judge
 from optim.problems.robot import RobotProblem
-from optim.search import build_method
 from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS, walker
+from optim.studies.beyond.body_and_learning.learning import LEARNERS, learn_until, learned_cells, run_columns
 from optim.studies.beyond.body_and_learning.report import write_report
 from robots.lattice_robot import LatticeRobot
 from robots.robot import part_of
 from robots.tasks import Success
-from taichi_sim.base.arrays import Arrays, Floats
-from taichi_sim.base.checks import positive, within
+from taichi_sim.base.arrays import Arrays
+from taichi_sim.base.checks import positive
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.results_folder import ResultsFolder
 
 TABLE = "bodies.csv"
 FILES = (TABLE, "table.md", "summary.json", "evaluations.png", "parts")
 OBJECTIVE = ("worst", "minimise:remaining")
-
-
-@dataclass(frozen=True)
-class Learner:
-    """A kind of learning.
-
-    Attributes:
-        title: as tables say it.
-        method, settings: of the search.
-        share: of the budget of evaluations that it has; one with its gradient takes as long as several without.
-    """
-
-    title: str
-    method: str
-    settings: Mapping[str, Any]
-    share: float = 1.0
-
-
-LEARNERS = MappingProxyType(
-    {
-        "evolution": Learner("evolution", "hill-climb", {"climbers": 8}),
-        "nes": Learner("evolution strategies", "nes", {"population": 16, "random_mean": True, "sigma": 0.1}),
-        "gradient": Learner("gradients", "gradient", {"climbers": 2, "candidates": 8, "patience": 20}, 0.25),
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -100,10 +72,6 @@ class BodyAndLearning(Settings):
         near = (Success("remaining", "<=", self.bound),)
         return Environments(WORLDS, (near,) * len(WORLDS))
 
-    def budget_of(self, learner: str) -> int:
-        """Evaluations of a repetition of a kind of learning."""
-        return max(2, round(LEARNERS[learner].share * self.budget))
-
 
 def study(folder: Path, settings: BodyAndLearning, progress: Progress = None, jobs: int = 1) -> None:
     """Write a row for each body, what goes with what, and a picture; bodies that are whole are not tried again."""
@@ -122,7 +90,8 @@ def tell_as(kind: type[BodyAndLearning], data: Data, folder: Path) -> None:
     """Write what goes with what, and the picture, from the rows of bodies of a kind."""
     counts = ("body", "voxels", "all", "any", *(f"{name}_solved" for name in LEARNERS))
     columns = {**dict.fromkeys(counts, int), **dict.fromkeys(("M_L", "M_CI", "felt", *LEARNERS), float)}
-    _report(folder, data.records(TABLE, columns), data.settings(kind))
+    settings = data.settings(kind)
+    _report(folder, data.records(TABLE, columns | run_columns(data, TABLE)), settings)
 
 
 def _report(folder: Path, rows: Sequence[Record], settings: BodyAndLearning) -> None:
@@ -149,10 +118,7 @@ def body_part(folder: Path, settings: BodyAndLearning, number: int, _: Mapping[s
     for count, name in enumerate(LEARNERS, 1):
         told = part_of(progress, count, share)
         learn_here = partial(learn, settings, robot, number, name, told)
-        check = partial(check_learned, settings.repetitions, settings.budget_of(name))
-        learned = cached(parts, f"learned {name}".replace(" ", "_"), learn_here, check)
-        row[name] = float(learned["evaluations"].mean())
-        row[f"{name}_solved"] = int(learned["solved"].sum())
+        row |= learned_cells(parts, f"learned_{name}", name, settings.repetitions, settings.budget, learn_here)
     return row
 
 
@@ -168,36 +134,9 @@ def learn(settings: BodyAndLearning, robot: LatticeRobot, stream: int, name: str
     """
     problem = RobotProblem(robot, WORLDS, objective=OBJECTIVE, summed=True, precision="f32", threads=1)
     seeds = [int(np.random.SeedSequence((stream, run)).generate_state(1)[0]) for run in range(settings.repetitions)]
-    return learn_until(problem, -settings.bound, LEARNERS[name], settings.budget_of(name), seeds, progress)
-
-
-def learn_until(
-    problem: RobotProblem, score: float, learner: Learner, budget: int, seeds: Sequence[int], progress: Progress = None
-) -> Arrays:
-    """Evaluations until a search finds a score, or its budget, and whether it did, shape (R,) each; R seeds."""
-    evaluations, solved = np.zeros(len(seeds), np.int64), np.zeros(len(seeds), bool)
-
-    def evaluate(_: Sequence[Any], request: Request) -> Evaluation:
-        return judge(problem, request)
-
-    def observe(run: int, points: Floats, evaluation: Evaluation) -> bool:
-        good = np.flatnonzero(np.nan_to_num(evaluation.objectives[:, 0], nan=-np.inf) >= score)
-        solved[run] = good.size > 0
-        evaluations[run] += good[0] + 1 if good.size else len(points)
-        return bool(solved[run])
-
-    methods = [build_method(learner.method, problem.space, {**learner.settings, "seed": seed}) for seed in seeds]
-    run_with_budget(methods, budget, evaluate, observe, progress)
-    return {"evaluations": evaluations, "solved": solved}
-
-
-def check_learned(repetitions: int, budget: int, arrays: Arrays) -> None:
-    """Refuse outcomes of a file that :func:`learn_until` cannot have found, by a ValueError."""
-    for name in ("evaluations", "solved"):
-        if (shape := arrays[name].shape) != (repetitions,):
-            raise ValueError(f"{name}: shape {shape} is not allowed; give ({repetitions},)")
-    within("evaluations", arrays["evaluations"], 1, budget)
-    within("solved", arrays["solved"], 0, 1)
+    return learn_until(
+        problem, -settings.bound, LEARNERS[name], LEARNERS[name].evaluations(settings.budget), seeds, progress
+    )
 
 
 STUDY = Study(

@@ -16,7 +16,8 @@ from optim.problem import Evaluation
 from optim.search import build_method
 from optim.space import Space
 from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, WORLDS
-from optim.studies.beyond.body_and_learning.study import LEARNERS, BodyAndLearning, check_learned, learn
+from optim.studies.beyond.body_and_learning.learning import LEARNERS, learned_cells
+from optim.studies.beyond.body_and_learning.study import BodyAndLearning, learn
 from optim.studies.beyond.evolving_bodies.bodies import BODY, body_of, code, drawn_body, stands
 from robots.lattice_robot import LatticeRobot
 from robots.robot import Trial, part_of
@@ -129,8 +130,6 @@ def arm_part(folder: Path, evolving: Evolving, arm: str, seed: int, _: Mapping[s
     }
     for count, name in enumerate(LEARNERS):
         told = part_of(progress, len(LEARNERS) + count, 2 * len(LEARNERS))
-        check = partial(check_learned, settings.repetitions, settings.budget_of(name))
-        learned = cached(parts, f"learned_{name}", partial(learn, settings, robot, seed, name, told), check)
-        row[name] = float(learned["evaluations"].mean())
-        row[f"{name}_solved"] = int(learned["solved"].sum())
+        learn_here = partial(learn, settings, robot, seed, name, told)
+        row |= learned_cells(parts, f"learned_{name}", name, settings.repetitions, settings.budget, learn_here)
     return row

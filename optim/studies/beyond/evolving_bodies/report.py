@@ -9,7 +9,7 @@ import numpy as np
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import difference_of_means
-from optim.studies.beyond.body_and_learning.study import LEARNERS
+from optim.studies.beyond.body_and_learning.learning import LEARNERS
 from optim.studies.beyond.evolving_bodies import loops, metrics
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import replacing, write_text

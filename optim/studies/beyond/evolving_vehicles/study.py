@@ -19,7 +19,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
-from optim.studies.beyond.body_and_learning.study import LEARNERS, check_learned, learn_until
+from optim.studies.beyond.body_and_learning.learning import LEARNERS, learn_until, learned_cells
 from optim.studies.beyond.evolving_vehicles.bodies import BOUND, drawn_body, exact, problem_of, tried
 from optim.studies.beyond.evolving_vehicles.report import ARMS, BODIES, COLUMNS, LEARNED, LOOPED, PICTURE, write_report
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS, MARKS, OBJECTIVES, BodyProblem, evolve, loop
@@ -105,13 +105,10 @@ class Part:
         row |= zip(names, values, strict=True)
         for number, name in enumerate(LEARNED, 2):
             learner = LEARNERS[name]
-            budget = max(2, round(learner.share * settings.budget))
+            budget = learner.evaluations(settings.budget)
             seeds = [int(n) for n in np.random.SeedSequence((self.seed, 5)).generate_state(settings.repetitions)]
             run = partial(learn_until, problem_of(body), -BOUND, learner, budget, seeds, told(number))
-            check = partial(check_learned, settings.repetitions, budget)
-            learned = cached(kept, f"learned_{arm}_{name}", run, check)
-            row[name] = float(learned["evaluations"].mean())
-            row[f"{name}_solved"] = int(learned["solved"].sum())
+            row |= learned_cells(kept, f"learned_{arm}_{name}", name, settings.repetitions, settings.budget, run)
         return row
 
     def _judge(self, body: Floats) -> Arrays:
