@@ -172,7 +172,7 @@ def test_the_study_goes_on_where_it_was(tmp_path, kind):
     STUDY.run(tmp_path / "a", settings)
     rows = read_records(tmp_path / "a/bodies.csv")
     assert [str(row) for row in rows] == [str(row) for row in first]
-    assert all(1 <= row[name] <= settings.budget_of(name) for row in rows for name in LEARNERS)
+    assert all(1 <= row[name] <= LEARNERS[name].evaluations(settings.budget) for row in rows for name in LEARNERS)
     assert (tmp_path / "a/evaluations.png").stat().st_size > 1000
     summary = json.loads((tmp_path / "a/summary.json").read_text())
     assert summary["bodies"] == 2 and set(summary["held_out"]) == set(LEARNERS)
@@ -253,4 +253,8 @@ def test_a_universal_training_meets_every_body():
     assert len(met) == 7 and set(met) <= {3, 4}
     assert not np.array_equal(drawn, universal.drawn_bodies(settings, 1))
     medium = universal.STUDY.scales["medium"]
+    bodies = [
+        [described(n).tobytes() for n in some.tolist()] for some in (medium.numbers_trained, medium.numbers_tested)
+    ]
+    assert list(map(len, map(set, bodies))) == [500, 100] and not set(bodies[0]) & set(bodies[1])
     assert len(np.unique(universal.drawn_bodies(medium, 0))) == medium.trained == 500

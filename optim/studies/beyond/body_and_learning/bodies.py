@@ -1,5 +1,6 @@
 """Soft walkers that feel, with bodies drawn by number: a back on legs of different length and place."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -42,6 +43,18 @@ def described(number: int) -> Floats:
     """A body in numbers from -1 to 1, and a one, shape (13,): legs, then thickness, column by column."""
     legs, thick = columns_of(number)
     return np.concatenate([legs.ravel() - 1.0, 2.0 * thick.ravel() - 3.0, [1.0]])
+
+
+def different(first: int, count: int, met: Sequence[int] = ()) -> Ints:
+    """Numbers of walkers from a first one on, shape (N,), that all differ in their bodies, from those met, too."""
+    known = {described(number).tobytes() for number in met}
+    numbers: list[int] = []
+    while len(numbers) < count:
+        if (body := described(first).tobytes()) not in known:
+            known.add(body)
+            numbers.append(first)
+        first += 1
+    return np.array(numbers)
 
 
 @cache

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,14 +21,14 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Study
-from optim.experiments.tables import Record, cell, column, markdown, page, where, write_records
+from optim.experiments.tables import Record, column, markdown, mean_with_interval, page, where, write_records
 from optim.measures.statistics import difference_of_means, mean_interval
 from optim.search.step_rules import Adam
 from optim.space import Space
-from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, walker
+from optim.studies.beyond.body_and_learning.bodies import WORLDS, described, different, walker
 from robots.robot import Trial, part_of
 from taichi_sim.base.arrays import Arrays, Floats, Ints
-from taichi_sim.base.checks import positive
+from taichi_sim.base.checks import integer, positive
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
 from taichi_sim.base.results_folder import ResultsFolder
@@ -44,7 +44,12 @@ ARMS = {
     "each": "trained in each body",
     "tuned": "told, then trained in each body",
 }
-COLUMNS: dict[str, Kind] = {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(("speed", "seconds"), float)}
+COLUMNS: dict[str, Kind] = {
+    "arm": tuple(ARMS),
+    "seed": int,
+    **dict.fromkeys(("speed", "backwards", "seconds"), float),
+}
+BODIES = {"bodies": "different"}  # what folders keep of how bodies are drawn: once, some were met twice
 
 
 @dataclass(frozen=True)
@@ -52,8 +57,8 @@ class UniversalControl(Settings):
     """Bodies and training.
 
     Attributes:
-        trained: bodies that universal controllers are trained on.
-        tested: others, in which all are tested.
+        trained: bodies that universal controllers are trained on, all different.
+        tested: others, none of which is one of them, in which all are tested.
         gradients: of one training, over all of its bodies.
         batch: bodies whose gradients make a step of a universal controller.
         rate: of steps, in ranges of the variables.
@@ -61,8 +66,8 @@ class UniversalControl(Settings):
         cycles: of a trial.
     """
 
-    trained: Count = 500
-    tested: Count = 100
+    trained: Annotated[int, partial(integer, low=1, high=5000)] = 500
+    tested: Annotated[int, partial(integer, low=1, high=2000)] = 100
     gradients: Count = 500
     batch: Count = 5
     rate: Annotated[float, positive] = 0.03
@@ -73,6 +78,16 @@ class UniversalControl(Settings):
     def steps(self) -> int:
         """Steps of a universal training."""
         return max(1, self.gradients // self.batch)
+
+    @cached_property
+    def numbers_trained(self) -> Ints:
+        """Numbers of the bodies for training."""
+        return different(FIRST_TRAINED, self.trained)
+
+    @cached_property
+    def numbers_tested(self) -> Ints:
+        """Numbers of the bodies for the test."""
+        return different(FIRST_TESTED, self.tested, self.numbers_trained.tolist())
 
 
 class Controller:
@@ -149,15 +164,14 @@ def drawn_bodies(settings: UniversalControl, seed: int) -> Ints:
     rng, count = np.random.default_rng((seed, 2)), settings.steps * settings.batch
     rounds = -(-count // settings.trained)
     drawn = np.concatenate([rng.permutation(settings.trained) for _ in range(rounds)])
-    return FIRST_TRAINED + drawn[:count].reshape(settings.steps, settings.batch)
+    return settings.numbers_trained[drawn[:count]].reshape(settings.steps, settings.batch)
 
 
 def train_each(settings: UniversalControl, seed: int, weights: Floats | None, progress: Progress = None) -> Arrays:
     """Speeds of the test bodies after training in each, from a universal controller or the usual start, shape (T,)."""
     begun, walks = time.process_time(), Walks(settings.cycles)
     steps, speeds = max(1, settings.gradients // settings.tested), []
-    for count in range(settings.tested):
-        number = FIRST_TESTED + count
+    for count, number in enumerate(settings.numbers_tested.tolist()):
         first = walks.start(seed) if weights is None else np.clip(weights @ _description(number, True), 0.0, 1.0)
         one = np.ones(1)
         own = Controller(first, 1, settings.rate)
@@ -171,9 +185,9 @@ def train_each(settings: UniversalControl, seed: int, weights: Floats | None, pr
 
 def test(settings: UniversalControl, weights: Floats, told: bool) -> Arrays:
     """Speeds of the test bodies with a universal controller, shape (T,)."""
-    walks, numbers = Walks(settings.cycles), FIRST_TESTED + np.arange(settings.tested)
-    points = [np.clip(weights @ _description(int(number), told), 0.0, 1.0) for number in numbers]
-    return {"speeds": np.array([walks.speed(int(n), point) for n, point in zip(numbers, points, strict=True)])}
+    walks, numbers = Walks(settings.cycles), settings.numbers_tested.tolist()
+    points = [np.clip(weights @ _description(number, told), 0.0, 1.0) for number in numbers]
+    return {"speeds": np.array([walks.speed(number, point) for number, point in zip(numbers, points, strict=True)])}
 
 
 def _description(number: int, told: bool) -> Floats:
@@ -184,7 +198,7 @@ def _description(number: int, told: bool) -> Floats:
 
 def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progress: Progress) -> list[Record]:
     """All trainings and tests of a seed, unless they are done: a row for each kind."""
-    kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", {"seed": seed, **settings.lasting("seeds")})
+    kept = ResultsFolder(folder / "parts" / f"{seed}", "seed", {"seed": seed, **settings.lasting("seeds"), **BODIES})
     speeds_of, seconds_of = {"speeds": Allowed((settings.tested,), failed=np.nan)}, {"seconds": Allowed((), 0.0)}
     weights_of = {"weights": Allowed((Walks(settings.cycles).space.size, len(described(0))))}
     tested, alone = partial(check_arrays, speeds_of), partial(check_arrays, speeds_of | seconds_of)
@@ -213,6 +227,7 @@ def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progr
                 "speed": float(speeds.mean()),
                 "lowest_quarter": float(quarters[0]),
                 "highest_quarter": float(quarters[1]),
+                "backwards": float((speeds < 0).mean()),
                 "failed": int(np.isnan(found["speeds"]).sum()),
                 "seconds": seconds,
             }
@@ -222,7 +237,7 @@ def seed_part(folder: Path, settings: UniversalControl, seed: int, _: Any, progr
 
 def study(folder: Path, settings: UniversalControl, progress: Progress = None, jobs: int = 1) -> None:
     """Write what every training reached, and a table; seeds that are whole are not trained again."""
-    ResultsFolder(folder, NAME, settings.lasting("seeds"))
+    ResultsFolder(folder, NAME, settings.lasting("seeds") | BODIES)
     seeds = range(settings.seeds)
     parts = [(f"seed {seed}", partial(seed_part, folder, settings, seed)) for seed in seeds]
     run_parallel(parts, jobs, {}, progress and part_of(progress, 0, 10, 9))
@@ -252,17 +267,19 @@ def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], pe
         gain = difference_of_means(each, speeds) if several and name != "each" else None
         interval = f" ({ends[0]:.3f} to {ends[1]:.3f})" if ends else ""
         against = f"{gain.difference:+.3f} ({gain.low:+.3f} to {gain.high:+.3f})" if gain else "-"
-        seconds = float(column(part, "seconds").mean())
-        lines.append([title, f"{speeds.mean():.3f}{interval}", against, cell(seconds, ".0f")])
-        summary[name] = {"speeds": speeds.tolist(), "seconds": seconds}
-    header = ["controller", "mean speed in unseen bodies [lengths/s]", "more than trained in each", "CPU time [s]"]
+        seconds, backwards = column(part, "seconds"), 100 * column(part, "backwards")
+        others = [mean_with_interval(backwards, ".0f"), mean_with_interval(seconds, ".0f")]
+        lines.append([title, f"{speeds.mean():.3f}{interval}", against, *others])
+        summary[name] = {"speeds": speeds.tolist(), "seconds": float(seconds.mean())}
+    header = ["controller", "mean speed in unseen bodies [lengths/s]", "more than trained in each"]
+    header += ["bodies that walk backwards [%]", "CPU time [s]"]
     met = min(settings.steps * settings.batch, settings.trained)
     told = (
         f"{settings.gradients} gradients for each training: a universal one over {met} bodies, one in each of "
         f"{settings.tested} unseen bodies, {max(1, settings.gradients // settings.tested)} steps; "
         f"{settings.seeds} seeds, 95 % intervals over seeds."
     )
-    write_text(folder / "table.md", page(told, markdown(header, "lrrr", lines)))
+    write_text(folder / "table.md", page(told, markdown(header, "lrrrr", lines)))
     write_json(folder / "summary.json", {"settings": settings.describe(), "arms": summary, "peak_memory": peak})
 
 
