@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import wilson
 from robots.control.cyclic import SEGMENTS
 from robots.course import KINDS
@@ -42,10 +42,10 @@ def ratio(part: Floats, whole: Floats) -> tuple[float, float, float]:
     return float(part.mean() / whole.mean()), float(low), float(high)
 
 
-def table_of(rows: Sequence[Record], name: str) -> Floats:
-    """Distances of a machine [m], shape (seeds, courses)."""
+def table_of(rows: Sequence[Record], name: str, what: str = "distance") -> Floats:
+    """Distances of a machine [m], or another column, shape (seeds, courses)."""
     own = where(rows, machine=name)
-    return column(own, "distance").reshape(len(distinct(own, "seed")), -1)
+    return column(own, what).reshape(len(distinct(own, "seed")), -1)
 
 
 def with_best(rows: Sequence[Record], gaits: Sequence[Record]) -> list[Record]:
@@ -58,12 +58,34 @@ def with_best(rows: Sequence[Record], gaits: Sequence[Record]) -> list[Record]:
 def _summary(rows: Sequence[Record], name: str, seconds: float) -> dict[str, Any]:
     """What one kind of machine did on all courses."""
     own, whole = where(rows, machine=name), table_of(rows, TOLD)
-    minutes = len(own) * seconds / 60
     share, low, high = ratio(table_of(rows, name), whole) if whole.mean() > 0 else (None, None, None)
     told: dict[str, Any] = {"distance": float(column(own, "distance").mean()), "share": share, "low": low, "high": high}
-    for count in ("switches", "false"):
-        told[count] = float(column(own, count).sum() / minutes)
-    return {**told, "right": float(column(own, "right").mean()), "n": len(own)}
+    for what, unit in (("switches", seconds / 60), ("false", seconds / 60), ("right", 1.0)):
+        values = table_of(rows, name, what) / unit
+        told[what], *ends = ratio(values, np.ones_like(values))
+        told[f"{what}_low"], told[f"{what}_high"] = ends
+    return {**told, "n": len(own)}
+
+
+def _repertoires(rows: Sequence[Record], events: Sequence[Record], gaits: Sequence[Record]) -> list[dict[str, Any]]:
+    """How each repertoire's sensing machine did beside the one that is told, and the hysteresis that it has."""
+    found = []
+    for seed in distinct(rows, "seed"):
+        own, changes = where(rows, seed=seed), where(events, seed=seed, machine=RULES[0])
+        told, sensing = (table_of(own, name) for name in (TOLD, RULES[0]))
+        share = ratio(sensing, told) if told.mean() > 0 else (None, None, None)
+        chosen = where(gaits, seed=seed)[0]
+        found.append(
+            {
+                "repertoire": seed,
+                **dict(zip(("share", "low", "high"), share, strict=True)),
+                "switches": int(column(where(own, machine=RULES[0]), "switches").sum()),
+                "changes": len(changes),
+                "noticed": sum(row["looks"] is not None for row in changes),
+                **{name: chosen[name] for name in ("margin", "stay")},
+            }
+        )
+    return found
 
 
 def _noticed(events: Sequence[Record], name: str) -> dict[str, dict[str, Any]]:
@@ -96,9 +118,10 @@ def report(
         if table_of(every, name).mean() > 0:
             ends = ratio(table_of(every, "sensing"), table_of(every, name))
             over[name] = dict(zip(("ratio", "low", "high"), ends, strict=True))
+    each = _repertoires(rows, events, gaits)
     summary = {"settings": settings.describe(), "machines": found, "noticed": seen, "sensing_over": over}
-    write_json(folder / "summary.json", summary)
-    write_text(folder / "table.md", page(*_page(settings, found, seen, gaits, over)))
+    write_json(folder / "summary.json", summary | {"repertoires": each})
+    write_text(folder / "table.md", page(*_page(settings, found, seen, gaits, over), *_repertoire_table(each)))
     return found
 
 
@@ -113,10 +136,8 @@ def _page(
     lines = []
     for name, one in found.items():
         interval = f"{cell(one['low'], '.0%')} to {cell(one['high'], '.0%')}"
-        rates = [f"{one[count]:.1f}" for count in ("switches", "false")]
-        lines.append(
-            [name, f"{one['distance']:.3f}", cell(one["share"], ".0%"), interval, f"{one['right']:.0%}", *rates]
-        )
+        others = [_between(one, "right", ".0%"), _between(one, "switches", ".1f"), _between(one, "false", ".1f")]
+        lines.append([name, f"{one['distance']:.3f}", cell(one["share"], ".0%"), interval, *others])
     parts: list[str | list[str]] = [
         f"{settings.seeds} repertoires on {settings.held_out} held-out courses, {_seconds(settings):g} s each; "
         "intervals by resampling repertoires and courses.",
@@ -142,13 +163,17 @@ def _page(
             "first quartile [s]",
             "third quartile [s]",
         )
-        parts.append(markdown(header, "llrrrrrr", lines))
+        parts += [
+            "Changes of ground that want another gait, and the time until it plays, of those that are noticed; "
+            "intervals take changes as independent:",
+            markdown(header, "llrrrrrr", lines),
+        ]
     columns = [f"on_{kind}" for kind in KINDS]
     lines = []
     for kind in KINDS:
         own = where(gaits, gait=kind)
-        speeds = [float(np.mean(finite)) if len(finite := _finite(own, name)) else None for name in columns]
-        lines.append([kind, *(cell(speed, ".2f") for speed in speeds)])
+        lines.append([kind, *(mean_with_interval(column(own, name), ".2f") for name in columns)])
+    parts.append(f"Speeds of the gaits [body lengths/s], means of {settings.seeds} repertoires with 95 % intervals:")
     parts.append(markdown(("gait searched on", *(f"on {kind}" for kind in KINDS)), "lrrrr", lines))
     return parts
 
@@ -158,6 +183,27 @@ def _seconds(settings: Any) -> float:
     return float((settings.cycles + 1) / FREQUENCY)
 
 
-def _finite(rows: Sequence[Record], name: str) -> Floats:
-    values = column(rows, name)
-    return values[np.isfinite(values)]
+def _between(one: Mapping[str, Any], what: str, form: str) -> str:
+    """A mean of a machine with its interval."""
+    return f"{one[what]:{form}} ({one[f'{what}_low']:{form}} to {one[f'{what}_high']:{form}})"
+
+
+def _repertoire_table(each: Sequence[Mapping[str, Any]]) -> list[str | list[str]]:
+    """What the sensing machine of each repertoire did."""
+    header = ["repertoire", "of the told one's distance", "95 % interval", "switches", "changes", "noticed"]
+    lines = [
+        [
+            one["repertoire"],
+            cell(one["share"], ".0%"),
+            f"{cell(one['low'], '.0%')} to {cell(one['high'], '.0%')}",
+            *(one[name] for name in ("switches", "changes", "noticed")),
+            f"{one['margin']:g}",
+            one["stay"],
+        ]
+        for one in each
+    ]
+    return [
+        "The sensing machine of each repertoire, with intervals by resampling courses; changes are those that want "
+        "another gait, margin and stay what it chose on training courses:",
+        markdown([*header, "margin", "stay [looks]"], "r" * 8, lines),
+    ]
