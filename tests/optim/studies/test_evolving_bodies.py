@@ -67,8 +67,9 @@ def test_the_best_together_is_chosen_among_those_that_none_dominates():
 def test_what_was_found_is_told_with_intervals(tmp_path):
     rng = np.random.default_rng(0)
     names = ("fastest", "M_L", "M_CI", "evolution", "nes", "gradient")
+    solved = {"evolution_solved": 2, "nes_solved": 1, "gradient_solved": 0}
     bodies = [
-        {"arm": arm, "seed": seed, **{name: more + rng.random() for name in names}}
+        {"arm": arm, "seed": seed, **{name: more + rng.random() for name in names}, **solved}
         for arm, more in zip(ARMS, (0.0, 2.0, -1.0), strict=True)
         for seed in range(5)
     ]
@@ -86,6 +87,7 @@ def test_what_was_found_is_told_with_intervals(tmp_path):
     table = (tmp_path / "table.md").read_text()
     difference = next(line for line in table.splitlines() if line.startswith("| for speed and M_CI less those"))
     assert all(1.0 < float(each) < 3.0 for each in re.findall(r"\| \+([\d.]+) ", difference)[1:])
+    assert "of at most 64, 64, 16 evaluations" in table and "| drawn | 10 of 10 | 5 of 10 | 0 of 10 |" in table
     assert f"| {LOOPS['flat'].label} | 0.80 (0.24 to 1.36) | - | 20 |" in table
     assert f"| {LOOPS['fixed'].label} | 0.40 (0.12 to 0.68) | -0.40 (-0.68 to -0.12) | 20 |" in table
     assert json.loads((tmp_path / "summary.json").read_text())["loops"]["flat"] == pytest.approx(0.008)

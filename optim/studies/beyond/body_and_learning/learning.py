@@ -116,6 +116,11 @@ def single_runs(rows: Sequence[Record], name: str) -> Floats | None:
     return found
 
 
+def succeeded(rows: Sequence[Record], name: str, repetitions: int) -> str:
+    """How many runs of a kind of learning succeeded in bodies, as tables say it."""
+    return f"{int(column(rows, f'{name}_solved').sum())} of {repetitions * len(rows)}"
+
+
 def check_learned(repetitions: int, budget: int, arrays: Arrays) -> None:
     """Refuse outcomes of a file that :func:`learn_until` cannot have found, by a ValueError."""
     for name in ("evaluations", "solved"):

@@ -11,7 +11,7 @@ from optim.experiments.figures import COLOURS, PAGE, caption, figure, headroom, 
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, column, markdown, mean_with_interval, page
 from optim.measures.statistics import Correlation, reliability, spearman
-from optim.studies.beyond.body_and_learning.learning import single_runs
+from optim.studies.beyond.body_and_learning.learning import single_runs, succeeded
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
@@ -68,14 +68,13 @@ def write_report(
     """Write ``table.md``, ``summary.json`` and ``evaluations.png``."""
     found = correlations(rows, tuple(learners))
     held = {name: foretold(rows, name) for name in learners}
-    runs = settings["repetitions"] * len(rows)
     pairs = [
         _line(METRICS[metric].strip("$").replace("{CI}", "CI"), [found[metric, name] for name in learners])
         for metric in METRICS
     ]
     pairs.append(_line("foretold by M_L and M_CI, held-out bodies", list(held.values())))
     needs = [
-        [title, mean_with_interval(column(rows, name), ".1f"), f"{int(column(rows, f'{name}_solved').sum())} of {runs}"]
+        [title, mean_with_interval(column(rows, name), ".1f"), succeeded(rows, name, settings["repetitions"])]
         for name, title in learners.items()
     ]
     metrics, alike = between(rows, "M_L", "M_CI"), between(rows, "M_L", "felt")

@@ -9,7 +9,7 @@ import numpy as np
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import difference_of_means
-from optim.studies.beyond.body_and_learning.learning import LEARNERS
+from optim.studies.beyond.body_and_learning.learning import LEARNERS, succeeded
 from optim.studies.beyond.evolving_bodies import loops, metrics
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import replacing, write_text
@@ -67,12 +67,20 @@ def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[
         ]
         for name, values in nearer.items()
     ]
+    titles = [each.title for each in LEARNERS.values()]
+    budgets = ", ".join(str(each.evaluations(settings["budget"])) for each in LEARNERS.values())
+    arms = ((title, where(bodies, arm=arm)) for arm, title in metrics.ARMS.items())
+    succeeding = [
+        [title, *(succeeded(part, name, settings["repetitions"]) for name in LEARNERS)] for title, part in arms
+    ]
     heads = ["bodies", *(head for head, *_ in BODY_COLUMNS.values())]
     found: list[str | list[str]] = [
         f"Bodies of {settings['seeds']} runs each, by {settings['held_out']} controllers that selection has not seen, "
         f"and evaluations until one succeeds ({settings['repetitions']} repetitions in each body); means with 95 % "
         "intervals:",
         markdown(heads, "l" + "r" * len(BODY_COLUMNS), [*rows, *gains]),
+        f"Runs of learning that succeeded, of at most {budgets} evaluations; others count all of these above:",
+        markdown(["bodies", *titles], "l" + "r" * len(titles), succeeding),
     ]
     if runs:
         seeds = len(distinct(runs, "seed"))

@@ -13,6 +13,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, write_records
+from optim.studies.beyond.body_and_learning.learning import LEARNERS
 from optim.studies.beyond.body_and_learning.study import BodyAndLearning
 from optim.studies.beyond.evolving_bodies.loops import ARMS as SEARCHES
 from optim.studies.beyond.evolving_bodies.loops import TABLE as LOOPS_TABLE
@@ -80,7 +81,8 @@ def study(folder: Path, settings: EvolvingBodies, progress: Progress = None, job
 
 def tell(data: Data, folder: Path) -> None:
     """Write the report from the rows of bodies and loops."""
-    bodies = data.records(TABLE, {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(BODY_COLUMNS, float)}, "arm")
+    counts = dict.fromkeys(("seed", *(f"{name}_solved" for name in LEARNERS)), int)
+    bodies = data.records(TABLE, {"arm": tuple(ARMS), **counts, **dict.fromkeys(BODY_COLUMNS, float)}, "arm")
     about = {**dict.fromkeys(("seed", "evaluations"), int), "nearer": float | None}
     columns: dict[str, Kind] = {"search": tuple(SEARCHES), **about}
     loops = data.records(LOOPS_TABLE, columns) if data.has(LOOPS_TABLE) else []

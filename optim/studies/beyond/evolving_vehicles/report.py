@@ -10,6 +10,7 @@ from optim.experiments.figures import COLOURS, PAGE, caption, figure
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import difference_of_means, mean_interval
+from optim.studies.beyond.body_and_learning.learning import LEARNERS, succeeded
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
@@ -36,6 +37,8 @@ def write_report(folder: Path, bodies: Sequence[Record], loops: Sequence[Record]
     """Write ``table.md``, ``summary.json`` and a picture."""
     looped, count = ends(loops), len(distinct(bodies, "seed"))
     header = ["evolved for", *(title for title, _ in COLUMNS.values())]
+    learners = [LEARNERS[name].title for name in LEARNED]
+    budget, steep = (LEARNERS[name].evaluations(settings["budget"]) for name in LEARNED)
     write_text(
         folder / "table.md",
         page(
@@ -43,6 +46,9 @@ def write_report(folder: Path, bodies: Sequence[Record], loops: Sequence[Record]
             markdown(header, "l" + "r" * len(COLUMNS), rows(bodies)),
             "More than evolved for performance alone, means of pairs with 95 % intervals:",
             markdown(header, "l" + "r" * len(COLUMNS), changes(bodies)),
+            f"Runs of learning that succeeded within {budget} evaluations, or {steep} with gradients; others count all "
+            "of these above:",
+            markdown(["evolved for", *learners], "l" + "r" * len(learners), successes(bodies, settings["repetitions"])),
             f"How near the best controller comes to the light in its worst environment, as minus the distance, after "
             f"{settings['loop_budget']} evaluations, of which one with its gradient counts {settings['price']:g}; "
             f"{count} seeds:",
@@ -85,6 +91,12 @@ def changes(bodies: Sequence[Record]) -> list[list[str]]:
             cells = (against(column(part, name), column(base, name), form) for name, (_, form) in COLUMNS.items())
             found.append([title, *cells])
     return found
+
+
+def successes(bodies: Sequence[Record], repetitions: int) -> list[list[str]]:
+    """Cells of how many runs of learning succeeded in the bodies of each arm."""
+    parts = ((title, where(bodies, arm=arm)) for arm, title in ARMS.items())
+    return [[title, *(succeeded(part, name, repetitions) for name in LEARNED)] for title, part in parts]
 
 
 def loop_rows(looped: Sequence[Record]) -> list[list[str]]:

@@ -149,7 +149,8 @@ def study(folder: Path, settings: EvolvingVehicles, progress: Progress = None, j
 
 def tell(data: Data, folder: Path) -> None:
     """Write tables and the picture from the rows of bodies and loops."""
-    bodies = data.records(BODIES, {"arm": tuple(ARMS), "seed": int, **dict.fromkeys(COLUMNS, float)}, "arm")
+    counts = dict.fromkeys(("seed", *(f"{name}_solved" for name in LEARNED)), int)
+    bodies = data.records(BODIES, {"arm": tuple(ARMS), **counts, **dict.fromkeys(COLUMNS, float)}, "arm")
     numbers = dict.fromkeys(("evaluations", "best", "seconds"), float)
     loops = data.records(LOOPED, {"arm": tuple(LOOPS), "seed": int, **numbers}, "arm")
     write_report(folder, bodies, loops, data.settings(EvolvingVehicles).describe())
