@@ -199,7 +199,8 @@ def _on_the_hill() -> list[Row]:
             "1 of 12 parts of `medium`",
             reproduced("soft-robot-metrics", "medium"),
             str(metrics["seed"]),
-            "[a small run](#learnability-and-interference) says that random gaits hardly hold on a hill",
+            "[a small run](#learnability-and-interference) says that random gaits hardly hold on a hill; bodies "
+            "that feel have them, below",
         )
     )
     return rows

@@ -10,6 +10,7 @@ are those of the page on which they were written down, and n says so.
 from collections.abc import Sequence
 from string import ascii_lowercase
 
+from reproduction_learning import learning
 from reproduction_rows import PAGE, Row
 from reproduction_soft_robot import gaits, searches
 from reproduction_vehicles import interference, metrics, placement, proposals, rover
@@ -26,7 +27,7 @@ def chapters() -> dict[str, list[Row]]:
         "Sensors (chapter 3)": [*placement(), *rover()],
         "Metrics (chapter 4)": metrics(),
         "The shape-changing robot (chapter 5)": [*gaits(), *searches()],
-        "Proposals (chapter 6)": proposals(),
+        "Proposals (chapter 6)": [*proposals(), *learning()],
     }
 
 
