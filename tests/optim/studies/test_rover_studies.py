@@ -1,6 +1,7 @@
 """Studies of the two-wheel vehicle of chapter 3, on short runs and coarse grids."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
 from types import SimpleNamespace
@@ -174,6 +175,20 @@ def test_a_study_writes_what_the_catalogue_says_goes_on_from_its_folder_and_refu
         assert {len(row) for row in rows} == {len(header)} and {row[0] for row in rows} == {"unit", "evolved"}
     if name == "rover-sweep":
         the_table_holds_the_metrics_of_the_grids(folder)
+
+
+@pytest.mark.kernels
+def test_another_theory_is_refused_before_rigid_bodies_are_tried(tmp_path, monkeypatch):
+    def swept(*_, **__):
+        raise AssertionError("the rigid bodies were tried")
+
+    monkeypatch.setattr(rover_success, "successes", swept)
+    for kind, settings in ((rover_success, RoverSuccess(GRID)), (rover_sweep, RoverSweep(3, grid=GRID, theory=THEORY))):
+        folder = tmp_path / kind.__name__
+        with pytest.raises(AssertionError, match="rigid bodies"):
+            kind.study(folder, replace(settings, theory=THEORY))  # whose sweep is in its folder then
+        with pytest.raises(ValueError, match="of other settings"):
+            kind.study(folder, replace(settings, theory=replace(THEORY, radius=0.6)))
 
 
 def the_table_holds_the_metrics_of_the_grids(folder):
