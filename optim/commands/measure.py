@@ -2,7 +2,6 @@
 
 import argparse
 import json
-import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from robots.tasks import Success
 
 if TYPE_CHECKING:
     from optim.experiments.body_metrics import BodyMetrics, Environments
+    from optim.measures.catastrophic_interference import MeanOfRuns, SeveralRuns
 
 
 USUAL_CONTROLLERS = 1000
@@ -52,6 +52,13 @@ COMMAND = Command(
         count("grid", 2, "values of each variable, instead, of which all combinations are tried"),
         count("climbers", 0, "that mutate controllers, for M1 to M4 (default: 0)", default=0),
         count("generations", 1, "of their mutations (default: 50)", default=50),
+        count(
+            "runs",
+            1,
+            "independent runs of the climbers; M1 to M4 are means over them, with 95 %% intervals (default: 1); the "
+            "same command with more of them goes on",
+            default=1,
+        ),
         count("seed", 0, "(default: 0)", default=0),
         path_to("out", "DIR", "folder of the results", required=True),
         QUIET,
@@ -81,16 +88,15 @@ def run(args: argparse.Namespace) -> Report:
     robot = make_robot(kind, source, given)
     environments = _environments(kind, robot, args.environments, args.success)
     check_bounds(robot, environments)
-    settings = Measuring(
-        args.controllers or USUAL_CONTROLLERS, args.grid or 0, args.climbers, args.generations, args.seed
-    )
+    drawn = args.controllers or USUAL_CONTROLLERS
+    settings = Measuring(drawn, args.grid or 0, args.climbers, args.generations, args.seed, args.runs)
     controllers_of(Space(tuple(robot.parameters)), settings)  # refuses a grid that is too large
     compute = options.compute(args, kind.search_precision)
     said = {
         "robot": {"kind": kind.name, **_plain(robot.describe())},
         "environments": [world.name for world in environments.worlds],
         "success": [[bound.text for bound in bounds] for bounds in environments.success],
-        **settings.describe(),
+        **settings.lasting("runs"),
         "precision": compute.precision,
         **({GROUND_FILES: files} if (files := ground_files(environments.worlds)) else {}),
     }
@@ -136,21 +142,35 @@ def _lines(robot: Robot, environments: "Environments", found: "BodyMetrics") -> 
         lines.append(f"  {world.name}, {' and '.join(b.text for b in bounds)}: {_share(share)}")
     lines.append(f"M_L, succeed in all: {_share(sampled.learnability)}")
     lines.append(f"M_CI, of those that succeed in any: {_share(sampled.resistance)}; {sampled.alone:.4f} by chance")
-    if (mutations := found.mutations) is not None:
-        lines.append(
-            f"mutations that were kept, {mutations.changes} of the champion: M1 {mutations.worst:.4g} of the bound "
-            f"missing, M2 {_told(mutations.angle, '.1f', ' degrees')}, M3 {_told(mutations.length, '.4g')}, "
-            f"M4 {_told(mutations.share, '.3f')}"
-        )
+    if found.mutations is not None:
+        lines.append(_mutations(found.mutations))
     if found.felt is not None:
         distance, low, high, number = found.felt
         lines.append(f"homeostasis: {distance:.4g} ({low:.4g} to {high:.4g}), of {counted(number, 'controller')}")
     return lines
 
 
-def _told(value: float, form: str, unit: str = "") -> str:
-    """A number with its unit; of what nothing was kept, none."""
-    return "none" if math.isnan(value) else f"{value:{form}}{unit}"
+def _mutations(found: "SeveralRuns") -> str:
+    """M1 to M4: of a run, or their means over runs."""
+    runs = len(found.runs)
+    whose = "the champion" if runs == 1 else f"the champions of {runs} runs"
+    told = (
+        ("M1", found.worst, ".4g", " of the bound missing"),
+        ("M2", found.angle, ".1f", " degrees"),
+        ("M3", found.length, ".4g", ""),
+        ("M4", found.share, ".3f", ""),
+    )
+    means = ", ".join(f"{name} {_mean(mean, form, unit, runs)}" for name, mean, form, unit in told)
+    return f"mutations that were kept, {found.changes} of {whose}: {means}"
+
+
+def _mean(mean: "MeanOfRuns", form: str, unit: str, runs: int) -> str:
+    """A mean with its interval, where it has one, its unit, and of how many runs it is, if not of all."""
+    if mean.value is None:
+        return "none"
+    between = "" if mean.low is None else f" ({mean.low:{form}} to {mean.high:{form}})"
+    some = "" if mean.counted == runs else f" in {counted(mean.counted, 'run')}"
+    return f"{mean.value:{form}}{between}{unit}{some}"
 
 
 def _share(share: Any) -> str:

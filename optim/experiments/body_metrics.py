@@ -16,7 +16,7 @@ import numpy as np
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Whole
 from optim.measures import homeostasis
-from optim.measures.catastrophic_interference import RunMeasures, measure_run
+from optim.measures.catastrophic_interference import RunMeasures, SeveralRuns, measure_run
 from optim.measures.sampled import SampledMetrics, sampled_metrics
 from optim.measures.statistics import mean_interval
 from optim.space import Space
@@ -46,6 +46,7 @@ class Measuring(Settings):
         climbers: that mutate controllers, for M1 to M4; 0 for none.
         generations: of their mutations.
         seed: of all that is drawn.
+        runs: of the climbers, independent of each other. The first are the same however many there are.
     """
 
     controllers: Count = 1000
@@ -53,11 +54,16 @@ class Measuring(Settings):
     climbers: Whole = 0
     generations: Count = 50
     seed: Whole = 0
+    runs: Count = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.grid == 1:
             raise ValueError(f"grid: {self.grid} is not allowed; give at least 2 values, or 0 for none")
+        if self.runs > 1 and not self.climbers:
+            raise ValueError(
+                f"runs: {self.runs} is not allowed without climbers, which alone it repeats; give climbers"
+            )
 
 
 @dataclass(frozen=True)
@@ -84,14 +90,15 @@ class BodyMetrics:
     Attributes:
         succeeded: which controllers succeeded where, shape (N, E).
         sampled: M_L, M_CI.
-        mutations: M1 to M4 of the climbers, whose distances are margins below the bounds, in bounds; None without.
+        mutations: M1 to M4 of each run of the climbers, and their means; distances are margins below the bounds, in
+            bounds. None without climbers.
         felt: mean warping distance between what controllers that succeed everywhere feel in two environments, with its
             95 % interval, and how many these were; None if none does, or the robot feels nothing.
     """
 
     succeeded: Bools
     sampled: SampledMetrics
-    mutations: RunMeasures | None = None
+    mutations: SeveralRuns | None = None
     felt: tuple[float, float, float, int] | None = None
 
     def document(self) -> dict[str, Any]:
@@ -99,9 +106,11 @@ class BodyMetrics:
         felt = (
             None if self.felt is None else dict(zip(("distance", "low", "high", "controllers"), self.felt, strict=True))
         )
-        mutations = None if self.mutations is None else asdict(self.mutations)
-        if mutations:
-            mutations = {name: None if value != value else value for name, value in mutations.items()}
+        mutations = None
+        if self.mutations is not None:
+            mutations = {**asdict(self.mutations), "changes": self.mutations.changes}
+            for run in mutations["runs"]:
+                run.update({name: None for name, value in run.items() if value != value})
         sampled = asdict(self.sampled)
         for share in (sampled["learnability"], sampled["resistance"], *sampled["each"]):
             if not share["of"]:
@@ -144,7 +153,8 @@ def measure_body(
     check_bounds(robot, environments)
     tries = Tries(robot, environments, compute)
     parts = controllers_of(space, settings)
-    steps = len(parts) + (1 if settings.climbers else 0)
+    runs = range(settings.runs if settings.climbers else 0)
+    steps = len(parts) + len(runs)
     solved = []
     for number, points in enumerate(parts):
         told = part_of(progress, number, steps)
@@ -152,13 +162,13 @@ def measure_body(
         part = cached(folder, f"controllers{number}", partial(tries.successes, points, told), check)
         solved.append(part["succeeded"])
     succeeded = np.concatenate(solved).astype(bool)
-    climbed = None
-    if settings.climbers:
-        climbed = _climb(space, tries, settings, folder, part_of(progress, len(parts), steps))
+    climbed = [
+        _climb(Climb(space, tries, settings, run), folder, part_of(progress, len(parts) + run, steps)) for run in runs
+    ]
     everywhere = np.concatenate(parts)[succeeded.all(axis=1)][:FELT_BY]
     felt = cached(folder, "felt", partial(tries.felt, everywhere))["distance"]
     interval = (float(felt.mean()), *mean_interval(felt), len(felt)) if len(felt) > 1 else None
-    return BodyMetrics(succeeded, sampled_metrics(succeeded), climbed, interval)
+    return BodyMetrics(succeeded, sampled_metrics(succeeded), SeveralRuns.of(climbed) if climbed else None, interval)
 
 
 def check_succeeded(controllers: int, environments: int, arrays: Arrays) -> None:
@@ -222,43 +232,58 @@ class Tries:
         return {"distance": distance[np.isfinite(distance)]}
 
 
-def _climb(
-    space: Space, tries: Tries, settings: Measuring, folder: ResultsFolder | None, progress: Progress
-) -> RunMeasures:
-    """M1 to M4 of climbers that keep a mutation if their worst environment becomes better, as in chapter 2."""
-    state = cached(folder, "climb0", partial(_first, space, tries, settings))
+@dataclass(frozen=True, eq=False)
+class Climb:
+    """A run of climbers that keep a mutation if their worst environment becomes better, as in chapter 2."""
+
+    space: Space
+    tries: Tries
+    settings: Measuring
+    run: int
+
+    def name(self, generation: int) -> str:
+        """What the folder calls the part that ends there; the first run's are named as when it was the only one."""
+        return f"run{self.run}climb{generation}" if self.run else f"climb{generation}"
+
+    def random(self, *of: int) -> np.random.Generator:
+        """Random numbers of this run alone; those of the first are as when it was the only one."""
+        return np.random.default_rng((self.settings.seed, *of, self.run) if self.run else (self.settings.seed, *of))
+
+    def first(self) -> Arrays:
+        """Climbers at their start."""
+        points = self.space.sample(self.random(0, 1), self.settings.climbers)
+        short = self.tries.shortfalls(points)
+        return {"points": points, "short": short, "climber": np.arange(self.settings.climbers), "distance": short}
+
+    def generations(self, state: Arrays, numbers: Sequence[int]) -> Arrays:
+        """Climbers after some generations, with the mutations that they kept."""
+        points, short = state["points"].copy(), state["short"].copy()
+        climber, distance = [np.zeros(0, int)], [np.zeros((0, short.shape[1]))]
+        for number in numbers:
+            steps = self.random(number, 2).normal(size=points.shape) * self.space.step
+            children = self.space.round(self.space.reflect(points + steps))
+            found = self.tries.shortfalls(children)
+            better = _worst(found) < _worst(short)
+            points[better], short[better] = children[better], found[better]
+            climber.append(np.flatnonzero(better))
+            distance.append(found[better])
+        ends = {"climber": np.concatenate(climber), "distance": np.concatenate(distance)}
+        return {"points": points, "short": short, **ends}
+
+
+def _climb(climb: Climb, folder: ResultsFolder | None, progress: Progress) -> RunMeasures:
+    """M1 to M4 of a run of climbers."""
+    state = cached(folder, climb.name(0), climb.first)
     kept = [state]
-    marks = [*range(0, settings.generations, GENERATIONS_AT_ONCE), settings.generations]
+    last_of_all = climb.settings.generations
+    marks = [*range(0, last_of_all, GENERATIONS_AT_ONCE), last_of_all]
     for first, last in pairwise(marks):
-        step = partial(_generations, space, tries, settings, state, range(first, last))
-        state = cached(folder, f"climb{last}", step)
+        state = cached(folder, climb.name(last), partial(climb.generations, state, range(first, last)))
         kept.append(state)
         if progress:
-            progress(last / settings.generations)
+            progress(last / last_of_all)
     climber, distance = (np.concatenate([part[name] for part in kept]) for name in ("climber", "distance"))
     return measure_run(climber, distance)
-
-
-def _first(space: Space, tries: Tries, settings: Measuring) -> Arrays:
-    """Climbers at their start."""
-    points = space.sample(np.random.default_rng((settings.seed, 0, 1)), settings.climbers)
-    short = tries.shortfalls(points)
-    return {"points": points, "short": short, "climber": np.arange(settings.climbers), "distance": short}
-
-
-def _generations(space: Space, tries: Tries, settings: Measuring, state: Arrays, numbers: Sequence[int]) -> Arrays:
-    """Climbers after some generations, with the mutations that they kept."""
-    points, short = state["points"].copy(), state["short"].copy()
-    climber, distance = [np.zeros(0, int)], [np.zeros((0, short.shape[1]))]
-    for number in numbers:
-        rng = np.random.default_rng((settings.seed, number, 2))
-        children = space.round(space.reflect(points + rng.normal(size=points.shape) * space.step))
-        found = tries.shortfalls(children)
-        better = _worst(found) < _worst(short)
-        points[better], short[better] = children[better], found[better]
-        climber.append(np.flatnonzero(better))
-        distance.append(found[better])
-    return {"points": points, "short": short, "climber": np.concatenate(climber), "distance": np.concatenate(distance)}
 
 
 def _worst(short: Floats) -> Floats:

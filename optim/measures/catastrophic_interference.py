@@ -8,11 +8,13 @@ from success it ended in each environment, shape (N, E), in any unit: chapter 2 
 parts of a bound. The first of a climber is its start, each other one a beneficial mutation.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.measures.statistics import mean_interval
 from taichi_sim.base.arrays import Bools, Floats, Ints
 
 
@@ -35,6 +37,66 @@ class RunMeasures:
     length: float
     share: float
     changes: int
+
+
+@dataclass(frozen=True)
+class MeanOfRuns:
+    """Mean of a measure over independent runs, with its 95 % interval.
+
+    Attributes:
+        value: the mean of the runs that have the measure; None if none has.
+        low: lower end of its interval by Student's t; None with fewer than two of them.
+        high: upper end.
+        counted: number of runs that have the measure.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+    counted: int
+
+    @classmethod
+    def of(cls, values: Iterable[float]) -> "MeanOfRuns":
+        """The mean of a value of each run, NaN of those that have none."""
+        found = np.array([value for value in values if np.isfinite(value)])
+        low, high = mean_interval(found) if len(found) > 1 else (None, None)
+        return cls(float(found.mean()) if len(found) else None, low, high, len(found))
+
+
+@dataclass(frozen=True)
+class SeveralRuns:
+    """The four measures of independent runs, and their means.
+
+    Attributes:
+        worst: mean of M1.
+        angle: mean of M2 over the runs whose champion has changes, as are the next two.
+        length: mean of M3.
+        share: mean of M4.
+        runs: the measures of each run, at least one.
+    """
+
+    worst: MeanOfRuns
+    angle: MeanOfRuns
+    length: MeanOfRuns
+    share: MeanOfRuns
+    runs: tuple[RunMeasures, ...]
+
+    @classmethod
+    def of(cls, runs: Iterable[RunMeasures]) -> "SeveralRuns":
+        """The means of runs, and these."""
+        each = tuple(runs)
+        return cls(
+            MeanOfRuns.of(run.worst for run in each),
+            MeanOfRuns.of(run.angle for run in each),
+            MeanOfRuns.of(run.length for run in each),
+            MeanOfRuns.of(run.share for run in each),
+            each,
+        )
+
+    @property
+    def changes(self) -> int:
+        """Changes in the lines of all champions."""
+        return sum(run.changes for run in self.runs)
 
 
 def changes_of(line: ArrayLike) -> Floats:

@@ -67,7 +67,7 @@ SINGLE = (
     "test_lattice_engine.py::test_memory_per_robot",
     "test_lattice_engine.py::test_nothing_compiles_again",
     "test_lattice_engine.py::test_states_are_in_double_precision",
-    "test_measure_command.py::test_lattice_robots",
+    "test_measure_command.py::test_lattice_robots",  # and those that feel
     "test_minibatches.py::test_gaits_of_the_inflatable",
     "test_props.py::test_a_box_gives_way",
     "test_readme.py::test_the_example_runs",

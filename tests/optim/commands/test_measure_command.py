@@ -1,9 +1,10 @@
-"""``morpholab measure``: the published numbers of vehicles, other robots, and going on."""
+"""``morpholab measure``: the published numbers of vehicles, other robots, runs of climbers, and going on."""
 
 import json
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from optim import cli
 from optim.commands.measure import COMMAND
@@ -21,7 +22,7 @@ def measured(capsys, *words: str) -> dict:
 
 
 def test_a_grid_of_weights_is_a_sweep(capsys, tmp_path):
-    """With 121 values it gives the published 26 of 1830, and M_L of 0.1036; here with fewer."""
+    """Each controller succeeds where the table of the sweep says."""
     for design in (162, 6553):
         words = "--robot", "vehicle", "--design", str(design), *CLOSE, "--grid", "21"
         found = measured(capsys, *words, "--out", str(tmp_path / str(design)))
@@ -29,6 +30,16 @@ def test_a_grid_of_weights_is_a_sweep(capsys, tmp_path):
         assert found["learnability"]["value"] == learnability(overlap)
         assert found["resistance"]["value"] == resistance(overlap)
         assert found["learnability"]["of"] == 441 and len(found["each"]) == 4
+
+
+def test_the_published_grid_gives_the_published_numbers(capsys, tmp_path):
+    """Dissertation, chapter 4: 26 of 1830 controllers of design 6553; M_L and M_CI of design 162."""
+    words = "--robot", "vehicle", *CLOSE, "--grid", "121", "--out"
+    found = measured(capsys, *words, str(tmp_path / "6553"), "--design", "6553")
+    assert (found["resistance"]["count"], found["resistance"]["of"]) == (26, 1830)
+    found = measured(capsys, *words, str(tmp_path / "162"), "--design", "162")
+    assert (found["learnability"]["of"], round(found["learnability"]["value"], 4)) == (121**2, 0.1036)
+    assert round(found["resistance"]["value"], 4) == 0.6486
 
 
 def test_it_goes_on_where_it_was(capsys, tmp_path):
@@ -49,6 +60,80 @@ def test_it_goes_on_where_it_was(capsys, tmp_path):
     assert json.loads(told.out) == found and "as good as missing (succeeded: shape (3, 4) is not allowed" in told.err
     assert cli.main(["measure", *words, "--seed", "1", "--quiet"]) == 2
     assert "of other settings" in capsys.readouterr().err
+
+
+def climbing(runs: int) -> list[str]:
+    words = ["--robot", "vehicle", "--design", "162", *CLOSE, "--controllers", "20", "--climbers", "2"]
+    return [*words, "--generations", "12", "--runs", str(runs)]
+
+
+def test_runs_of_climbers_have_means_with_intervals(capsys, tmp_path):
+    """Student's t of the runs in ``metrics.json``; each run has random numbers of its own."""
+    out = ["--out", str(tmp_path / "out")]
+    measured(capsys, *climbing(4), *out)
+    found = json.loads((tmp_path / "out" / "metrics.json").read_text())["mutations"]
+    runs = found["runs"]
+    assert len({run["worst"] for run in runs}) == len(runs) == 4
+    assert found["changes"] == sum(run["changes"] for run in runs)
+    for name in ("worst", "angle", "length", "share"):
+        values = [run[name] for run in runs if run[name] is not None]
+        low, high = stats.t.interval(0.95, len(values) - 1, np.mean(values), stats.sem(values))
+        told = found[name]
+        assert (told["value"], told["low"], told["high"]) == pytest.approx((np.mean(values), low, high))
+        assert told["counted"] == len(values) >= 2
+    assert cli.main(["measure", *climbing(4), *out, "--threads", "1", "--quiet"]) == 0
+    worst = found["worst"]
+    told = f"M1 {worst['value']:.4g} ({worst['low']:.4g} to {worst['high']:.4g}) of the bound missing, M2 "
+    said = capsys.readouterr().out
+    assert f", {found['changes']} of the champions of 4 runs: {told}" in said
+
+
+def test_more_runs_go_on(capsys, tmp_path):
+    """A folder of one run, as all were before there were several, takes more; so does one whose work was killed."""
+    one = measured(capsys, *climbing(1), "--out", str(tmp_path / "a"))["mutations"]
+    assert one["worst"] == {"value": one["runs"][0]["worst"], "low": None, "high": None, "counted": 1}
+    assert "runs" not in json.loads((tmp_path / "a" / "measures.json").read_text())
+    kept = {path.name: path.read_bytes() for path in (tmp_path / "a").glob("*.npz")}
+    assert len([name for name in kept if name.startswith("climb")]) == 3 and not any("run" in name for name in kept)
+    several = measured(capsys, *climbing(3), "--out", str(tmp_path / "a"))
+    assert several["mutations"]["runs"][0] == one["runs"][0]
+    assert all((tmp_path / "a" / name).read_bytes() == content for name, content in kept.items())
+    at_once = measured(capsys, *climbing(3), "--out", str(tmp_path / "b"))
+    assert at_once["mutations"] == several["mutations"]
+    for path in (*(tmp_path / "b").glob("run1climb12-*"), *(tmp_path / "b").glob("run2*"), tmp_path / "b/metrics.json"):
+        path.unlink()  # as a kill in the second run leaves it
+    assert measured(capsys, *climbing(3), "--out", str(tmp_path / "b")) == at_once
+    assert measured(capsys, *climbing(1), "--out", str(tmp_path / "b"))["mutations"] == one
+
+
+def test_the_first_run_has_the_random_numbers_of_the_only_one():
+    """Folders of before go on: these are seed, generation and purpose, and of further runs their number."""
+    from optim.experiments.body_metrics import Climb, Environments, Measuring, Tries
+    from optim.space import Space
+    from robots.braitenberg.offered import VehicleRobot
+    from robots.tasks import Success
+    from taichi_sim.base.compute import Compute
+
+    robot = VehicleRobot(VehicleBody.published(162))
+    space, close = Space(tuple(robot.parameters)), (Success.parse("closest <= 0.075"),)
+    tries = Tries(robot, Environments(robot.worlds, (close,) * 4), Compute(threads=1))
+    first, second = (Climb(space, tries, Measuring(climbers=3, seed=7, runs=2), run) for run in range(2))
+    assert np.array_equal(first.first()["points"], space.sample(np.random.default_rng((7, 0, 1)), 3))
+    assert np.array_equal(second.first()["points"], space.sample(np.random.default_rng((7, 0, 1, 1)), 3))
+    assert (first.name(10), second.name(10)) == ("climb10", "run1climb10")
+
+
+def test_runs_without_mutations_are_left_out_of_means(capsys, tmp_path):
+    """A single mutation helps in some runs only; of how many a mean is, is told."""
+    words = ["--robot", "vehicle", "--design", "6553", *CLOSE, "--controllers", "2", "--climbers", "1"]
+    words += ["--generations", "1", "--runs", "8", "--out", str(tmp_path / "out")]
+    found = measured(capsys, *words)["mutations"]
+    some = sum(run["changes"] > 0 for run in found["runs"])
+    assert 2 <= some < 8 and [run["angle"] is None for run in found["runs"]].count(False) == some
+    assert [found[name]["counted"] for name in ("worst", "angle", "length", "share")] == [8, some, some, some]
+    assert cli.main(["measure", *words, "--threads", "1", "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert f" degrees in {some} runs, M3 " in said and "missing in" not in said and "nan" not in said
 
 
 def test_quadrupeds_and_bounds_of_their_own(capsys, tmp_path):
@@ -77,6 +162,19 @@ def test_lattice_robots(capsys, tmp_path):
     assert [each["count"] for each in found["each"]] == [3, 3] and found["environments"] == ["flat", "hill:5"]
 
 
+def test_lattice_robots_that_feel(capsys, tmp_path):
+    """Soft ones have climbers and a homeostasis distance, too."""
+    words = ["--robot", "feeling-quadruped", "--environments", "flat", "--environments", "hill:5"]
+    words += ["--success", "speed >= -10", "--controllers", "2", "--climbers", "2", "--generations", "1"]
+    found = measured(capsys, *words, "--runs", "2", "--precision", "f32", "--out", str(tmp_path / "s"))
+    assert found["learnability"]["count"] == 2
+    assert found["felt"]["controllers"] == 2 and 0 < found["felt"]["distance"] < np.inf
+    mutations = found["mutations"]
+    assert mutations["worst"]["counted"] == 2 and mutations["changes"] >= 1
+    assert all(run["worst"] < 0 for run in mutations["runs"])  # they keep so low a bound
+    assert all(0 <= run["angle"] <= 180 for run in mutations["runs"] if run["changes"])
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -87,6 +185,7 @@ def test_lattice_robots(capsys, tmp_path):
         (["--success", "fast"], "argument --success: 'fast' is not allowed; give MEASURE >= NUMBER"),
         ([*CLOSE, "--grid", "2000"], "grid: 2000 values of 2 variables are too many"),
         ([*CLOSE, "--controller", "1,1"], "robot: nothing of vehicle 162 is free, so it has no controllers"),
+        ([*CLOSE, "--runs", "3"], "runs: 3 is not allowed without climbers"),
         ([*CLOSE, "--grid", "3", "--controllers", "9"], "controllers: 9 is not allowed beside --grid"),
     ],
 )

@@ -7,6 +7,9 @@ import pytest
 
 from optim.experiments.tables import where
 from optim.measures.catastrophic_interference import (
+    MeanOfRuns,
+    RunMeasures,
+    SeveralRuns,
     angles,
     avoids_interference,
     changes_of,
@@ -82,6 +85,18 @@ def test_failures_are_no_champions_and_no_changes():
     assert np.isnan([found.angle, found.length, found.share]).all()
     assert measure_run([0, 1], [[np.nan, np.nan], [9, 9]]).champion == 1
     assert measure_run_as_computed([0, 1], [[np.nan, np.nan], [9, 9]]).champion == 1
+
+
+def test_means_of_runs_leave_out_what_a_run_does_not_have():
+    """Of the worst distances 1, 2 and 6, Student's t at 2 degrees of freedom, 4.302653, times their standard error."""
+    bare = RunMeasures(0, 6.0, np.nan, np.nan, np.nan, 0)
+    found = SeveralRuns.of([RunMeasures(0, 1.0, 30.0, 4.0, 0.5, 3), RunMeasures(1, 2.0, 50.0, 4.0, 1.0, 2), bare])
+    half = 4.302653 * np.sqrt(7 / 3)
+    assert (found.worst.low, found.worst.high) == pytest.approx((3 - half, 3 + half))
+    assert (found.worst.value, found.worst.counted, found.angle.value, found.angle.counted) == (3, 3, 40, 2)
+    assert found.length == MeanOfRuns(4.0, 4.0, 4.0, 2) and found.changes == 5 and found.runs[2] is bare
+    assert SeveralRuns.of([bare]).angle == MeanOfRuns(None, None, None, 0)
+    assert SeveralRuns.of([bare]).worst == MeanOfRuns(6.0, None, None, 1)
 
 
 @pytest.mark.parametrize(

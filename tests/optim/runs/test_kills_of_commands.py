@@ -52,8 +52,8 @@ COMMANDS = {
         differ=OF_TIME,
     ),
     "measure": Command(
-        "measure --robot vehicle --controllers 1500 --climbers 8 --generations 12 --success closest<=1 --threads 1 "
-        "--quiet --out out"
+        "measure --robot vehicle --controllers 1500 --climbers 8 --generations 12 --runs 2 --success closest<=1 "
+        "--threads 1 --quiet --out out"
     ),
     "body-and-learning": Command("reproduce body-and-learning --budget small --quiet --out out", SHORTENED),
     "forgetting": Command("reproduce forgetting --budget small --quiet --out out", SHORTENED),
