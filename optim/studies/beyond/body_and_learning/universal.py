@@ -18,6 +18,7 @@ import numpy as np
 
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
+from optim.experiments.figures import PAGE, dots, figure
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Study
@@ -33,7 +34,7 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_text
 from taichi_sim.base.results_folder import ResultsFolder
 
-NAME, TABLE = "universal-control", "runs.csv"
+NAME, TABLE, PICTURE = "universal-control", "runs.csv", "universal-control.png"
 HERE, WORLD = Compute(precision="f32", threads=1), WORLDS[0]
 UNCLIPPED = 1e9  # gradients are shortened body by body
 STEEPEST = 1.0  # body lengths per range: longer gradients of a body are shortened to it
@@ -250,13 +251,13 @@ def study(folder: Path, settings: UniversalControl, progress: Progress = None, j
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write ``table.md`` and ``summary.json`` from the table of trainings."""
+    """Write ``table.md``, ``summary.json`` and the picture from the table of trainings."""
     rows = data.records(TABLE, COLUMNS, "arm")
     _report(folder, data.settings(UniversalControl), rows, data.count("peak_memory"))
 
 
 def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], peak: int) -> None:
-    """Write ``table.md`` and ``summary.json``."""
+    """Write ``table.md``, ``summary.json`` and a picture with a dot for each training."""
     lines, summary = [], dict[str, Any]()
     each = column(where(rows, arm="each"), "speed")
     for name, title in ARMS.items():
@@ -281,6 +282,11 @@ def _report(folder: Path, settings: UniversalControl, rows: Sequence[Record], pe
     )
     write_text(folder / "table.md", page(told, markdown(header, "lrrrr", lines)))
     write_json(folder / "summary.json", {"settings": settings.describe(), "arms": summary, "peak_memory": peak})
+    with figure(folder / PICTURE, PAGE, 2.2, ncols=2, sharey=True) as (_, ((speeds_of, backwards_of),)):
+        dots(speeds_of, {title: column(where(rows, arm=name), "speed") for name, title in ARMS.items()})
+        speeds_of.set_xlabel("mean speed in unseen bodies [lengths/s]")
+        dots(backwards_of, {title: 100 * column(where(rows, arm=name), "backwards") for name, title in ARMS.items()})
+        backwards_of.set_xlabel("bodies that walk backwards [%]")
 
 
 STUDY = Study(
@@ -293,6 +299,6 @@ STUDY = Study(
     },
     run=study,
     tell=tell,
-    writes=("table.md", TABLE, "summary.json"),
+    writes=("table.md", TABLE, "summary.json", PICTURE),
     cost="about 30 hours of a core",
 )

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.figures import PAGE, dots, figure
 from optim.experiments.results import write_json
 from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import difference_of_means
 from optim.studies.beyond.body_and_learning.learning import LEARNERS, succeeded
 from optim.studies.beyond.evolving_bodies import loops, metrics
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import replacing, write_text
+from taichi_sim.base.files import write_text
 
 BODY_COLUMNS = {
     "fastest": ("fastest [cm]", 100.0, ".2f"),
@@ -30,8 +31,7 @@ def write_report(folder: Path, bodies: Sequence[Record], runs: Sequence[Record],
     runs = [row for row in runs if row["seed"] in ended]
     write_text(folder / "table.md", page(*_tables(bodies, runs, settings)))
     write_json(folder / "summary.json", {"settings": dict(settings), **_summary(bodies, runs)})
-    with replacing(folder / "evolving.png") as aside:
-        _draw(bodies, runs, aside)
+    _draw(bodies, runs, folder / "evolving.png")
 
 
 def _tables(bodies: Sequence[Record], runs: Sequence[Record], settings: Mapping[str, Any]) -> list[str | list[str]]:
@@ -118,27 +118,12 @@ def _summary(bodies: Sequence[Record], runs: Sequence[Record]) -> dict[str, Any]
 
 def _draw(bodies: Sequence[Record], runs: Sequence[Record], path: Path) -> None:
     """Metrics and learning of bodies, and what searches reach: a dot for each run."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10 if runs else 6.5, 3.2), layout="constrained")
-    shown = [("M_CI", "M_CI", 1.0), ("evolution", "evaluations, evolution", 1.0)]
-    left, middle, *others = figure.subplots(1, 3 if runs else 2, width_ratios=(1, 1, 1.3) if runs else None)
-    for axes, (name, label, scale) in zip((left, middle), shown, strict=True):
-        _dots(axes, [(t, _values(bodies, "arm", arm, name) * scale) for arm, t in metrics.ARMS.items()])
-        axes.set_xlabel(label)
-    middle.tick_params(labelleft=False)
-    for right in others:
-        _dots(right, [(arm.label, _values(runs, "search", name, "nearer") * 100) for name, arm in loops.ARMS.items()])
-        right.set_xlabel("nearer the light [cm]")
-    figure.savefig(path, dpi=150, format="png")
-
-
-def _dots(axes: Any, groups: Sequence[tuple[str, Floats]]) -> None:
-    """A row of dots for each group, with its mean."""
-    for row, (_, values) in enumerate(groups):
-        axes.plot(values, np.full(len(values), row), "o", ms=4, alpha=0.5, color=f"C{row}")
-        axes.plot(values.mean(), row, "|", ms=18, mew=2.5, color=f"C{row}")
-    axes.set_yticks(range(len(groups)), [title.replace(", ", ",\n") for title, _ in groups])
-    axes.set_ylim(len(groups) - 0.5, -0.5)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(axis="x", alpha=0.3)
+    widths = (1, 1, 1.2) if runs else (1, 1)
+    with figure(path, PAGE, 2.4, ncols=len(widths), width_ratios=widths) as (_, ((left, middle, *others),)):
+        for axes, name, label in ((left, "M_CI", "$M_{CI}$"), (middle, "evolution", "evaluations, evolution")):
+            dots(axes, {title: _values(bodies, "arm", arm, name) for arm, title in metrics.ARMS.items()})
+            axes.set_xlabel(label)
+        middle.tick_params(labelleft=False)
+        for right in others:
+            dots(right, {a.label: _values(runs, "search", n, "nearer") * 100 for n, a in loops.ARMS.items()})
+            right.set_xlabel("nearer the light [cm]")
