@@ -71,8 +71,8 @@ class Reliability:
             None where nothing varies.
         low: lower end of its 95 % interval.
         high: upper end.
-        mean: the same share of the mean of k measurements, ICC(1, k); no quantity can be expected to correlate with
-            such means above its root. It is 0 where things differ less than chance would have them differ.
+        mean: the same share of the mean of k measurements, ICC(1, k); 0 where things differ less than chance would
+            have them differ.
     """
 
     n: int
@@ -259,7 +259,7 @@ def reliability(values: ArrayLike) -> Reliability:
     n, k = found.shape
     between = k * float(found.mean(axis=1).var(ddof=1))
     within = float(found.var(axis=1, ddof=1).mean())
-    if not between and not within:
+    if np.ptp(found) <= 1e-12 * np.abs(found).max():  # nothing varies but by rounding
         return Reliability(n, k, 0.0, None, None, None, None)
 
     def share(low: float, high: float) -> float:

@@ -246,6 +246,7 @@ def test_reliability_at_its_ends():
     alike = reliability([[1, 3], [3, 1]])
     assert alike.single == -1 and alike.mean == 0
     assert reliability([[2, 2], [2, 2]]).single is None
+    assert reliability(np.full((7, 3), 33.3)).single is None  # whose means are rounded
     for wrong in ([[1], [2]], [[1, 2]], [[1, 2], [np.nan, 1]]):
         with pytest.raises(ValueError, match="give finite ones of shape"):
             reliability(wrong)

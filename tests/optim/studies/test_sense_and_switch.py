@@ -120,6 +120,26 @@ def test_the_share_that_is_kept_has_an_interval_over_seeds_and_courses():
     part = whole * np.array([1.0, 1.0, 1.0, 1.0, 0.0])[:, None]
     share, low, high = ratio(part, whole)
     assert low < 0.6 < share < 0.95 < high
+    nowhere = whole.copy()
+    nowhere[0] = -0.3  # by itself; with the others the mean is above zero
+    assert ratio(part, nowhere)[1:] == (None, None)
+
+
+def test_a_repertoire_that_goes_nowhere_by_some_resample_has_no_interval(tmp_path):
+    """Its told machine goes 2 cm in the mean, and backwards on half of the courses."""
+    copied = tmp_path / "data"
+    shutil.copytree(DATA, copied)
+    rows = read_records(copied / "runs.csv")
+    shift = [row | {"distance": row["distance"] - 0.075 * (row["seed"] == 4)} for row in rows]
+    write_records(copied / "runs.csv", shift)
+    out = tmp_path / "out"
+    out.mkdir()
+    STUDY.tell(Data(copied), out)
+    table = (out / "table.md").read_text()
+    assert "| 4 |" in table and "- to - | 0 | 0 | 0 | 0 | 16 |" in table
+    own = [row for row in shift if row["seed"] == 1]
+    told, sensing = (sum(row["distance"] for row in own if row["machine"] == name) for name in ("told", "sensing"))
+    assert f"| 1 | {sensing / told:.0%} | " in table and "| 186 | 80 | 76 | 0.2 | 16 |" in table
 
 
 @pytest.mark.parametrize(

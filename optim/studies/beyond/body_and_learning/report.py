@@ -134,16 +134,15 @@ def _spread(rows: Sequence[Record], learners: Mapping[str, str]) -> list[str | l
             f"{each.within:.1f}",
             "-" if each.single is None else f"{each.single:.2f} ({each.low:.2f} to {each.high:.2f})",
             "-" if each.mean is None else f"{each.mean:.2f}",
-            "-" if each.mean is None else f"{each.mean**0.5:.2f}",
         ]
         for title, each in known.items()
     ]
-    heads = ["learning", "deviation within a body", "share between bodies", "of means", "a correlation at most"]
+    heads = ["learning", "deviation within a body", "share between bodies", "of means"]
     return [
-        "How reliable evaluations are: their standard deviation between runs in one body, the share of the variance of "
-        "a run that is between bodies (ICC(1), 95 % interval), that of the mean of a body's runs, and its root, above "
-        "which no metric can be expected to correlate with these means:",
-        markdown(heads, "lrrrr", lines),
+        "How reliable evaluations are: their standard deviation between runs in one body, the share of the variance "
+        "of a run that is between bodies (ICC(1), with a 95 % interval that takes runs as normal), and that of the "
+        "mean of a body's runs. The less it is, the more noise weakens correlations with these means:",
+        markdown(heads, "lrrr", lines),
     ]
 
 

@@ -45,7 +45,7 @@ class EvolvingVehicles(Settings):
         pairs: population of the loops over body and controller.
         life: steps along gradients in the inner loop.
         loop_budget: evaluations of a loop, those with gradients counted at their ``price``.
-        price: of an evaluation with its gradient, in those without, as measured.
+        price: of an evaluation with its gradient, in those without; it took 2.0 to 2.3 of their time when measured.
     """
 
     seeds: Count = 10

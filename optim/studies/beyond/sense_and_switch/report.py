@@ -30,16 +30,20 @@ HEADER = (
 )
 
 
-def ratio(part: Floats, whole: Floats) -> tuple[float, float, float]:
+def ratio(part: Floats, whole: Floats) -> tuple[float, float | None, float | None]:
     """Mean of what some machines went over that of others, with its 95 % bootstrap interval.
 
     Both have shape (seeds, courses), in which both seeds and courses are drawn anew for every resample (percentiles).
+    There is no interval if the others went nowhere in some resample.
     """
     rng = np.random.default_rng(0)
     counts = [rng.multinomial(n, np.full(n, 1 / n), RESAMPLES).astype(float) for n in whole.shape]
     sums = [np.einsum("rs,sc,rc->r", counts[0], each, counts[1]) for each in (part, whole)]
-    low, high = np.percentile(sums[0] / np.where(sums[1] > 0, sums[1], np.nan), [2.5, 97.5])
-    return float(part.mean() / whole.mean()), float(low), float(high)
+    share = float(part.mean() / whole.mean())
+    if sums[1].min() <= 0:
+        return share, None, None
+    low, high = np.percentile(sums[0] / sums[1], [2.5, 97.5])
+    return share, float(low), float(high)
 
 
 def table_of(rows: Sequence[Record], name: str, what: str = "distance") -> Floats:
@@ -144,7 +148,7 @@ def _page(
         markdown(HEADER, "lrrrrrr", lines),
     ]
     for name, one in over.items():
-        ends = f"{one['low']:.2f} to {one['high']:.2f}"
+        ends = f"{cell(one['low'], '.2f')} to {cell(one['high'], '.2f')}"
         parts.append(f"Sensing over {name}: {one['ratio']:.2f} times as far, 95 % interval {ends}.")
     lines = []
     for name, kinds in seen.items():
