@@ -50,14 +50,14 @@ STYLE: Any = MappingProxyType(
 
 @contextmanager
 def figure(
-    path: Path, width: float, height: float, letters: bool = True, **panels: Any
+    path: Path, width: float, height: float, letters: str = "a", **panels: Any
 ) -> "Iterator[tuple[Figure, np.ndarray[Any, Any]]]":
     """Give a figure of some size [in] and its panels, shape (rows, columns), to draw on, and write it afterwards.
 
     Args:
         path: its name ends in one of ``PICTURES``; raises ValueError for another, or one that cannot
             be written, and RuntimeError if the disk is full or broken.
-        letters: whether several panels have the letters a, b, c, ..., see :func:`letter`.
+        letters: the first of several panels' letters, see :func:`letter`; none if it is empty.
         panels: keyword arguments of ``Figure.subplots``: rows, columns, shared axes.
     """
     from matplotlib import rc_context
@@ -71,7 +71,7 @@ def figure(
         axes = drawn.subplots(squeeze=False, **panels)
         yield drawn, axes
         if letters and axes.size > 1:
-            letter(axes)
+            letter(axes, letters)
         try:
             with replacing(path) as aside:
                 drawn.savefig(aside, dpi=200, metadata=dated)
@@ -86,11 +86,11 @@ def save_arrays(path: Path, arrays: "Mapping[str, np.ndarray[Any, Any]]") -> Non
     write_bytes(path, content.getvalue())
 
 
-def letter(panels: "np.ndarray[Any, Any]") -> None:
-    """Write the letters a, b, c, ... at the upper left of panels, in reading order."""
+def letter(panels: "np.ndarray[Any, Any]", first: str = "a") -> None:
+    """Write letters from the first one on, such as a, b, c, at the upper left of panels, in reading order."""
     for number, axes in enumerate(panels.flat):
         place: Axes = axes
-        place.set_title(chr(ord("a") + number), loc="left", fontweight="bold")
+        place.set_title(chr(ord(first) + number), loc="left", fontweight="bold")
 
 
 def caption(axes: "Axes", text: str) -> None:

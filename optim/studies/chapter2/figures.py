@@ -37,7 +37,7 @@ def _grid_of_treatments(
     """A figure with a panel each treatment: robots above the columns, ways to combine environments beside the rows."""
     rows, columns = _layout(treatments)
     shape: Any = {"nrows": len(rows), "ncols": len(columns), "sharex": True, "sharey": True}
-    with figure(path, *size, letters=False, **shape) as (drawn, panels):
+    with figure(path, *size, letters="", **shape) as (drawn, panels):
         yield drawn, {each: panels[rows.index(each.row), columns.index(each.robot)] for each in treatments}
         for axes, robot in zip(panels[0], columns, strict=True):
             axes.set_title(robot)
@@ -76,7 +76,7 @@ def draw_curves(curves: Mapping[Treatment, Floats], path: Path) -> None:
     """Worst distance and fitness over generations: means of runs with 95 % bands; a column each robot."""
     rows, columns = _layout(list(curves))
     shape: Any = {"nrows": 1 + len(rows), "ncols": len(columns), "sharex": True, "sharey": "row"}
-    with figure(path, PAGE, 1.0 + 1.25 * (1 + len(rows)), letters=False, **shape) as (_, panels):
+    with figure(path, PAGE, 1.0 + 1.25 * (1 + len(rows)), letters="", **shape) as (_, panels):
         for treatment, values in curves.items():
             row, column = rows.index(treatment.row), columns.index(treatment.robot)
             for n, axes in enumerate((panels[0, column], panels[1 + row, column])):

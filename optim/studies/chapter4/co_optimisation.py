@@ -47,6 +47,8 @@ TIMES_OF_TRIALS = ("first_point_solving_all", "reported_solves_all_from", "solve
 SOLVED_LAST = "environments_solved_at_the_end"  # in the summary
 ARMS_AND_SIGNALS = tuple(f"{arm}/{name}" for arm, name in product(ARMS, MEASURES))
 EVERY = "steps_between_samples_in_the_course"
+PICTURES = ("co-optimisation.png", "medians.png")
+BLUE, RED, GREY, GREEN = COLOURS[0], "#C1272D", "#888888", COLOURS[2]
 ARM: dict[str, Kind] = {"arm": tuple(ARMS)}
 SOLUTIONS: dict[str, Kind] = {**ARM, "signals": MEASURES, "solutions": ("all", "solved")}
 TABLES: dict[str, dict[str, Kind]] = {
@@ -189,7 +191,7 @@ def compare_first_and_last(rows: Sequence[Record]) -> dict[str, Any]:
 
 
 def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> None:
-    """Write ``summary.json``, curves and raw data as CSV, and ``co-optimisation.png``."""
+    """Write ``summary.json``, curves and raw data as CSV, and the figures."""
     results = ResultsFolder(folder, "co-optimisation", {**settings.describe(), "borg": BORG})
     arms = {
         arm: partial(record_trials, settings.problem(**given), "borg", BORG, settings.seeds, settings.budget)
@@ -207,7 +209,7 @@ def study(folder: Path, settings: CoOptimisation, progress: Progress = None) -> 
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write ``summary.json`` and the figure from the tables."""
+    """Write ``summary.json`` and the figures from the tables."""
     tables = {}
     for name, columns in TABLES.items():
         whole = name in (TIMES, SOLVED)  # where nothing is solved, the others have no rows of an arm, or none at all
@@ -218,11 +220,12 @@ def tell(data: Data, folder: Path) -> None:
 
 
 def _report(folder: Path, tables: Tables, every: int, environments: int) -> None:
-    """Write ``summary.json`` and the figure, which follow from the tables, for so many steps between samples."""
+    """Write ``summary.json`` and the figures, which follow from the tables, for so many steps between samples."""
     times = _of_times(tables[TIMES], tables[SOLVED], environments)
     summary = {**times, "homeostasis": {EVERY: every, **_of_homeostasis(tables)}}
     write_json(folder / "summary.json", summary)
-    draw(tables[SOLVED], tables[COURSE], folder / "co-optimisation.png")
+    draw(tables[SOLVED], tables[COURSE], folder / PICTURES[0])
+    draw_medians(tables[SOLVED], tables[COURSE], folder / PICTURES[1])
 
 
 def _of_times(times: Sequence[Record], curves: Sequence[Record], environments: int) -> dict[str, Any]:
@@ -265,12 +268,37 @@ def _of_homeostasis(tables: Tables) -> dict[str, Any]:
 
 
 def draw(solved: list[Record], course: list[Record], path: Path) -> None:
-    """Draw environments solved, and distances of signals, over the evaluations."""
+    """Draw the figure of chapter 4: means over the evaluations, with 95 % bands.
+
+    A: environments solved, the baseline red and co-optimisation blue, with the third arm beside them. B: distances of
+    the signals of what co-optimisation reports; those of all, and of what solves all environments.
+    """
+    with figure(path, PAGE, 2.8, "A", ncols=2) as (_, panels):
+        left, right = panels[0]
+        for (arm, (label, _)), colour in zip(ARMS.items(), (BLUE, RED, GREY), strict=True):
+            draw_band(left, *_band(where(solved, arm=arm)), colour=colour, label=label)
+        arm, signals = next(iter(ARMS)), MEASURES[0]
+        for solutions, colour, label in (("all", BLUE, "all reported"), ("solved", GREEN, "those that solve all")):
+            rows = where(course, arm=arm, signals=signals, solutions=solutions)
+            draw_band(right, *_band(rows), colour=colour, label=label)
+        left.set(ylabel="environments solved, mean", xlabel="evaluations", ylim=(0, 4.05), yticks=range(5))
+        right.set(ylabel="DTW distance, mean [1/m$^2$]", xlabel="evaluations")
+        right.set_ylim(bottom=0)
+        left.legend(loc="lower right")
+        right.legend(loc="upper right")
+
+
+def _band(rows: Sequence[Record]) -> list[Floats]:
+    """Evaluations, means, and both ends of their intervals."""
+    return [column(rows, name) for name in ("evaluations", "mean", "low", "high")]
+
+
+def draw_medians(solved: list[Record], course: list[Record], path: Path) -> None:
+    """Draw environments solved, and medians of distances of signals in all arms, over the evaluations."""
     with figure(path, PAGE, 2.8, ncols=3) as (drawn, panels):
         for (arm, (label, _)), colour in zip(ARMS.items(), COLOURS, strict=False):
             rows = where(solved, arm=arm)
-            band = (column(rows, name) for name in ("evaluations", "mean", "low", "high"))
-            draw_band(panels[0, 0], *band, colour=colour, label=label)
+            draw_band(panels[0, 0], *_band(rows), colour=colour, label=label)
             for axes, signals in zip(panels[0, 1:], MEASURES, strict=True):
                 for solutions, style in (("solved", "-"), ("all", ":")):
                     rows = where(course, arm=arm, signals=signals, solutions=solutions)
@@ -290,5 +318,5 @@ STUDY = Study(
     scales={"small": CoOptimisation(runs=4, budget=120), "full": CoOptimisation()},
     run=study,
     tell=tell,
-    writes=("summary.json", *TABLES, "co-optimisation.png"),
+    writes=("summary.json", *TABLES, *PICTURES),
 )

@@ -197,7 +197,7 @@ def _tests(means: Mapping[str, Floats]) -> dict[str, Any]:
 def draw(rows: Sequence[Record], path: Path) -> None:
     """Survival against strength, a panel for each kind."""
     kinds = list(dict.fromkeys(p.name for p in PERTURBATIONS))
-    with figure(path, PAGE, 4.2, letters=False, nrows=2, ncols=4, sharey=True) as (_, panels):
+    with figure(path, PAGE, 4.2, letters="", nrows=2, ncols=4, sharey=True) as (_, panels):
         for axes, kind in zip(panels.flat, kinds, strict=False):
             for (design, label), colour in zip(DESIGNS.items(), COLOURS, strict=False):
                 if here := where(rows, design=design, perturbation=kind):

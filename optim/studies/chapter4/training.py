@@ -273,26 +273,28 @@ NAMES = {
     "nes": "natural evolution strategy",
     "de": "differential evolution",
 }
+MANY = 1000  # bodies, whose points are small
 SYMBOLS = {"M_L": "$M_L$", "M_CI": "$M_{CI}$"}
 
 
 def save_training(table: TrainingTable, sweep: SweepTable, path: Path) -> None:
-    """A column for each method, a row for each metric; a point for each body, the mean of its runs. Beside it: CSV."""
+    """A row for each method, a column for each metric; a point for each body, the mean of its runs. Beside it: CSV."""
     part, means = sweep.rows(table.designs), table.evaluations.mean(axis=2)
     found = {(c.method, c.metric): c.found for c in metric_correlations(table, part) if c.over == "bodies"}
-    width = PAGE * max(len(table.methods), 2) / len(NAMES)
-    with figure(path, width, 3.6, nrows=2, ncols=len(table.methods), sharex="row", sharey=True) as (_, panels):
-        for row, (metric, values) in zip(panels, part.metrics.items(), strict=True):
-            for axes, method, mean in zip(row, table.methods, means, strict=True):
-                axes.scatter(values, mean, s=5, color=COLOURS[0], alpha=0.4, linewidths=0, rasterized=True)
-                axes.set_xlabel(SYMBOLS[metric])
+    size = 5.0 if len(part.designs) < MANY else 2.0
+    rows, height = len(table.methods), 0.4 + 1.7 * len(table.methods)
+    with figure(path, PAGE, height, nrows=rows, ncols=len(SYMBOLS), sharex="col", sharey=True) as (_, panels):
+        for row, method, mean in zip(panels, table.methods, means, strict=True):
+            for axes, (metric, values) in zip(row, part.metrics.items(), strict=True):
+                axes.scatter(values, mean, s=size, color=COLOURS[0], alpha=0.4, linewidths=0, rasterized=True)
+                caption(axes, NAMES.get(method, method))
                 correlation = found[method, metric]
                 if correlation.r is not None:
                     p = "p < 0.001" if correlation.p < 0.001 else f"p = {correlation.p:.3f}"
                     note(axes, f"$r = {correlation.r:.2f}$, {p}", 0.95)
             row[0].set_ylabel("mean evaluations")
-        for axes, method in zip(panels[0], table.methods, strict=True):
-            caption(axes, NAMES.get(method, method))
+        for axes, metric in zip(panels[-1], part.metrics, strict=True):
+            axes.set_xlabel(SYMBOLS[metric])
     columns = {"design": table.designs, **part.metrics, **dict(zip(table.methods, means, strict=True))}
     write_columns(path.with_suffix(".csv"), columns)
 
