@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> Report:
     table.write(args.out / "table.csv")
     files = ["table.csv"]
     if args.figures:
-        from optim.studies.chapter3.sensor_placement import save_figures
+        from optim.studies.chapter3.sweep_study import save_figures
 
         files += save_figures(table, args.out, args.out)
     return _report(table.rows(args.designs), args.out, files)

@@ -16,28 +16,33 @@ if TYPE_CHECKING:
 
 # none pale, all dark blue, between from yellow to brown: the order survives a black and white print
 OVERLAP_COLOURS = ("#f2f2f2", "#fee391", "#fe9929", "#b84a0c", "#08306b")
+# Those of the dissertation, as far as it tells them: none blue, all cyan in chapter 3; none red, all blue in chapter 4.
+CHAPTER_3_COLOURS = ("#1f3fa8", "#7a4fb5", "#d9568b", "#f7b23c", "#3df5ff")
+CHAPTER_4_COLOURS = ("#d7191c", "#fdae61", "#ffffbf", "#abd9e9", "#2c7bb6")
 
 
-def draw_overlap(axes: "Axes", overlap: Bytes, weights: Floats | None = None) -> Any:
-    """Draw how many environments each controller solves.
+def draw_overlap(
+    axes: "Axes", overlap: Bytes, weights: Floats | None = None, colours: "Sequence[str]" = OVERLAP_COLOURS
+) -> Any:
+    """Draw how many environments each controller solves, in one of the colours for each number from 0.
 
     Weight w1 goes to the right and w2 upwards; ``weights``, if given, is a controller marked by a cross.
     """
     from matplotlib.colors import ListedColormap
 
     outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights
-    levels = len(OVERLAP_COLOURS)
     image = axes.imshow(
         overlap.T,
         origin="lower",
         extent=(-outer, outer, -outer, outer),
         interpolation="nearest",
-        cmap=ListedColormap(OVERLAP_COLOURS),
+        cmap=ListedColormap(colours),
         vmin=-0.5,
-        vmax=levels - 0.5,
+        vmax=len(colours) - 0.5,
     )
     if weights is not None:
-        axes.plot(*weights, "+", color=CHART_COLOURS[4], markersize=6, markeredgewidth=1.2)
+        cross = CHART_COLOURS[4] if colours is OVERLAP_COLOURS else "black"
+        axes.plot(*weights, "+", color=cross, markersize=6, markeredgewidth=1.2)
     axes.set(xlabel="$w_1$", ylabel="$w_2$")
     return image
 
@@ -48,13 +53,14 @@ def add_overlap_bar(drawn: "Figure", image: Any, axes: "Sequence[Axes]") -> None
     bar.set_label("environments solved")
 
 
-def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike) -> None:
+def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike, reach: float | None = None) -> None:
     """Draw paths seen from above, each starting at a dot, and lights as stars.
 
     Args:
         axes: to draw on.
         places: where vehicles were [m], shape (P, T, 2); NaN after their ends.
         lights: where lights are [m], shape (L, 2).
+        reach: from the origin to the sides of the panel [m]; so far that all is seen if None.
     """
     places = np.asarray(places, float)
     for number, path in enumerate(places):
@@ -65,5 +71,5 @@ def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike) -> None:
         axes.plot(
             *light, "*", color=CHART_COLOURS[6], markeredgecolor="black", markeredgewidth=0.5, markersize=9, zorder=4
         )
-    reach = 1.1 * float(np.nanmax(np.abs(places)))
+    reach = 1.1 * float(np.nanmax(np.abs(places))) if reach is None else reach
     axes.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="x [m]", ylabel="y [m]")

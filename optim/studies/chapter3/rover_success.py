@@ -20,6 +20,7 @@ from optim.experiments.results import Progress, check_folder, computed, write_js
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import write_records
 from optim.measures.overlap import learnability, resistance
+from optim.studies.chapter3.examples import save_landscape
 from optim.studies.chapter3.sweep_table import overlaps_of
 from robots.braitenberg import Sweep, VehicleBody, weight_grid
 from robots.braitenberg.sweeps import Overlap
@@ -110,7 +111,8 @@ def both_models(
 BODIES = {"canonical": Rover(CANONICAL), "best": Rover(BEST)}
 # Of 121 x 121 controllers: those that solve all environments, M_L and M_CF.
 PUBLISHED = {"canonical": (1, 0.000068, 0.00052), "best": (57, 0.0039, 0.038)}
-FILES = tuple(f"rover-success.{end}" for end in ("csv", "npz", "png"))
+LANDSCAPE = "landscape.png"  # as published, rigid bodies only
+FILES = (*(f"rover-success.{end}" for end in ("csv", "npz", "png")), LANDSCAPE)
 NUMBERS = "rover-success.npz"  # of the figure
 ENVIRONMENTS = 4
 
@@ -159,6 +161,8 @@ def _report(folder: Path, overlaps: Mapping[tuple[str, str], Overlap], lights: M
     write_records(folder / "rover-success.csv", rows)
     write_json(folder / "summary.json", {"rows": rows, "reaching_each_light": lights})
     draw(overlaps, folder / "rover-success.png")
+    names = {"canonical body": "canonical", "best $M_L$": "best", "best $M_{CF}$, the same body": "best"}
+    save_landscape({name: overlaps[body, MODELS[0]] for name, body in names.items()}, folder / LANDSCAPE, "D")
 
 
 def _row(body: str, model: str, overlap: Overlap) -> dict[str, Any]:
@@ -190,5 +194,5 @@ STUDY = Study(
     scales={"small": RoverSuccess(RoverGrid(31), Sweep(31)), "full": RoverSuccess()},
     run=study,
     tell=tell,
-    writes=("summary.json", "rover-success.csv", "rover-success.png"),
+    writes=("summary.json", "rover-success.csv", "rover-success.png", LANDSCAPE),
 )

@@ -163,10 +163,10 @@ def summary(
 def draw(
     metrics: Mapping[tuple[str, str], Floats], known: Mapping[tuple[str, str], Mapping[str, float]], path: Path
 ) -> None:
-    """Histograms of both metrics, a row a model, with the canonical and the best body."""
-    with figure(path, PAGE, 4.2, nrows=len(MODELS), ncols=len(METRICS), sharey=True) as (_, panels):
-        for axes, ((model, name), values) in zip(panels.flat, metrics.items(), strict=True):
-            lines = known[model, name]
+    """Histograms of both metrics, a row a model as published, with the canonical and the best body."""
+    with figure(path, PAGE, 4.2, "A", nrows=len(MODELS), ncols=len(METRICS), sharey=True) as (_, panels):
+        for axes, (model, name) in zip(panels.flat, product(reversed(MODELS), METRICS), strict=True):
+            values, lines = metrics[model, name], known[model, name]
             axes.stairs(*distribution(values, BINS, max(lines.values())), fill=True, color=COLOURS[0])
             for (body, value), colour in zip(lines.items(), COLOURS[1:], strict=False):
                 axes.axvline(value, color=colour, linestyle="--", label=f"{body} body")
@@ -174,7 +174,7 @@ def draw(
             caption(axes, f"{np.count_nonzero(values == 0)} of {len(values)} bodies at 0")
         for axes in panels[:, 0]:
             axes.set_ylabel("bodies")
-        panels[1, 0].legend(loc="upper right")
+        panels[0, 0].legend(loc="upper right")
 
 
 STUDY = Study(

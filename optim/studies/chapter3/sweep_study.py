@@ -10,8 +10,16 @@ import numpy as np
 from optim.experiments.data import Data
 from optim.experiments.results import Progress
 from optim.experiments.study import Study, StudyReport, StudySection
-from optim.studies.chapter3.sensor_placement import notable_designs, save_figures, save_metrics
-from optim.studies.chapter3.sweep_table import overlaps_of, read_sweep_table, sample_designs, sweep_published
+from optim.studies.chapter3 import trajectories
+from optim.studies.chapter3.examples import examples_of, read_examples, save_figures_of_examples
+from optim.studies.chapter3.sensor_placement import notable_designs, save_metrics
+from optim.studies.chapter3.sweep_table import (
+    SweepTable,
+    overlaps_of,
+    read_sweep_table,
+    sample_designs,
+    sweep_published,
+)
 from robots.braitenberg import DESIGNS, Sweep, VehicleBody
 from robots.view.vehicle_charts import add_overlap_bar, draw_overlap
 from taichi_sim.base.arrays import Bytes
@@ -42,31 +50,59 @@ class SensorPlacement:
 
 
 def study(folder: Path, settings: SensorPlacement, progress: Progress = None, sweep_folder: Path | None = None) -> None:
-    """Write ``table.csv`` and pictures."""
+    """Write ``table.csv``, pictures, and arrays from which they are drawn."""
     ResultsFolder(folder, "sensor-placement", settings.describe())
     overlaps = sweep_folder or folder / "overlaps"
     table = sweep_published(settings.designs, settings.sweep, overlaps, progress)
     table.write(folder / "table.csv")
     save_figures(table, overlaps, folder)
+    trajectories.save_trajectories(trajectories.trajectories(), folder)
 
 
-# Tables of complete sweeps in ``docs/data`` and that of this study, and the folder of what is told of each.
-TABLES = {"vehicle-sweep.csv": "", "vehicle-sweep-radius-0.2.csv": "radius-0.2", "table.csv": ""}
+def save_figures(table: SweepTable, sweep: Path, folder: Path) -> list[str]:
+    """Metrics, their correlation, and the most notable bodies of a sweep's folder; the names of the pictures."""
+    found = examples_of(table, sweep)
+    return [*save_metrics(table, folder), *save_figures_of_examples(found, table, folder)]
+
+
+# Tables of complete sweeps in ``docs/data`` and that of this study, the folder of what is told of each, and the file of
+# examples of its bodies.
+TABLES = {
+    "vehicle-sweep.csv": ("", "vehicle-examples.npz"),
+    "vehicle-sweep-radius-0.2.csv": ("radius-0.2", "vehicle-examples-radius-0.2.npz"),
+    "table.csv": ("", "examples.npz"),
+}
+TRAJECTORIES = ("vehicle-trajectories.npz", trajectories.NUMBERS)
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write the table of each sweep, and pictures of its metrics; examples of bodies need a sweep's folder."""
+    """Write the table of each sweep and pictures of its metrics; also those of which there are arrays."""
     there = [name for name in TABLES if data.has(name)]
     if not there:
         raise ValueError(f"from-data: {data.folder} has no table of a sweep; give one with {' or '.join(TABLES)}")
-    if len({TABLES[name] for name in there}) < len(there):
+    if len({TABLES[name][0] for name in there}) < len(there):
         raise ValueError(f"from-data: {data.folder} has {' and '.join(there)}; give a folder with one sweep of its own")
     for name in there:
-        table, told = read_sweep_table(data.path(name)), folder / TABLES[name]
+        part, examples = TABLES[name]
+        table, told = read_sweep_table(data.path(name)), folder / part
+        found = read_examples(data, examples, table) if data.has(examples) else None
         make_folder(told)
         table.write(told / "table.csv")
         save_metrics(table, told)
+        if found is not None:
+            save_figures_of_examples(found, table, told)
+    for name in filter(data.has, TRAJECTORIES):
+        trajectories.save_trajectories(trajectories.read_trajectories(data, name), folder)
 
+
+PICTURES = (
+    "distributions.png",
+    "correlation.png",
+    "bodies.png",
+    "landscape.png",
+    "examples.png",
+    *trajectories.PICTURES,
+)
 
 STUDY = Study(
     title="all controllers in bodies of the published grid: learnability and resistance to interference",
@@ -74,7 +110,7 @@ STUDY = Study(
     scales={"small": SensorPlacement(98, Sweep(weights=41)), "full": SensorPlacement()},
     run=study,
     tell=tell,
-    writes=("table.csv", "distributions.png", "correlation.png", "examples.png"),
+    writes=("table.csv", *PICTURES),
 )
 
 

@@ -11,7 +11,7 @@ import pytest
 from optim.experiments.data import Data
 from optim.experiments.figures import figure, legend_above, logarithmic
 from optim.studies.chapter3 import sensor_placement as study
-from optim.studies.chapter3.sweep_study import STUDY
+from optim.studies.chapter3.sweep_study import STUDY, save_figures
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table
 from optim.studies.chapter4.training import TrainingTable, save_training
 from robots.braitenberg import PUBLISHED, Sweep, VehicleBody, simulate, sweep
@@ -87,24 +87,23 @@ def test_pictures_have_their_numbers_beside_them(tmp_path):
     settings = {"weights": 15, "r": 0.5, "dt": 0.2, "steps": 2000}
     sweep([BEST, BASELINE], **settings, out=tmp_path / "sweep")
     table = read_sweep_table(tmp_path / "sweep")
-    notable = study.notable_designs(table)
-    study.save_distributions(table, tmp_path / "distributions.png")
-    study.save_correlation(table, notable, tmp_path / "correlation.png")
-    study.save_examples(table, notable, tmp_path / "sweep", tmp_path / "examples.png")
-    for name in ("distributions", "correlation", "examples"):
-        assert matplotlib.image.imread(tmp_path / f"{name}.png").std() > 0.05
+    names = ["distributions.png", "correlation.png", "bodies.png", "landscape.png", "examples.png"]
+    assert save_figures(table, tmp_path / "sweep", tmp_path) == names
+    for name in names:
+        assert matplotlib.image.imread(tmp_path / name).std() > 0.05
     bins = rows_of(tmp_path / "distributions.csv")
     for metric in table.metrics:
         assert sum(int(row["bodies"]) for row in bins if row["metric"] == metric) == len(table.designs)
     assert len(rows_of(tmp_path / "correlation.csv")) == len(table.designs)
     numbers, rows = np.load(tmp_path / "examples.npz"), rows_of(tmp_path / "examples.csv")
-    assert [int(row["design"]) for row in rows] == list(notable)
+    assert {row["name"]: int(row["design"]) for row in rows} == study.best_bodies(table)
     for row in rows:
         overlap = numbers[f"overlap_{row['design']}"]
         assert int(row["persistent"]) <= int(row["all"]) == (overlap == 4).sum()
         first, second = np.rint((numbers[f"weights_{row['design']}"] + 1) * 7).astype(int)
         assert overlap[first, second] == 4
-        assert numbers[f"paths_{row['design']}"].shape == (4, 1001, 2)
+        assert numbers[f"paths_{row['design']}"].shape[::2] == (4, 2)
+        assert numbers[f"persistent_{row['design']}"] == int(row["persistent"])
 
 
 def test_the_picture_of_training_has_the_mean_of_every_body(tmp_path):
