@@ -19,7 +19,7 @@ def _foretold() -> list[Row]:
     rows = []
     differs = {
         "body-and-learning": "fewer in bodies of higher M_L, as in vehicles",
-        "pouches-and-learning": "as in vehicles in the mean; not every interval excludes chance",
+        "pouches-and-learning": "as in vehicles for evolution and gradients; runs differ more than bodies",
     }
     for study, bodies in {"body-and-learning": "soft walkers", "pouches-and-learning": "inflatable bodies"}.items():
         found = summary(study)

@@ -38,7 +38,7 @@ class PouchesAndLearning(BodyAndLearning):
 
     bodies: Several = 24
     controllers: Count = 128
-    repetitions: Count = 2
+    repetitions: Count = 5
     budget: Several = 64
     cycles: Count = 2
 
@@ -58,5 +58,5 @@ STUDY = replace(
         "full": PouchesAndLearning(bodies=128, controllers=1024, repetitions=10, budget=256),
     },
     tell=partial(tell_as, PouchesAndLearning),
-    cost="about 60 hours of a core; medium takes an hour",
+    cost="about 60 hours of a core; medium takes two hours",
 )
