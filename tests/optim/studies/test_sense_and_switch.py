@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from optim.experiments.data import Data
-from optim.experiments.tables import read_records, write_records
+from optim.experiments.tables import MISSING, read_records, write_records
 from optim.studies.beyond.sense_and_switch.machine import Grounds, machine
 from optim.studies.beyond.sense_and_switch.noticing import LAST, noticed
 from optim.studies.beyond.sense_and_switch.pilots import (
@@ -136,7 +136,7 @@ def test_a_repertoire_that_goes_nowhere_by_some_resample_has_no_interval(tmp_pat
     out.mkdir()
     STUDY.tell(Data(copied), out)
     table = (out / "table.md").read_text()
-    assert "| 4 |" in table and "- to - | 0 | 0 | 0 | 0 | 16 |" in table
+    assert f"| 4 | 101% | {MISSING} | 0 | 0 | 0 | 0 | 16 |" in table
     own = [row for row in shift if row["seed"] == 1]
     told, sensing = (sum(row["distance"] for row in own if row["machine"] == name) for name in ("told", "sensing"))
     assert f"| 1 | {sensing / told:.0%} | " in table and "| 186 | 80 | 76 | 0.2 | 16 |" in table

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from optim.experiments.results import write_json
-from optim.experiments.tables import Record, cell, column, distinct, markdown, mean_with_interval, page, where
+from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, mean_with_interval, page, where
 from optim.measures.statistics import wilson
 from robots.control.cyclic import SEGMENTS
 from robots.course import KINDS
@@ -139,7 +139,7 @@ def _page(
     """Tables of machines, of what they notice, and of gaits."""
     lines = []
     for name, one in found.items():
-        interval = f"{cell(one['low'], '.0%')} to {cell(one['high'], '.0%')}"
+        interval = _interval(one, ".0%")
         others = [_between(one, "right", ".0%"), _between(one, "switches", ".1f"), _between(one, "false", ".1f")]
         lines.append([name, f"{one['distance']:.3f}", cell(one["share"], ".0%"), interval, *others])
     parts: list[str | list[str]] = [
@@ -148,12 +148,11 @@ def _page(
         markdown(HEADER, "lrrrrrr", lines),
     ]
     for name, one in over.items():
-        ends = f"{cell(one['low'], '.2f')} to {cell(one['high'], '.2f')}"
-        parts.append(f"Sensing over {name}: {one['ratio']:.2f} times as far, 95 % interval {ends}.")
+        parts.append(f"Sensing over {name}: {one['ratio']:.2f} times as far, 95 % interval {_interval(one, '.2f')}.")
     lines = []
     for name, kinds in seen.items():
         for kind, one in kinds.items():
-            interval = f"{one['low']:.0%} to {one['high']:.0%}"
+            interval = _interval(one, ".0%")
             delays = [cell(one[key], ".2f") for key in ("median", "quarter", "three_quarters")]
             lines.append([name, kind, one["changes"], f"{one['noticed']:.0%}", interval, *delays])
     if lines:
@@ -187,6 +186,11 @@ def _seconds(settings: Any) -> float:
     return float((settings.cycles + 1) / FREQUENCY)
 
 
+def _interval(one: Mapping[str, Any], form: str) -> str:
+    """An interval from low to high, if there is one."""
+    return MISSING if one["low"] is None else f"{one['low']:{form}} to {one['high']:{form}}"
+
+
 def _between(one: Mapping[str, Any], what: str, form: str) -> str:
     """A mean of a machine with its interval."""
     return f"{one[what]:{form}} ({one[f'{what}_low']:{form}} to {one[f'{what}_high']:{form}})"
@@ -199,7 +203,7 @@ def _repertoire_table(each: Sequence[Mapping[str, Any]]) -> list[str | list[str]
         [
             one["repertoire"],
             cell(one["share"], ".0%"),
-            f"{cell(one['low'], '.0%')} to {cell(one['high'], '.0%')}",
+            _interval(one, ".0%"),
             *(one[name] for name in ("switches", "changes", "noticed")),
             f"{one['margin']:g}",
             one["stay"],
