@@ -115,14 +115,24 @@ class Data:
 
         Raises ValueError if the file cannot be read, or lacks one.
         """
+        found = self._arrays(name)
+        for missing in (each for each in names if each not in found):
+            raise ValueError(f"{self.folder / name}: it has no array {missing!r}")
+        return {each: found[each] for each in names}
+
+    def array_names(self, name: str) -> Collection[str]:
+        """Names of the arrays in an ``.npz`` file, of which older ones may have fewer.
+
+        Raises ValueError if the file cannot be read.
+        """
+        return self._arrays(name).keys()
+
+    def _arrays(self, name: str) -> Arrays:
         path = self.folder / name
         try:
-            found = files.arrays_of(files.content_of(path))
+            return files.arrays_of(files.content_of(path))
         except files.UNREADABLE as error:
             raise ValueError(f"{path}: cannot be read ({files.why_unread(error)})") from None
-        for missing in (each for each in names if each not in found):
-            raise ValueError(f"{path}: it has no array {missing!r}")
-        return {each: found[each] for each in names}
 
     def from_summary(self, build: Callable[[Mapping[str, Any]], Of]) -> Of:
         """Read ``summary.json``, and return what ``build`` makes of it.

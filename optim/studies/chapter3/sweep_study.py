@@ -11,7 +11,7 @@ from optim.experiments.data import Data
 from optim.experiments.results import Progress
 from optim.experiments.study import Study, StudyReport, StudySection
 from optim.studies.chapter3 import trajectories
-from optim.studies.chapter3.examples import examples_of, read_examples, save_figures_of_examples
+from optim.studies.chapter3.examples import examples_of, has_examples, read_examples, save_figures_of_examples
 from optim.studies.chapter3.sensor_placement import notable_designs, save_metrics
 from optim.studies.chapter3.sweep_table import (
     SweepTable,
@@ -85,7 +85,7 @@ def tell(data: Data, folder: Path) -> None:
     for name in there:
         part, examples = TABLES[name]
         table, told = read_sweep_table(data.path(name)), folder / part
-        found = read_examples(data, examples, table) if data.has(examples) else None
+        found = read_examples(data, examples, table) if has_examples(data, examples, table) else None
         make_folder(told)
         table.write(told / "table.csv")
         save_metrics(table, told)
