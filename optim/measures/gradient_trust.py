@@ -5,6 +5,7 @@ steps that cross many. So slopes along random directions are compared over a ran
 gradient of the objective smoothed by normal deviates, which is what a step of that size really meets.
 """
 
+import io
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 
 from optim.problem import RelaxableProblem
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import replacing
+from taichi_sim.base.files import write_bytes
 
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # ranges of the variables
 TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two gradients, that count as agreement
@@ -205,5 +206,6 @@ def save_plot(report: GradientReport, path: Path) -> None:
     for axes in (error, exact, smooth):
         axes.set_xlabel("step [ranges of the variables]", fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
-    with replacing(path) as aside:
-        figure.savefig(aside, dpi=150)
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=150)
+    write_bytes(path, content.getvalue())
