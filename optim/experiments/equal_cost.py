@@ -24,7 +24,7 @@ from optim.runs.loop import FolderSearch
 from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
 from taichi_sim.base import line_files
-from taichi_sim.base.files import replacing
+from taichi_sim.base.files import write_bytes
 from taichi_sim.base.parsing import parse_json
 
 SEEDS = range(5)
@@ -181,6 +181,8 @@ class Contest:
         """Best score, and mean of what is kept, over cost: a thin line for each seed, a thick one for the median."""
         from matplotlib.figure import Figure
 
+        from robots.view.still import figure_content
+
         figure = Figure(figsize=(9, 3.6), layout="constrained")
         costs = np.linspace(0, self.budget, 200)
         for axes, what in zip(figure.subplots(1, 2), ("best", "mean"), strict=True):
@@ -195,8 +197,7 @@ class Contest:
         figure.axes[0].set_ylabel(label)
         figure.axes[1].legend(frameon=False)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as aside:
-            figure.savefig(aside, dpi=150)
+        write_bytes(path, figure_content(figure, "png", 150))
 
 
 class TimedSearch(FolderSearch):

@@ -5,7 +5,6 @@ steps that cross many. So slopes along random directions are compared over a ran
 gradient of the objective smoothed by normal deviates, which is what a step of that size really meets.
 """
 
-import io
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -188,6 +187,8 @@ def save_plot(report: GradientReport, path: Path) -> None:
     """Write a plot of errors and cosines over the step size, with a line for each horizon."""
     from matplotlib.figure import Figure
 
+    from robots.view.still import figure_content
+
     figure = Figure(figsize=(10, 3.8), layout="constrained")
     error, exact, smooth = figure.subplots(1, 3, sharex=True)
     for number, horizon in enumerate(report.horizons):
@@ -206,6 +207,4 @@ def save_plot(report: GradientReport, path: Path) -> None:
     for axes in (error, exact, smooth):
         axes.set_xlabel("step [ranges of the variables]", fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
-    content = io.BytesIO()
-    figure.savefig(content, format="png", dpi=150)
-    write_bytes(path, content.getvalue())
+    write_bytes(path, figure_content(figure, "png", 150))
