@@ -54,7 +54,8 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Check every horizon."""
-    from optim.measures.gradient_trust import check_gradient, save_plot
+    from optim.measures.gradient_trust import check_gradient
+    from optim.plots.gradient_trust import save_gradient_check
     from taichi_sim.base.claims import undone_if_it_fails
     from taichi_sim.base.files import write_text
 
@@ -80,7 +81,7 @@ def run(args: argparse.Namespace) -> Report:
         with undone_if_it_fails() as made:
             made += [args.out / "gradient.json", args.out / "gradient.png"]
             write_text(args.out / "gradient.json", json.dumps(document, allow_nan=False) + "\n")
-            save_plot(report, args.out / "gradient.png")
+            save_gradient_check(report, args.out / "gradient.png")
         return f"{args.out}: gradient.json, gradient.png"
 
     told = Report(document, report.text())

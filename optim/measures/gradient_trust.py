@@ -7,14 +7,12 @@ gradient of the objective smoothed by normal deviates, which is what a step of t
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from optim.problem import RelaxableProblem
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.files import write_bytes
 
 STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # ranges of the variables
 TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two gradients, that count as agreement
@@ -181,30 +179,3 @@ def _check(
         smoothed=rises.mean(axis=0),
         smoothed_error=rises.std(axis=0, ddof=1) / np.sqrt(len(rises)),
     )
-
-
-def save_plot(report: GradientReport, path: Path) -> None:
-    """Write a plot of errors and cosines over the step size, with a line for each horizon."""
-    from matplotlib.figure import Figure
-
-    from robots.view.still import figure_content
-
-    figure = Figure(figsize=(10, 3.8), layout="constrained")
-    error, exact, smooth = figure.subplots(1, 3, sharex=True)
-    for number, horizon in enumerate(report.horizons):
-        colour = f"C{number}"
-        error.loglog(report.steps, horizon.errors, "o-", color=colour, label=horizon.name)
-        exact.semilogx(report.steps, horizon.exact_cosines, "o-", color=colour)
-        smooth.semilogx(report.steps, horizon.smoothed_cosines, "o-", color=colour)
-    error.axhline(TRUSTED, color="0.6", linestyle=":")
-    error.set_title("relative error of the exact gradient", fontsize=9)
-    error.legend(fontsize=8, frameon=False)
-    smooth.axvline(report.smoothing, color="0.6", linestyle=":")
-    for axes, title in ((exact, "exact gradient"), (smooth, "smoothed gradient")):
-        axes.set_title(f"cosine of {title} and differences", fontsize=9)
-        axes.set_ylim(-1.05, 1.05)
-        axes.axhline(AGREES, color="0.6", linestyle=":")
-    for axes in (error, exact, smooth):
-        axes.set_xlabel("step [ranges of the variables]", fontsize=9)
-        axes.spines[["top", "right"]].set_visible(False)
-    write_bytes(path, figure_content(figure, "png", 150))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from optim.cli import main
-from optim.measures.gradient_trust import check_gradient, cosine, save_plot
+from optim.measures.gradient_trust import check_gradient, cosine
+from optim.plots import save_gradient_check
 from optim.problem import Evaluation
 from optim.space import Space, Variable
 
@@ -65,7 +66,7 @@ def test_cosine_of_nothing_is_no_number():
 @pytest.mark.long
 def test_the_plot_shows_every_horizon(tmp_path):
     report = check_gradient({n: (Staircase(h), np.zeros(4)) for n, h in (("a", 0.0), ("b", 0.04))}, samples=10)
-    save_plot(report, tmp_path / "plot.png")
+    save_gradient_check(report, tmp_path / "plot.png")
     assert (tmp_path / "plot.png").stat().st_size > 10_000
     assert "a " in report.text() and "b " in report.text()
 
