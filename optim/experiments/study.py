@@ -59,7 +59,10 @@ def changed(settings: Any, changes: Mapping[str, Any]) -> Any:
     values: dict[str, Any] = {}
     within: dict[str, dict[str, Any]] = {}
     for name, value in changes.items():
-        outer, dot, inner = checks.choice("set", name, names).partition(".")
+        if name not in names:
+            known = f"choose one of {', '.join(names)}{checks.nearest(name, names)}"
+            raise ValueError(f"set: {checks.shown(name)} is unknown; {known}")
+        outer, dot, inner = name.partition(".")
         if dot:
             within.setdefault(outer, {})[inner] = value
             continue

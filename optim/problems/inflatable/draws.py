@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
@@ -100,13 +100,9 @@ class Draws:
         return speeds.reshape(count, -1).mean(axis=1), slopes.reshape(count, self.count, -1).mean(axis=1)
 
     @property
-    def few_weigh(self) -> bool:
-        """Whether so few copies of a robot count that it pays to find them before slopes are taken."""
-        return False
-
-    def weighing(self, speeds: Floats) -> Indices:
-        """Numbers of the copies whose speeds count, of N K."""
-        return np.arange(len(speeds))
+    def few_that_weigh(self) -> Callable[[Floats], Indices] | None:
+        """Numbers of the copies whose speeds count, of N K; None where too many count to find them before slopes."""
+        return None
 
     def first_failure(self, status: NDArray[Any]) -> NDArray[Any]:
         """The first status of a copy that is not ok, or ok, shape (N,)."""
@@ -133,14 +129,11 @@ class UncertainDraws(Draws):
         return self.uncertainty.draw(self.count, actuators=BLADDERS)
 
     @property
-    def few_weigh(self) -> bool:
-        """Whether the risk counts few of the draws; to simulate all first takes a sixth of the time of all slopes."""
-        weighing = max(math.ceil(self.risk.share * self.count), 1)
-        return weighing <= FEW * self.count
-
-    def weighing(self, speeds: Floats) -> Indices:
-        """Numbers of the copies whose speeds count, of N K."""
-        return np.flatnonzero(self.risk.weights(speeds.reshape(-1, self.count)))
+    def few_that_weigh(self) -> Callable[[Floats], Indices] | None:
+        """Those that the risk counts, if few; to simulate all first takes a sixth of the time of all slopes."""
+        if max(math.ceil(self.risk.share * self.count), 1) > FEW * self.count:
+            return None
+        return lambda speeds: np.flatnonzero(self.risk.weights(speeds.reshape(-1, self.count)))
 
     def part(self, rows: Indices) -> Self:
         """Some of the draws, by number."""

@@ -267,18 +267,18 @@ class GaitProblem(GaitPoints):
         """
         progress, chosen = settings["progress"], np.arange(len(points))
         speeds, status = np.zeros(len(points)), np.full(len(points), OK, dtype=object)
-        if first := drawn.few_weigh:
+        if find := drawn.few_that_weigh:
             plain = {**settings, "progress": part_of(progress, 0, 2)}
             result = simulation.simulate(copies.designs, copies.terrains, **plain)
             speeds, status = self.speeds(result), np.array(result.status, dtype=object)
-            chosen = drawn.weighing(speeds)
+            chosen = find(speeds)
             copies, progress = copies.some(chosen), part_of(progress, 1, 2)
         counting = dataclasses.replace(settings["counting"], window=self.window)
         own = {**settings, "actuation": copies.drives, "counting": counting, "progress": progress}
         run = gradient.differentiate(copies.designs, copies.terrains, **own)
         slopes = np.zeros(points.shape)
         slopes[chosen] = self._slopes(run, points[chosen], sharpness, copies)
-        if not first:
+        if not find:
             speeds = self.speeds(run.result)
         status[chosen] = np.where(status[chosen] == OK, run.result.status, status[chosen])
         return speeds, slopes, status

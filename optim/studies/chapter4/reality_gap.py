@@ -92,11 +92,18 @@ class RealityGap(Settings):
 
 
 def measure(settings: RealityGap, design: int, sweep_folder: Path, _: Progress) -> Arrays:
-    """Weights of the controllers drawn, shape (C, 2), and their survival of each perturbation, shape (P, C)."""
-    body = VehicleBody.published(design)
-    overlap = overlaps_of([body], settings.sweep, sweep_folder, threads=settings.threads)[0]
+    """Weights of the controllers drawn, shape (C, 2), and their survival of each perturbation, shape (P, C).
+
+    Raises:
+        ValueError: if none of the sweep solves all environments in this body.
+    """
+    body, sweep = VehicleBody.published(design), settings.sweep
+    overlap = overlaps_of([body], sweep, sweep_folder, threads=settings.threads)[0]
     drawn = some_solving_controllers(overlap, settings.controllers, (settings.seed, design))
-    vehicles = np.broadcast_to(body.sensors, (len(drawn), 2, 2)), contralateral(drawn), settings.sweep.task
+    if not len(drawn):
+        tried = ", ".join(f"sweep.{name}={getattr(sweep, name):g}" for name in ("weights", "radius", "steps"))
+        raise ValueError(f"sweep: no controller of design {design} solves all environments with {tried}; give more")
+    vehicles = np.broadcast_to(body.sensors, (len(drawn), 2, 2)), contralateral(drawn), sweep.task
     effort = settings.draws, settings.seed, settings.threads
     after = [survival(*vehicles, p, *effort) for p in PERTURBATIONS]
     return {"weights": drawn, "survival": np.array(after).reshape(len(PERTURBATIONS), len(drawn))}

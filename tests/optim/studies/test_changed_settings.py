@@ -91,6 +91,7 @@ def test_the_command_runs_the_study_with_them(morpholab, monkeypatch, tmp_path):
     ("line", "message"),
     [
         ("capped-gaits --out a --set seeds=1", "set: 'seeds' is unknown; choose one of full, slopes"),
+        ("slope-sweep --out a --set robot.copy=4", "robot.seed; did you mean robot.copies?"),
         ("capped-gaits --out a --set full", "set: 'full' is not allowed; give NAME=VALUE"),
         ("capped-gaits --out a --set held_out=0.5", "held_out: 0.5 is not allowed; give a value such as 4"),
         ("capped-gaits --out a --from-data . --set full=1", "set: ['full=1'] is not allowed with --from-data"),

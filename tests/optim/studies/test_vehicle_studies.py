@@ -200,3 +200,14 @@ def test_bodies_none_of_which_succeeds_are_told(tmp_path, monkeypatch):
     monkeypatch.setattr(homeostasis_of_bodies, "chosen_bodies", lambda *given: {})
     with pytest.raises(ValueError, match=r"^sweep: no body succeeds from everywhere; give it more steps, or a larger"):
         homeostasis_of_bodies.study(tmp_path, BodyHomeostasis(bodies=4, controllers=2, sweep=SHORT, samples=50))
+
+
+@pytest.mark.kernels
+def test_a_body_whose_controllers_all_fail_is_told_with_the_settings_of_its_sweep(tmp_path):
+    hard = RealityGap(sweep=replace(SHORT, weights=3, radius=1e-5, steps=10))
+    message = (
+        "sweep: no controller of design 6553 solves all environments with sweep.weights=3, sweep.radius=1e-05, "
+        "sweep.steps=10; give more"
+    )
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        reality_gap.study(tmp_path, hard)
