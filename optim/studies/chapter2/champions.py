@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.data import Kind
+from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress
-from optim.experiments.tables import Record, column, where, write_records
+from optim.experiments.tables import Record, column, distinct, where, write_records
 from optim.studies.chapter2.evolution import Runs, by_treatment, evolve
 from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
 from optim.studies.chapter2.tables import measure
@@ -21,6 +21,12 @@ from taichi_sim.base.files import write_text
 
 FRAMES = 500  # of a signal, at most
 NEAR = 0.5  # m, from the light
+TRACES: dict[str, Kind] = {  # of ``traces.csv``: a moment [s] of a run in an environment, where it is, what it reads
+    "fitness": str,
+    "robot": tuple(ROBOTS),
+    **dict.fromkeys(("run", "environment"), int),
+    **dict.fromkeys(("time", "x", "y", "light"), float),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +75,28 @@ def write_champions(champions: Mapping[Treatment, Champions], folder: Path) -> N
     for treatment, seen in champions.items():
         name = f"{treatment.robot}_{treatment.row}".replace(", ", "_")
         write_text(folder / f"{name}.json", json.dumps(seen.weights[typical(seen)].tolist()) + "\n")
+
+
+def traces_of(champions: Mapping[Treatment, Champions]) -> list[Record]:
+    """Paths and readings of a typical champion of each treatment, a row for each moment: those of ``TRACES``."""
+    rows: list[Record] = []
+    for treatment, seen in champions.items():
+        run = typical(seen)
+        for environment, (path, light) in enumerate(zip(seen.paths[run], seen.light[run], strict=True)):
+            moments = np.column_stack([seen.times, np.round(path, 3), np.round(light, 6)]).tolist()
+            rows += [dict(zip(TRACES, (*treatment.place, run, environment, *one), strict=True)) for one in moments]
+    return rows
+
+
+def read_traces(data: Data, environments: int) -> list[Record]:
+    """Read rows as of :func:`traces_of`; raises ValueError if a treatment lacks an environment."""
+    rows = data.records("traces.csv", TRACES)
+    for place in dict.fromkeys((row["fitness"], row["robot"]) for row in rows):
+        found = distinct(where(rows, fitness=place[0], robot=place[1]), "environment")
+        if sorted(found) != list(range(environments)):
+            path, named = data.path("traces.csv"), " ".join(place)
+            raise ValueError(f"{path}: {named} has environments {found}; give all {environments} from 0 on")
+    return rows
 
 
 def typical(seen: Champions) -> int:

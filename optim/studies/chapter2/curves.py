@@ -6,14 +6,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from optim.experiments.tables import write_table
+from optim.experiments.data import Data, Kind
+from optim.experiments.tables import column, distinct, where, write_table
 from optim.measures.catastrophic_interference import RunMeasures
 from optim.measures.statistics import mean_band
 from optim.studies.chapter2.evolution import Runs
-from optim.studies.chapter2.settings import FITNESS, Treatment
+from optim.studies.chapter2.settings import FITNESS, ROBOTS, Place, Treatment
 from taichi_sim.base.arrays import Arrays, Floats
 
+FILE = "curves.csv"
 QUANTITIES = ("worst_distance", "fitness")
+BAND = ("mean", "low", "high")
+COLUMNS: dict[str, Kind] = {  # of ``FILE``
+    "fitness": str,
+    "robot": tuple(ROBOTS),
+    "quantity": QUANTITIES,
+    "generation": int,
+    **dict.fromkeys(BAND, float),
+}
+Mutations = tuple[Floats, NDArray[np.int32]]  # changes of distances, (A, E) [m], and generations, (A,)
 
 
 def curve(state: Arrays, fitness: str) -> Floats:
@@ -32,24 +43,38 @@ def curve(state: Arrays, fitness: str) -> Floats:
     return found
 
 
-def write_curves(found: Runs, path: Path) -> dict[Treatment, Floats]:
-    """Write mean and 95 % bootstrap interval over runs for each generation as CSV; return ``QUANTITIES``, (R, G, 2)."""
-    stacked = {each: np.stack([curve(state, each.fitness) for state in states]) for each, states in found.items()}
-    rows = []
-    for treatment, values in stacked.items():
-        low, high = mean_band(values)
-        for n, quantity in enumerate(QUANTITIES):
-            numbers = np.column_stack([values[..., n].mean(axis=0), low[:, n], high[:, n]]).tolist()
-            rows += [(treatment.row, treatment.robot, quantity, g, *row) for g, row in enumerate(numbers)]
-    write_table(path, ("fitness", "robot", "quantity", "generation", "mean", "low", "high"), rows)
-    return stacked
+def write_curves(found: Runs, path: Path) -> dict[Place, Floats]:
+    """Write means over runs and their 95 % bootstrap intervals by generation, to six digits; return them, (2, 3, G)."""
+    curves = {}
+    for treatment, states in found.items():
+        values = np.stack([curve(state, treatment.fitness) for state in states])
+        bands = np.stack([values.mean(axis=0), *mean_band(values)]).transpose(2, 0, 1)
+        curves[treatment.place] = np.array([float(f"{number:.6g}") for number in bands.flat]).reshape(bands.shape)
+    rows = [
+        (*place, quantity, generation, *numbers)
+        for place, bands in curves.items()
+        for quantity, band in zip(QUANTITIES, bands, strict=True)
+        for generation, numbers in enumerate(band.T.tolist())
+    ]
+    write_table(path, tuple(COLUMNS), rows)
+    return curves
 
 
-def mutations(state: Arrays, only: Sequence[int] | None = None) -> tuple[Floats, NDArray[np.int32]]:
-    """Beneficial mutations of a run: changes of distances, (A, E) [m], positive where better, and generations, (A,).
+def read_curves(data: Data) -> dict[Place, Floats]:
+    """Read what :func:`write_curves` wrote; raises ValueError if a generation is missing, or one has two rows."""
+    every, curves = data.records(FILE, COLUMNS), {}
+    for row in distinct(every, "fitness"):
+        for robot in distinct(own := where(every, fitness=row), "robot"):
+            each = [where(own, robot=robot, quantity=quantity) for quantity in QUANTITIES]
+            born = [[one["generation"] for one in rows] for rows in each]
+            if born[0] != list(range(len(born[0]))) or born[1] != born[0]:
+                raise ValueError(f"{data.path(FILE)}: {row} {robot} must have a row of each quantity and generation")
+            curves[row, robot] = np.array([[column(rows, name) for name in BAND] for rows in each])
+    return curves
 
-    Of some climbers ``only``, if given.
-    """
+
+def mutations(state: Arrays, only: Sequence[int] | None = None) -> Mutations:
+    """Beneficial mutations of a run, positive where better; those of some climbers ``only``, if given."""
     order = np.argsort(state["climber"], kind="stable")  # generations stay in order
     climber, born, distance = (state[name][order] for name in ("climber", "born", "distance"))
     steps = climber[1:] == climber[:-1]
@@ -62,11 +87,11 @@ def mutations(state: Arrays, only: Sequence[int] | None = None) -> tuple[Floats,
 
 def all_mutations(
     found: Runs, measured: Mapping[Treatment, Sequence[RunMeasures]] | None = None
-) -> dict[Treatment, tuple[Floats, NDArray[np.int32]]]:
+) -> dict[Place, Mutations]:
     """Beneficial mutations of all runs by treatment; of the lines of champions only, if runs are given as measured."""
     every = {}
     for treatment, states in found.items():
         only = [None] * len(states) if measured is None else [[run.champion] for run in measured[treatment]]
         parts = [mutations(*each) for each in zip(states, only, strict=True)]
-        every[treatment] = np.concatenate([c for c, _ in parts]), np.concatenate([born for _, born in parts])
+        every[treatment.place] = np.concatenate([c for c, _ in parts]), np.concatenate([born for _, born in parts])
     return every

@@ -81,7 +81,7 @@ def likeness(
     champions: Mapping[Treatment, Champions], settings: Interference, threads: int | None = None
 ) -> dict[str, Cells]:
     """By quantity, the numbers of each treatment's champions, and of random controllers; failures are left out."""
-    seen = {(treatment.row, treatment.robot): each for treatment, each in champions.items()}
+    seen = {treatment.place: each for treatment, each in champions.items()}
     weights = random_weights(CONTROLLERS, SENSORS, MOTORS, generator(0))
     for robot in dict.fromkeys(treatment.robot for treatment in champions):
         seen[RANDOM, robot] = follow(settings, robot, weights, threads)

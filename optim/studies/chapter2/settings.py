@@ -42,6 +42,9 @@ AT_ONCE = 200  # rollouts to differentiate at a time: 2 MB each
 SPACE = Space(tuple(Variable(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(SENSORS) for m in range(MOTORS)))
 
 
+Place = tuple[str, str]  # of a treatment in tables and figures: its row, and its robot, which is the column
+
+
 @dataclass(frozen=True)
 class Treatment:
     """A robot, how its environments make a fitness, and how it is trained."""
@@ -54,6 +57,11 @@ class Treatment:
     def row(self) -> str:
         """Its row in tables; robots are columns."""
         return self.fitness if self.trainer == HILL_CLIMB else f"{self.fitness}, {self.trainer}"
+
+    @property
+    def place(self) -> Place:
+        """Its row and its column."""
+        return self.row, self.robot
 
     def file(self, run: int) -> str:
         """The name of the file of one of its runs, without hyphens."""

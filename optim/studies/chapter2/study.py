@@ -14,12 +14,19 @@ from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, StudyReport, StudySection
 from optim.experiments.tables import read_table, where
 from optim.studies.chapter2.champions import COLUMNS as ALONE
-from optim.studies.chapter2.champions import champions_of, train_alone, write_alone, write_champions
-from optim.studies.chapter2.curves import all_mutations, write_curves
+from optim.studies.chapter2.champions import (
+    champions_of,
+    read_traces,
+    traces_of,
+    train_alone,
+    write_alone,
+    write_champions,
+)
+from optim.studies.chapter2.curves import all_mutations, read_curves, write_curves
 from optim.studies.chapter2.evolution import KIND, by_treatment, evolve
 from optim.studies.chapter2.likeness import COLUMNS as LIKENESS
 from optim.studies.chapter2.likeness import QUANTITIES, likeness, write_likeness
-from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Treatment, treatments
+from optim.studies.chapter2.settings import LIGHTS, ROBOTS, Interference, Lights, Treatment, treatments
 from optim.studies.chapter2.tables import COLUMNS as RUNS
 from optim.studies.chapter2.tables import Cells, cells_of, measure, rows_of, write_tables
 from robots.robot import part_of
@@ -80,7 +87,7 @@ def train(
         from optim.studies.chapter2.figures import draw_changes, draw_curves, draw_traces
 
         draw_curves(curves, out / "curves.png")
-        draw_traces(champions, settings, out / "traces.png")
+        draw_traces(traces_of(champions), settings.lights, out / "traces.png")
         if len(settings.lights) == 2:
             draw_changes(all_mutations(found), out / "changes.png")
             draw_changes(all_mutations(found, measure(found)), out / "changes-of-champions.png")
@@ -116,9 +123,9 @@ def study(folder: Path, settings: Effort, progress: Progress = None) -> None:
 
 
 def tell(data: Data, folder: Path) -> None:
-    """Write the tables of each experiment that has a folder with the table of its runs, and of each light alone.
+    """Write tables and pictures of each experiment that has a folder with the table of its runs, and each light alone.
 
-    Pictures need what climbers kept, and the paths of champions, which are in no table.
+    Pictures are those whose numbers are there: what climbers kept, and the paths of champions, are in no table of runs.
     """
     for name, environments in ENVIRONMENTS.items():
         part, told = Data(data.folder / name), folder / name
@@ -131,8 +138,22 @@ def tell(data: Data, folder: Path) -> None:
             rows = part.records("likeness.csv", LIKENESS)
             found = {quantity: cells_of(where(rows, quantity=quantity), "value") for quantity in QUANTITIES}
             _add_likeness(summary, found, told)
+        _draw(part, LIGHTS[environments], told)
     alone = write_alone(data.records("alone.csv", ALONE), folder)
     write_json(folder / "summary.json", {"alone": alone})
+
+
+def _draw(data: Data, lights: Lights, out: Path) -> None:
+    """Draw the pictures whose numbers are in a folder."""
+    from optim.studies.chapter2.figures import draw_changes, draw_curves, draw_traces, read_changes
+
+    if data.has("curves.csv"):
+        draw_curves(read_curves(data), out / "curves.png")
+    if data.has("traces.csv"):
+        draw_traces(read_traces(data, len(lights)), lights, out / "traces.png")
+    for name in PICTURES_OF_TWO if len(lights) == 2 else ():
+        if data.has(numbers := str(Path(name).with_suffix(".npz"))):
+            draw_changes(read_changes(data, numbers), out / name)
 
 
 STUDY = Study(

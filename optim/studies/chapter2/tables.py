@@ -18,11 +18,11 @@ from optim.experiments.tables import MISSING, Record, column, distinct, markdown
 from optim.measures.catastrophic_interference import RunMeasures, measure_run, measure_run_as_computed
 from optim.measures.statistics import bonferroni, effect, mean_band
 from optim.studies.chapter2.evolution import Runs
-from optim.studies.chapter2.settings import ROBOTS, Treatment
+from optim.studies.chapter2.settings import ROBOTS, Place, Treatment
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 
-Cells = dict[tuple[str, str], Floats]  # by row and robot
+Cells = dict[Place, Floats]
 SIGNIFICANT = 0.05
 
 MEASURES = {
@@ -43,12 +43,12 @@ COLUMNS: dict[str, Kind] = {  # of ``runs.csv``
 }
 
 
-def _grid(*numbers: float) -> dict[tuple[str, str], float]:
+def _grid(*numbers: float) -> dict[Place, float]:
     """Numbers of the nine treatments, row by row."""
     return dict(zip(product(("sum", "product", "min"), ("legged", "wheeled", "whegged")), numbers, strict=True))
 
 
-PUBLISHED: Mapping[tuple[int, str], Mapping[tuple[str, str], float]] = {
+PUBLISHED: Mapping[tuple[int, str], Mapping[Place, float]] = {
     (2, "M1"): _grid(8.181, 8.386, 5.915, 6.530, 3.593, 1.234, 5.827, 3.575, 1.296),
     (2, "M2"): _grid(71.035, 73.362, 72.640, 66.292, 71.090, 66.895, 57.843, 58.226, 48.844),
     (2, "M3"): _grid(1.734, 3.209, 4.971, 1.889, 3.372, 5.341, 1.164, 2.411, 2.001),
@@ -76,14 +76,14 @@ def rows_of(found: Runs) -> list[Record]:
         for treatment, each in measure(found, definition).items():
             for run, m in enumerate(each):
                 numbers = m.champion, m.worst, m.angle, m.length, 100 * m.share, m.changes
-                cells = definition, treatment.row, treatment.robot, run, *numbers
+                cells = definition, *treatment.place, run, *numbers
                 rows.append(dict(zip(COLUMNS, cells, strict=True)))
     return rows
 
 
 def cells_of(rows: Iterable[Record], name: str) -> Cells:
     """By row and robot, the numbers of a column, without those that are not finite, as of runs that have none."""
-    parts: dict[tuple[str, str], list[Record]] = {}
+    parts: dict[Place, list[Record]] = {}
     for row in rows:
         parts.setdefault((row["fitness"], row["robot"]), []).append(row)
     numbers = {place: column(part, name) for place, part in parts.items()}

@@ -2,18 +2,23 @@
 
 import json
 import re
+import shutil
 from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
+from optim.experiments.data import Data
+from optim.experiments.figures import save_arrays
+from optim.experiments.tables import write_table
 from optim.problem import Evaluation
 from optim.search import METHODS
 from optim.search.hill_climb import HillClimb
-from optim.studies.chapter2 import evolution, settings
+from optim.studies.chapter2 import champions, curves, evolution, settings
 from optim.studies.chapter2.evolution import Climbers, evolve
+from optim.studies.chapter2.figures import read_changes
 from optim.studies.chapter2.settings import FITNESS, Interference, Treatment, treatments
-from optim.studies.chapter2.study import train
+from optim.studies.chapter2.study import PICTURES, PICTURES_OF_TWO, tell, train
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.runtime import ti
 
@@ -214,6 +219,18 @@ def test_other_trainers_take_part_as_a_row_of_their_own(whole, tmp_path, monkeyp
     ] * 2
 
 
+def told_again(folder, data):
+    """The numbers of an experiment in two environments, without its runs, make the same tables and pictures."""
+    numbers = ("runs.csv", "likeness.csv", "curves.csv", "traces.csv.gz", "changes.npz", "changes-of-champions.npz")
+    (data / "two").mkdir(parents=True)
+    for name in numbers:
+        shutil.copy(folder / name, data / "two")
+    shutil.copy(folder / "alone.csv", data)
+    tell(Data(data), data / "told")
+    for name in ("tables.md", "likeness.md", *PICTURES, *PICTURES_OF_TWO, *numbers[-3:]):
+        assert (data / "told/two" / name).read_bytes() == (folder / name).read_bytes(), name
+
+
 SMALL = "--population 3 --steps 40 --generations 2 --runs 2 --threads 1 --quiet"
 
 
@@ -234,9 +251,45 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
     assert len(likeness["warping"]["means"]) == 12 and len(likeness["asymmetry"]["tests"]["min"]) == 3
     seen = "view whegged --controller a/champions/whegged_min.json --frames 3 --threads 1 --quiet --out page.html"
     assert len(list((tmp_path / "a/champions").iterdir())) == 9 and morpholab(seen)[0] == 0
+    told_again(tmp_path / "a", tmp_path / "data")
     monkeypatch.setattr(evolution, "_judge", None)  # nothing is left to do
     code, out, error = morpholab(f"interference --out a {SMALL} --robots whegged --fitness min")
     assert (code, error) == (0, "") and "M1: whegged min" in out and "2 runs of 2 generations, 3 climbers each\n" in out
+
+
+CURVE = [("min", "legged", quantity, born, 1.0, 0.5, 1.5) for quantity in curves.QUANTITIES for born in (0, 1)]
+PATH = [("min", "legged", 0, environment, 0.0, 0.0, 0.0, 0.1) for environment in (0, 1)]
+
+
+def test_curves_without_a_generation_and_paths_without_an_environment_are_told(tmp_path):
+    data = Data(tmp_path)
+    write_table(tmp_path / "curves.csv", tuple(curves.COLUMNS), CURVE)
+    write_table(tmp_path / "traces.csv.gz", tuple(champions.TRACES), PATH)
+    assert curves.read_curves(data)["min", "legged"].tolist() == [[[1.0, 1.0], [0.5, 0.5], [1.5, 1.5]]] * 2
+    assert len(champions.read_traces(data, 2)) == 2
+    write_table(tmp_path / "curves.csv", tuple(curves.COLUMNS), CURVE[:3])
+    with pytest.raises(ValueError, match=r"curves.csv: min legged must have a row of each quantity and generation$"):
+        curves.read_curves(data)
+    with pytest.raises(ValueError, match=r"traces.csv.gz: min legged has environments \[0, 1\]; give all 4 from 0 on$"):
+        champions.read_traces(data, 4)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "generations", "message"),
+    [
+        ("legged_min", [[1.0, 2.0, 3.0]], [1], "legged_min_change must have two finite numbers in each row"),
+        ("legged_min", [[1.0, np.nan]], [1], "legged_min_change must have two finite numbers in each row"),
+        ("legged_min", [[1.0, 2.0]], [1, 2], "legged_min_generation must have a generation for each row of legged_min"),
+        ("legged_min", [[1.0, 2.0]], [-1], "legged_min_generation must have a generation for each row of legged_min"),
+        ("winged_min", [[1.0, 2.0]], [1], "winged_min_change is of no robot; robots are legged, wheeled, whegged"),
+        (None, [], [], "has no mutations"),
+    ],
+)
+def test_mutations_that_are_none_are_told(tmp_path, name, changes, generations, message):
+    arrays = {f"{name}_change": np.array(changes), f"{name}_generation": np.array(generations)} if name else {}
+    save_arrays(tmp_path / "changes.npz", arrays)
+    with pytest.raises(ValueError, match=f"changes.npz: {message}"):
+        read_changes(Data(tmp_path), "changes.npz")
 
 
 @pytest.mark.parametrize(
