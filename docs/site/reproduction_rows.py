@@ -40,8 +40,8 @@ def band(found: Any, digits: int, value: str = "mean") -> str:
 
 
 def percent(share: float) -> str:
-    """A share in per cent."""
-    return f"{100 * share:.2g} %"
+    """A share in per cent, to two digits, of which 100 has no exponent."""
+    return f"{float(f'{100 * share:.2g}'):g} %"
 
 
 def reproduced(study: str, budget: str = "full") -> str:

@@ -300,6 +300,8 @@ def draw(rows: Sequence[Record], path: Path) -> None:
                 lines.append(axes.errorbar(factor, share, np.nan_to_num(deviation / usual), **line))
             axes.set_xlabel(f"factor, {behaviour}")
             logarithmic(axes, "x", (0.5, 0.7, 1.0, 1.4, 2.0))
+        panels[0, 0].set_yscale("symlog", linthresh=1.0, linscale=1.0)  # what slides down goes many times as far
+        panels[0, 0].set_yticks([-10, -1, 0, 1, 10], ["-10", "-1", "0", "1", "10"])
         panels[0, 0].set_ylabel("distance / unchanged robot's")
         drawn.legend(handles=lines, loc="outside upper center", ncols=3)
 
