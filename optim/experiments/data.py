@@ -191,8 +191,8 @@ def _cell(path: Path, number: int, name: str, text: str, kind: Kind) -> Any:
 def _is_of(value: Any, kind: type) -> bool:
     if kind is list:
         return isinstance(value, list | tuple) and all(_is_of(each, float) for each in value)
-    if kind is float:
-        return isinstance(value, float | int) and not isinstance(value, bool)
+    if kind is float:  # or a whole number that is no larger than floats are
+        return isinstance(value, float) or (isinstance(value, int) and checks.finite(value) is not None)
     return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
 
 

@@ -101,7 +101,7 @@ class Draws:
 
     @property
     def few_that_weigh(self) -> Callable[[Floats], Indices] | None:
-        """Numbers of the copies whose speeds count, of N K; None where too many count to find them before slopes."""
+        """How to find the copies that count, by number, from the speeds of all; None where that saves no time."""
         return None
 
     def first_failure(self, status: NDArray[Any]) -> NDArray[Any]:
@@ -130,7 +130,7 @@ class UncertainDraws(Draws):
 
     @property
     def few_that_weigh(self) -> Callable[[Floats], Indices] | None:
-        """Those that the risk counts, if few; to simulate all first takes a sixth of the time of all slopes."""
+        """How to find the copies that the risk counts, if few; to simulate all takes a sixth of the time of slopes."""
         if max(math.ceil(self.risk.share * self.count), 1) > FEW * self.count:
             return None
         return lambda speeds: np.flatnonzero(self.risk.weights(speeds.reshape(-1, self.count)))

@@ -12,7 +12,7 @@ from optim.experiments.data import Data, Kind
 from optim.experiments.results import Progress
 from optim.experiments.tables import Record, column, distinct, where, write_records
 from optim.studies.chapter2.evolution import Runs, by_treatment, evolve
-from optim.studies.chapter2.settings import ROBOTS, Interference, Treatment
+from optim.studies.chapter2.settings import ROBOTS, ROWS, Interference, Treatment
 from optim.studies.chapter2.tables import measure
 from robots.quadruped import TIME_STEP
 from robots.robot import part_of
@@ -21,8 +21,9 @@ from taichi_sim.base.files import write_text
 
 FRAMES = 500  # of a signal, at most
 NEAR = 0.5  # m, from the light
+FARTHEST = 1000.0  # m, that no robot gets away in a trial
 TRACES: dict[str, Kind] = {  # of ``traces.csv``: a moment [s] of a run in an environment, where it is, what it reads
-    "fitness": str,
+    "fitness": ROWS,
     "robot": tuple(ROBOTS),
     **dict.fromkeys(("run", "environment"), int),
     **dict.fromkeys(("time", "x", "y", "light"), float),
@@ -83,19 +84,29 @@ def traces_of(champions: Mapping[Treatment, Champions]) -> list[Record]:
     for treatment, seen in champions.items():
         run = typical(seen)
         for environment, (path, light) in enumerate(zip(seen.paths[run], seen.light[run], strict=True)):
-            moments = np.column_stack([seen.times, np.round(path, 3), np.round(light, 6)]).tolist()
-            rows += [dict(zip(TRACES, (*treatment.place, run, environment, *one), strict=True)) for one in moments]
+            for time, reading, *at in np.column_stack([seen.times, light, path]).tolist():
+                moment = float(f"{time:.6g}"), *(round(each, 3) for each in at), float(f"{reading:.6g}")
+                rows.append(dict(zip(TRACES, (*treatment.place, run, environment, *moment), strict=True)))
     return rows
 
 
 def read_traces(data: Data, environments: int) -> list[Record]:
-    """Read rows as of :func:`traces_of`; raises ValueError if a treatment lacks an environment."""
-    rows = data.records("traces.csv", TRACES)
+    """Read rows as of :func:`traces_of`; raises ValueError unless each treatment has one path in each environment."""
+    rows, path = data.records("traces.csv", TRACES), data.path("traces.csv")
+    for number, row in enumerate(rows, 2):
+        for name in ("x", "y"):
+            if abs(row[name]) > FARTHEST:  # failed ones have NaN
+                told = f"row {number} has {row[name]:g} as {name}"
+                raise ValueError(f"{path}: {told}; it must be from {-FARTHEST:g} to {FARTHEST:g} m")
     for place in dict.fromkeys((row["fitness"], row["robot"]) for row in rows):
-        found = distinct(where(rows, fitness=place[0], robot=place[1]), "environment")
-        if sorted(found) != list(range(environments)):
-            path, named = data.path("traces.csv"), " ".join(place)
-            raise ValueError(f"{path}: {named} has environments {found}; give all {environments} from 0 on")
+        own, named = where(rows, fitness=place[0], robot=place[1]), " ".join(place)
+        found, runs = distinct(own, "environment"), distinct(own, "run")
+        if sorted(found) != list(range(environments)) or len(runs) > 1:
+            told = f"{named} has environments {found} of runs {runs}"
+            raise ValueError(f"{path}: {told}; give all {environments} environments from 0 on of one run")
+        for environment in found:
+            if not (np.diff(column(where(own, environment=environment), "time")) > 0).all():
+                raise ValueError(f"{path}: {named} goes back in time in environment {environment}; sort its rows")
     return rows
 
 

@@ -11,14 +11,14 @@ from optim.experiments.tables import column, distinct, where, write_table
 from optim.measures.catastrophic_interference import RunMeasures
 from optim.measures.statistics import mean_band
 from optim.studies.chapter2.evolution import Runs
-from optim.studies.chapter2.settings import FITNESS, ROBOTS, Place, Treatment
+from optim.studies.chapter2.settings import FITNESS, ROBOTS, ROWS, Place, Treatment
 from taichi_sim.base.arrays import Arrays, Floats
 
 FILE = "curves.csv"
 QUANTITIES = ("worst_distance", "fitness")
 BAND = ("mean", "low", "high")
 COLUMNS: dict[str, Kind] = {  # of ``FILE``
-    "fitness": str,
+    "fitness": ROWS,
     "robot": tuple(ROBOTS),
     "quantity": QUANTITIES,
     "generation": int,
@@ -43,13 +43,18 @@ def curve(state: Arrays, fitness: str) -> Floats:
     return found
 
 
-def write_curves(found: Runs, path: Path) -> dict[Place, Floats]:
-    """Write means over runs and their 95 % bootstrap intervals by generation, to six digits; return them, (2, 3, G)."""
+def curves_of(found: Runs) -> dict[Place, Floats]:
+    """Means over runs of ``QUANTITIES`` by generation, and their 95 % bootstrap intervals, to six digits, (2, 3, G)."""
     curves = {}
     for treatment, states in found.items():
         values = np.stack([curve(state, treatment.fitness) for state in states])
         bands = np.stack([values.mean(axis=0), *mean_band(values)]).transpose(2, 0, 1)
         curves[treatment.place] = np.array([float(f"{number:.6g}") for number in bands.flat]).reshape(bands.shape)
+    return curves
+
+
+def write_curves(curves: Mapping[Place, Floats], path: Path) -> None:
+    """Write curves as CSV, a row for each quantity and generation of each treatment."""
     rows = [
         (*place, quantity, generation, *numbers)
         for place, bands in curves.items()
@@ -57,18 +62,20 @@ def write_curves(found: Runs, path: Path) -> dict[Place, Floats]:
         for generation, numbers in enumerate(band.T.tolist())
     ]
     write_table(path, tuple(COLUMNS), rows)
-    return curves
 
 
 def read_curves(data: Data) -> dict[Place, Floats]:
     """Read what :func:`write_curves` wrote; raises ValueError if a generation is missing, or one has two rows."""
-    every, curves = data.records(FILE, COLUMNS), {}
+    every, curves = data.records(FILE, COLUMNS), dict[Place, Floats]()
     for row in distinct(every, "fitness"):
         for robot in distinct(own := where(every, fitness=row), "robot"):
             each = [where(own, robot=robot, quantity=quantity) for quantity in QUANTITIES]
-            born = [[one["generation"] for one in rows] for rows in each]
-            if born[0] != list(range(len(born[0]))) or born[1] != born[0]:
-                raise ValueError(f"{data.path(FILE)}: {row} {robot} must have a row of each quantity and generation")
+            for quantity, rows in zip(QUANTITIES, each, strict=True):
+                if [one["generation"] for one in rows] != list(range(max(map(len, each)))):
+                    told = f"{row} {robot} has {len(rows)} rows of {quantity}"
+                    raise ValueError(
+                        f"{data.path(FILE)}: {told}; give one for each generation from 0 on, in this order"
+                    )
             curves[row, robot] = np.array([[column(rows, name) for name in BAND] for rows in each])
     return curves
 

@@ -16,11 +16,14 @@ from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic, save_a
 from optim.experiments.tables import Record, column, where, write_records
 from optim.plots.curves import draw_band
 from optim.studies.chapter2.curves import Mutations
-from optim.studies.chapter2.settings import ROBOTS, Lights, Place
+from optim.studies.chapter2.settings import ROBOTS, ROWS, Lights, Place
 from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_POINTS = 20_000  # of a panel; more are as dense
 PATHS = dict(zip(ROBOTS, ("#D55E00", "#009E73", "#0072B2"), strict=True))
+TALLEST = 3.0  # height of a panel of paths per width
+LARGEST_CHANGE = 1e4  # m, of a distance from the light in a file
+KNOWN = f"{', '.join(ROBOTS)} and {'; '.join(ROWS)}"  # robots and rows
 SHADES = ("#e8f3e8", "#f7ecec")  # better in both environments; better in one and worse in the other
 
 
@@ -48,8 +51,11 @@ def _grid_of_treatments(
 
 
 def draw_changes(mutations: Mapping[Place, Mutations], path: Path) -> None:
-    """Beneficial mutations in two environments, a panel each treatment, coloured by generation; numbers as ``.npz``."""
-    shown = {place: _shown(*each) for place, each in mutations.items()}
+    """Beneficial mutations in two environments, a panel each treatment, coloured by generation.
+
+    Their numbers are written as ``.npz``, to the millimetre.
+    """
+    shown = {place: (np.round(changes.astype(float), 3), born) for place, (changes, born) in mutations.items()}
     rows, columns = _layout(shown)
     reach = 1.05 * max(1.0, *(np.abs(changes).max(initial=0.0) for changes, _ in shown.values()))
     latest = max(1, *(int(born.max(initial=0)) for _, born in shown.values()))
@@ -65,7 +71,8 @@ def draw_changes(mutations: Mapping[Place, Mutations], path: Path) -> None:
             axes.fill_between([0, reach], -reach, 0, color=SHADES[1], lw=0)
             axes.plot([-reach, reach], [-reach, reach], color="0.75", lw=0.5, zorder=1)
             axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-            points = axes.scatter(*changes.T, c=born, **marks)
+            chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
+            points = axes.scatter(*changes[chosen].T, c=born[chosen], **marks)
         drawn.colorbar(points, ax=list(drawn.axes), label="generation", fraction=0.03, aspect=40)
     arrays: Arrays = {}
     for (row, robot), (changes, born) in shown.items():
@@ -73,31 +80,33 @@ def draw_changes(mutations: Mapping[Place, Mutations], path: Path) -> None:
     save_arrays(path.with_suffix(".npz"), arrays)
 
 
-def _shown(changes: Floats, born: NDArray[np.int32]) -> Mutations:
-    """What a panel shows of mutations, to the millimetre."""
-    chosen = np.linspace(0, len(born) - 1, min(len(born), MOST_POINTS)).astype(int)
-    return np.round(changes[chosen].astype(float), 3), born[chosen]
-
-
 def read_changes(data: Data, file: str) -> dict[Place, Mutations]:
     """Read the numbers of :func:`draw_changes`; raises ValueError for what is no mutation in two environments."""
-    names = [name for name in data.array_names(file) if name.endswith("_change")]
+    places = [name.removesuffix("_change") for name in data.array_names(file) if name.endswith("_change")]
+    arrays = data.arrays(file, [f"{place}_{kind}" for place in places for kind in ("change", "generation")])
     found = dict[Place, Mutations]()
-    for name in names:
-        place = name.removesuffix("_change")
+    for place in places:
+        name, born = f"{place}_change", f"{place}_generation"
         robot, _, row = place.partition("_")
-        arrays = data.arrays(file, (name, born := f"{place}_generation"))
         changes, generations = arrays[name], arrays[born]
-        if robot not in ROBOTS:
-            raise ValueError(f"{data.folder / file}: {name} is of no robot; robots are {', '.join(ROBOTS)}")
-        if changes.dtype.kind != "f" or changes.ndim != 2 or changes.shape[1] != 2 or not np.isfinite(changes).all():
-            raise ValueError(f"{data.folder / file}: {name} must have two finite numbers in each row")
-        if generations.dtype.kind != "i" or generations.shape != changes.shape[:1] or (generations < 0).any():
-            raise ValueError(f"{data.folder / file}: {born} must have a generation for each row of {name}")
+        if row not in ROWS or robot not in ROBOTS:
+            raise ValueError(f"{data.folder / file}: {name} is of no treatment; give robot_row of {KNOWN}")
+        whole = changes.dtype.kind == "f" and changes.ndim == 2 and changes.shape[1] == 2
+        if not whole or not (np.abs(changes) <= LARGEST_CHANGE).all():
+            told = f"{name} has shape {changes.shape} of {changes.dtype}"
+            raise ValueError(f"{data.folder / file}: {told}; give two numbers up to {LARGEST_CHANGE:g} m in each row")
+        if generations.dtype.kind not in "iu" or generations.shape != changes.shape[:1] or not _counts(generations):
+            told = f"{born} has shape {generations.shape} of {generations.dtype}"
+            raise ValueError(f"{data.folder / file}: {told}; give a generation from 0 on for each row of {name}")
         found[row, robot] = changes.astype(float), generations.astype(np.int32)
     if not found:
         raise ValueError(f"{data.folder / file}: has no mutations")
     return found
+
+
+def _counts(generations: NDArray[Any]) -> bool:
+    """Whether all are from 0 to the largest that mutations have."""
+    return bool(((generations >= 0) & (generations <= np.iinfo(np.int32).max)).all())
 
 
 def draw_curves(curves: Mapping[Place, Floats], path: Path) -> None:
@@ -114,7 +123,8 @@ def draw_curves(curves: Mapping[Place, Floats], path: Path) -> None:
         panels[0, 0].set_ylim(bottom=0)
         for axes, name in zip(panels[1:, 0], rows, strict=True):
             axes.set_ylabel(f"best fitness, {name}")
-            _scale_by_decades(axes)
+            if any(np.isfinite(bands[1, 0]).any() for (row, _), bands in curves.items() if row == name):
+                _scale_by_decades(axes)
         for axes, robot in zip(panels[0], columns, strict=True):
             axes.set_title(robot)
         for axes in panels[-1]:
@@ -133,14 +143,14 @@ def _scale_by_decades(axes: Any) -> None:
 
 def draw_traces(traces: Sequence[Record], lights: Lights, path: Path) -> None:
     """Paths of a typical champion of each treatment, from above, with the lights; numbers as CSV."""
-    from matplotlib.ticker import MultipleLocator
+    from matplotlib.ticker import MaxNLocator, MultipleLocator
 
     places = list(dict.fromkeys((row["fitness"], row["robot"]) for row in traces))
     rows, columns = _layout(places)
     every = np.concatenate([lights, _positions(traces)])
     low, high = np.nanmin(every, axis=0) - 1, np.nanmax(every, axis=0) + 1
     width, height = high - low
-    size = PAGE, 0.6 + (6.2 / len(columns) * height / width + 0.15) * len(rows)
+    size = PAGE, 0.6 + (6.2 / len(columns) * min(height / width, TALLEST) + 0.15) * len(rows)
     with _grid_of_treatments(places, path, size, ("x [m]", "y [m]")) as (_, panels):
         for row, robot in places:
             axes, own = panels[row, robot], where(traces, fitness=row, robot=robot)
@@ -151,7 +161,7 @@ def draw_traces(traces: Sequence[Record], lights: Lights, path: Path) -> None:
                 axes.plot(*line[-1], "o", color=PATHS[robot], ms=3)
             axes.plot(0, 0, "s", color="black", ms=3, zorder=3)
             axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
-            axes.yaxis.set_major_locator(MultipleLocator(5))
+            axes.yaxis.set_major_locator(MultipleLocator(5) if height < 100 else MaxNLocator(5))
     write_records(path.with_suffix(".csv.gz"), traces)
 
 

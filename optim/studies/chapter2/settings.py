@@ -32,6 +32,7 @@ from taichi_sim.base.arrays import Arrays, Floats
 from taichi_sim.base.compute import Device
 
 Lights = tuple[tuple[float, float], ...]
+Place = tuple[str, str]  # of a treatment in tables and figures: its row, and its robot, which is the column
 
 HILL_CLIMB = "hill-climb"
 TRAINERS: dict[str, str] = {HILL_CLIMB: HILL_CLIMB, "gradient": "gradient-hill-climb"}  # names in ``METHODS``
@@ -40,9 +41,6 @@ FITNESS: dict[str, Callable[..., Floats]] = {"sum": np.sum, "product": np.prod, 
 LIGHTS: dict[int, Lights] = {2: TWO_ENVIRONMENTS, 4: ENVIRONMENTS}  # by the number of environments
 AT_ONCE = 200  # rollouts to differentiate at a time: 2 MB each
 SPACE = Space(tuple(Variable(f"w{s}_{m}", -1.0, 1.0, step=0.05) for s in range(SENSORS) for m in range(MOTORS)))
-
-
-Place = tuple[str, str]  # of a treatment in tables and figures: its row, and its robot, which is the column
 
 
 @dataclass(frozen=True)
@@ -84,6 +82,9 @@ def treatments(
                 problem = "given twice" if name in known else "unknown"
                 raise ValueError(f"{field}: {name!r} is {problem}; choose some of {', '.join(known)}")
     return [Treatment(robot, way, trainer) for trainer in trainers for way in fitness for robot in robots]
+
+
+ROWS = tuple(dict.fromkeys(treatment.row for treatment in treatments(trainers=tuple(TRAINERS))))  # of all treatments
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from optim.studies.chapter2.champions import (
     write_alone,
     write_champions,
 )
-from optim.studies.chapter2.curves import all_mutations, read_curves, write_curves
+from optim.studies.chapter2.curves import all_mutations, curves_of, read_curves, write_curves
 from optim.studies.chapter2.evolution import KIND, by_treatment, evolve
 from optim.studies.chapter2.likeness import COLUMNS as LIKENESS
 from optim.studies.chapter2.likeness import QUANTITIES, likeness, write_likeness
@@ -82,7 +82,8 @@ def train(
     champions = champions_of(settings, found, threads)
     write_champions(champions, out / "champions")
     _add_likeness(summary, likeness(champions, settings, threads), out)
-    curves = write_curves(found, out / "curves.csv")
+    curves = curves_of(found)
+    write_curves(curves, out / "curves.csv")
     if figures:
         from optim.studies.chapter2.figures import draw_changes, draw_curves, draw_traces
 
@@ -148,11 +149,13 @@ def _draw(data: Data, lights: Lights, out: Path) -> None:
     from optim.studies.chapter2.figures import draw_changes, draw_curves, draw_traces, read_changes
 
     if data.has("curves.csv"):
-        draw_curves(read_curves(data), out / "curves.png")
+        curves = read_curves(data)
+        write_curves(curves, out / "curves.csv")
+        draw_curves(curves, out / "curves.png")
     if data.has("traces.csv"):
         draw_traces(read_traces(data, len(lights)), lights, out / "traces.png")
     for name in PICTURES_OF_TWO if len(lights) == 2 else ():
-        if data.has(numbers := str(Path(name).with_suffix(".npz"))):
+        if (data.folder / (numbers := str(Path(name).with_suffix(".npz")))).is_file():
             draw_changes(read_changes(data, numbers), out / name)
 
 

@@ -101,8 +101,9 @@ def measure(settings: RealityGap, design: int, sweep_folder: Path, _: Progress) 
     overlap = overlaps_of([body], sweep, sweep_folder, threads=settings.threads)[0]
     drawn = some_solving_controllers(overlap, settings.controllers, (settings.seed, design))
     if not len(drawn):
-        tried = ", ".join(f"sweep.{name}={getattr(sweep, name):g}" for name in ("weights", "radius", "steps"))
-        raise ValueError(f"sweep: no controller of design {design} solves all environments with {tried}; give more")
+        tried = ", ".join(f"sweep.{name}={getattr(sweep, name)}" for name in ("weights", "radius", "steps"))
+        told = f"no controller of design {design} solves all environments with {tried}"
+        raise ValueError(f"sweep: {told}; give it more steps or weights, or a larger radius")
     vehicles = np.broadcast_to(body.sensors, (len(drawn), 2, 2)), contralateral(drawn), sweep.task
     effort = settings.draws, settings.seed, settings.threads
     after = [survival(*vehicles, p, *effort) for p in PERTURBATIONS]

@@ -16,7 +16,7 @@ from optim.search import METHODS
 from optim.search.hill_climb import HillClimb
 from optim.studies.chapter2 import champions, curves, evolution, settings
 from optim.studies.chapter2.evolution import Climbers, evolve
-from optim.studies.chapter2.figures import read_changes
+from optim.studies.chapter2.figures import draw_curves, draw_traces, read_changes
 from optim.studies.chapter2.settings import FITNESS, Interference, Treatment, treatments
 from optim.studies.chapter2.study import PICTURES, PICTURES_OF_TWO, tell, train
 from taichi_sim.base.results_folder import ResultsFolder
@@ -227,7 +227,7 @@ def told_again(folder, data):
         shutil.copy(folder / name, data / "two")
     shutil.copy(folder / "alone.csv", data)
     tell(Data(data), data / "told")
-    for name in ("tables.md", "likeness.md", *PICTURES, *PICTURES_OF_TWO, *numbers[-3:]):
+    for name in ("tables.md", "likeness.md", *PICTURES, *PICTURES_OF_TWO, *numbers[1:]):
         assert (data / "told/two" / name).read_bytes() == (folder / name).read_bytes(), name
 
 
@@ -258,38 +258,81 @@ def test_the_command_writes_tables_and_pictures_and_goes_on(morpholab, tmp_path,
 
 
 CURVE = [("min", "legged", quantity, born, 1.0, 0.5, 1.5) for quantity in curves.QUANTITIES for born in (0, 1)]
-PATH = [("min", "legged", 0, environment, 0.0, 0.0, 0.0, 0.1) for environment in (0, 1)]
+PATH = [("min", "legged", 0, n, time, 2.0, float("nan"), 0.1) for n in (0, 1) for time in (0.0, 0.1)]
 
 
-def test_curves_without_a_generation_and_paths_without_an_environment_are_told(tmp_path):
-    data = Data(tmp_path)
+def changed(rows, row, column, value):
+    """Rows with another value in a cell."""
+    return [(*one[:column], value, *one[column + 1 :]) if n == row else one for n, one in enumerate(rows)]
+
+
+def test_curves_and_paths_are_read(tmp_path):
     write_table(tmp_path / "curves.csv", tuple(curves.COLUMNS), CURVE)
     write_table(tmp_path / "traces.csv.gz", tuple(champions.TRACES), PATH)
-    assert curves.read_curves(data)["min", "legged"].tolist() == [[[1.0, 1.0], [0.5, 0.5], [1.5, 1.5]]] * 2
-    assert len(champions.read_traces(data, 2)) == 2
-    write_table(tmp_path / "curves.csv", tuple(curves.COLUMNS), CURVE[:3])
-    with pytest.raises(ValueError, match=r"curves.csv: min legged must have a row of each quantity and generation$"):
-        curves.read_curves(data)
-    with pytest.raises(ValueError, match=r"traces.csv.gz: min legged has environments \[0, 1\]; give all 4 from 0 on$"):
-        champions.read_traces(data, 4)
+    found = curves.read_curves(Data(tmp_path))
+    assert found["min", "legged"].tolist() == [[[1.0, 1.0], [0.5, 0.5], [1.5, 1.5]]] * 2
+    assert len(champions.read_traces(Data(tmp_path), 2)) == 4
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (CURVE[:3], "min legged has 1 rows of fitness; give one for each generation from 0 on"),
+        ([*CURVE, CURVE[0]], "min legged has 3 rows of worst_distance; give one for each generation from 0 on"),
+        (changed(CURVE, 0, 0, "max"), "row 2 has 'max' as fitness; allowed are sum, product, min, sum, gradient"),
+        (changed(CURVE, 1, 4, "1" + "0" * 400), "row 3 has 1000"),
+    ],
+)
+def test_what_is_no_curve_is_told(tmp_path, rows, message):
+    write_table(tmp_path / "curves.csv", tuple(curves.COLUMNS), rows)
+    with pytest.raises(ValueError, match=rf"curves.csv: {re.escape(message)}"):
+        curves.read_curves(Data(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (PATH[:2], "min legged has environments [0] of runs [0]; give all 2 environments from 0 on of one run"),
+        (changed(PATH, 3, 2, 1), "min legged has environments [0, 1] of runs [0, 1]; give all 2 environments"),
+        (PATH[::-1], "min legged goes back in time in environment 1; sort its rows"),
+        (changed(PATH, 2, 5, 1e4), "row 4 has 10000 as x; it must be from -1000 to 1000 m"),
+        (changed(PATH, 2, 6, float("inf")), "row 4 has inf as y; it must be from -1000 to 1000 m"),
+    ],
+)
+def test_what_is_no_path_is_told(tmp_path, rows, message):
+    write_table(tmp_path / "traces.csv.gz", tuple(champions.TRACES), rows)
+    with pytest.raises(ValueError, match=rf"traces.csv.gz: {re.escape(message)}"):
+        champions.read_traces(Data(tmp_path), 2)
 
 
 @pytest.mark.parametrize(
     ("name", "changes", "generations", "message"),
     [
-        ("legged_min", [[1.0, 2.0, 3.0]], [1], "legged_min_change must have two finite numbers in each row"),
-        ("legged_min", [[1.0, np.nan]], [1], "legged_min_change must have two finite numbers in each row"),
-        ("legged_min", [[1.0, 2.0]], [1, 2], "legged_min_generation must have a generation for each row of legged_min"),
-        ("legged_min", [[1.0, 2.0]], [-1], "legged_min_generation must have a generation for each row of legged_min"),
-        ("winged_min", [[1.0, 2.0]], [1], "winged_min_change is of no robot; robots are legged, wheeled, whegged"),
+        ("legged_min", [[1.0, 2.0, 3.0]], [1], "legged_min_change has shape (1, 3) of float64; give two numbers up to"),
+        ("legged_min", [[1.0, np.nan]], [1], "legged_min_change has shape (1, 2) of float64; give two numbers up to"),
+        ("legged_min", [[1.0, 1e300]], [1], "legged_min_change has shape (1, 2) of float64; give two numbers up to"),
+        ("legged_min", [[1.0, 2.0]], [1, 2], "legged_min_generation has shape (2,) of int64; give a generation from 0"),
+        ("legged_min", [[1.0, 2.0]], [-1], "legged_min_generation has shape (1,) of int64; give a generation from 0"),
+        ("legged_min", [[1.0, 2.0]], [2**31], "legged_min_generation has shape (1,) of int64; give a generation from"),
+        ("winged_min", [[1.0, 2.0]], [1], "winged_min_change is of no treatment; give robot_row of legged, wheeled,"),
+        ("legged_max", [[1.0, 2.0]], [1], "legged_max_change is of no treatment; give robot_row of legged, wheeled,"),
         (None, [], [], "has no mutations"),
     ],
 )
 def test_mutations_that_are_none_are_told(tmp_path, name, changes, generations, message):
     arrays = {f"{name}_change": np.array(changes), f"{name}_generation": np.array(generations)} if name else {}
     save_arrays(tmp_path / "changes.npz", arrays)
-    with pytest.raises(ValueError, match=f"changes.npz: {message}"):
+    with pytest.raises(ValueError, match=f"changes.npz: {re.escape(message)}"):
         read_changes(Data(tmp_path), "changes.npz")
+
+
+@pytest.mark.filterwarnings("error")
+def test_pictures_of_failures_are_drawn(tmp_path):
+    """Of runs in which nothing succeeds, and of paths that lead far away."""
+    draw_curves({("min", "legged"): np.full((2, 3, 4), np.nan)}, tmp_path / "curves.png")
+    far = [dict(zip(champions.TRACES, row, strict=True)) for row in changed(PATH, 1, 6, 1000.0)]
+    draw_traces(far, ((9.0, 0.0), (-9.0, 0.0)), tmp_path / "traces.png")
+    assert all((tmp_path / name).stat().st_size > 1000 for name in ("curves.png", "traces.png"))
 
 
 @pytest.mark.parametrize(

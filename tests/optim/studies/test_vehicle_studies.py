@@ -207,7 +207,7 @@ def test_a_body_whose_controllers_all_fail_is_told_with_the_settings_of_its_swee
     hard = RealityGap(sweep=replace(SHORT, weights=3, radius=1e-5, steps=10))
     message = (
         "sweep: no controller of design 6553 solves all environments with sweep.weights=3, sweep.radius=1e-05, "
-        "sweep.steps=10; give more"
+        "sweep.steps=10; give it more steps or weights, or a larger radius"
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         reality_gap.study(tmp_path, hard)
