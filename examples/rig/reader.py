@@ -15,7 +15,7 @@ SILENCE = 2.0  # after which lines are vented [s]; heartbeats come every half se
 
 def set_pressures(pressures, units):
     """Replace this by what sets your regulators."""
-    print(units, *pressures)
+    print(f"{units} {' '.join(map(str, pressures))}\n", end="")  # at once: no interruption cuts a line
 
 
 def vent(why):
