@@ -194,9 +194,9 @@ def _on_the_hill() -> list[Row]:
         Row(
             "M_L and M_CI of the soft robot",
             "proposed, no value",
-            "none yet: only flat ground of one pressure",
+            "none yet: only flat ground, of two pressures",
             f"{metrics['gaits']} gaits",
-            "1 of 12 parts of `medium`",
+            "2 of 12 parts of `medium`",
             reproduced("soft-robot-metrics", "medium"),
             str(metrics["seed"]),
             "[a small run](#learnability-and-interference) says that random gaits hardly hold on a hill; bodies "
