@@ -190,13 +190,14 @@ def _on_the_hill() -> list[Row]:
     )
     rows.append(_sensitivity())
     metrics = data("soft-robot-metrics").kept("soft-robot-metrics", dict)
+    parts = len(list(data("soft-robot-metrics").folder.glob("*.npz")))
     rows.append(
         Row(
             "M_L and M_CI of the soft robot",
             "proposed, no value",
-            "none yet: only flat ground, of two pressures",
+            f"none yet: only flat ground, of {parts} pressures",
             f"{metrics['gaits']} gaits",
-            "2 of 12 parts of `medium`",
+            f"{parts} of 12 parts of `medium`",
             reproduced("soft-robot-metrics", "medium"),
             str(metrics["seed"]),
             "[a small run](#learnability-and-interference) says that random gaits hardly hold on a hill; bodies "

@@ -42,7 +42,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.config import score_in
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
-    from taichi_sim.base.disk_faults import unwritten
+    from taichi_sim.base.disk_faults import told_as
     from taichi_sim.base.files import check_parent, replacing
 
     if args.out and args.out.suffix.lower() not in PICTURES:
@@ -75,11 +75,8 @@ def run(args: argparse.Namespace) -> Report:
     def write() -> str:
         from optim.plots import save_curves
 
-        try:
-            with replacing(args.out) as aside:
-                save_curves(curves, args.by, aside, score.label)
-        except OSError as error:
-            raise unwritten(f"out: {args.out} cannot be written", error) from None
+        with told_as(f"out: {args.out} cannot be written"), replacing(args.out) as aside:
+            save_curves(curves, args.by, aside, score.label)
         document["picture"] = str(args.out)
         return str(args.out)
 

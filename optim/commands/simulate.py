@@ -149,7 +149,7 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
     from robots.hardware import write_csv
     from robots.view.picture import save_robot_picture
     from taichi_sim.base.claims import undone_if_it_fails
-    from taichi_sim.base.disk_faults import unwritten
+    from taichi_sim.base.disk_faults import told_as
     from taichi_sim.base.files import make_folder, write_text
 
     make_folder(folder)
@@ -165,8 +165,6 @@ def _write(folder: Path, robot: Robot, world: World, document: dict[str, Any], o
     with undone_if_it_fails() as made:
         for name, write in writers.items():
             made.append(folder / name)
-            try:
+            with told_as(f"out: {folder / name} cannot be written"):  # errors need not tell of which file they are
                 write(folder / name)
-            except OSError as error:  # which need not tell of which file it is
-                raise unwritten(f"out: {folder / name} cannot be written", error) from None
     return ""

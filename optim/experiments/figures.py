@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from robots.view.scene import CHART_COLOURS
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.files import replacing, write_bytes
 
 if TYPE_CHECKING:
@@ -72,11 +72,8 @@ def figure(
         yield drawn, axes
         if letters and axes.size > 1:
             letter(axes, letters)
-        try:
-            with replacing(path) as aside:
-                drawn.savefig(aside, dpi=200, metadata=dated)
-        except OSError as error:
-            raise unwritten(f"{path}: cannot be written", error) from None
+        with told_as(f"{path}: cannot be written"), replacing(path) as aside:
+            drawn.savefig(aside, dpi=200, metadata=dated)
 
 
 def save_arrays(path: Path, arrays: "Mapping[str, np.ndarray[Any, Any]]") -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from robots.hardware.stream import Format, Sample, Stream
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 
 HEARTBEAT = 0.5  # of silence at most [s]
 STUCK = 5.0  # for which a line may take nothing [s]
@@ -139,12 +139,10 @@ def file_link(path: str) -> Iterator[Link]:
         sys.stdout.flush()
         yield Link(sys.stdout.fileno(), "standard output")
         return
-    try:
+    with told_as(f"to: {path} cannot be opened", begun=False):
         if os.path.exists(path) and stat.S_ISDIR(os.stat(path).st_mode):
             raise ValueError(f"to: {path} is a folder; name a file")
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    except OSError as error:
-        raise unwritten(f"to: {path} cannot be opened", error, begun=False) from None
     try:
         yield Link(descriptor, path)
     finally:

@@ -23,7 +23,7 @@ from robots.view.scene import INK, Polygons
 from robots.view.still import Setting, arrange, draw_ground, draw_key, draw_motion, limits, save_figure, setting
 from taichi_sim.base.arrays import Bytes, Floats
 from taichi_sim.base.checks import number, whole_number
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.files import new_path, replacing, write_bytes
 from taichi_sim.base.foreign import install_extra
 
@@ -246,15 +246,12 @@ def save_mp4(
     film = pictures(motions, rate=rate, **options)
     first = next(film)
     size = first.shape[1], first.shape[0]
-    try:
-        with replacing(Path(path)) as aside:
-            writing = write_frames(str(aside), size, fps=rate, codec="libx264", quality=8, macro_block_size=2)
-            with closing(writing) as writer:
-                writer.send(None)
-                for picture in chain([first], film):
-                    writer.send(np.ascontiguousarray(picture))
-    except OSError as error:
-        raise unwritten(f"{path}: cannot be written", error) from None
+    with told_as(f"{path}: cannot be written"), replacing(Path(path)) as aside:
+        writing = write_frames(str(aside), size, fps=rate, codec="libx264", quality=8, macro_block_size=2)
+        with closing(writing) as writer:
+            writer.send(None)
+            for picture in chain([first], film):
+                writer.send(np.ascontiguousarray(picture))
     return Path(path).stat().st_size
 
 

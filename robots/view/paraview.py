@@ -22,7 +22,7 @@ from robots.view.motion import Motion
 from robots.view.scene import GROUND
 from robots.view.uneven import nodes, relief_around, tints, triangles
 from taichi_sim.base.arrays import Bytes, Floats
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.files import new_folder, write_bytes, write_text
 
 HEXAHEDRON = 12  # VTK's number for cells with eight corners
@@ -77,11 +77,8 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
     folder = Path(folder)
     if folder.exists():
         raise ValueError(f"folder: {folder} exists; name a new one")
-    try:
-        with new_folder(folder) as inside:
-            return _fill(motion, inside)
-    except OSError as error:
-        raise unwritten(f"folder: {folder} cannot be made", error) from None
+    with told_as(f"folder: {folder} cannot be made"), new_folder(folder) as inside:
+        return _fill(motion, inside)
 
 
 def _fill(motion: Motion, folder: Path) -> int:

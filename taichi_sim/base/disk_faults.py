@@ -1,6 +1,8 @@
 """Whose fault it is that something cannot be written: a path's, which the user gave, or the disk's."""
 
 import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 # Of a path that cannot be what was asked. All others, such as of a full or broken disk, are failures.
 _OF_PATHS = (
@@ -20,3 +22,12 @@ def unwritten(what: str, error: OSError, begun: bool = True) -> ValueError | Run
     """
     of_path = error.errno in _OF_PATHS or (error.errno == errno.EROFS and not begun)
     return (ValueError if of_path else RuntimeError)(f"{what} ({error.strerror or ' '.join(str(error).split())})")
+
+
+@contextmanager
+def told_as(what: str, begun: bool = True) -> Iterator[None]:
+    """Raise errors of the system as those of :func:`unwritten`, which say what could not be done."""
+    try:
+        yield
+    except OSError as error:
+        raise unwritten(what, error, begun) from None

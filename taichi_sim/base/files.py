@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import shown
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 Design = TypeVar("Design")
@@ -135,11 +135,8 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
         ValueError: if the path cannot be written.
         RuntimeError: if the disk is full or broken.
     """
-    try:
-        with replacing(Path(path)) as aside:
-            aside.write_bytes(content)
-    except OSError as error:
-        raise unwritten(f"{path}: cannot be written", error) from None
+    with told_as(f"{path}: cannot be written"), replacing(Path(path)) as aside:
+        aside.write_bytes(content)
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -346,10 +343,8 @@ def make_folder(path: Path) -> None:
         ValueError: if a folder cannot be made.
         RuntimeError: if the disk is full or broken.
     """
-    try:
+    with told_as(f"out: {path} cannot be made", begun=False):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritten(f"out: {path} cannot be made", error, begun=False) from None
 
 
 def check_parent(field: str, path: Path) -> None:

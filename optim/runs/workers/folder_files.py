@@ -29,7 +29,7 @@ from optim.runs.plug_ins import packages_of
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Raised
 from taichi_sim.base import files
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.parsing import parse_json
 
 SEARCH, STOP = "search.json", "stop"
@@ -119,11 +119,9 @@ def make_folders(folder: Path) -> None:
         ValueError: if it cannot be made.
         RuntimeError: if the disk is full or broken.
     """
-    try:
+    with told_as(f"workers-dir: {folder} cannot be written", begun=False):
         for name in (OPEN, CLAIMED, DONE):
             (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritten(f"workers-dir: {folder} cannot be written", error, begun=False) from None
 
 
 def part_path(folder: Path, state: str, part: str) -> Path:

@@ -5,7 +5,7 @@ Panels have their arrangement, letters and colours.
 """
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ class Example:
 
     def arrays(self) -> Arrays:
         """What is kept of it, by names with its number."""
-        values = self.overlap, self.weights, self.paths, np.array(self.persistent)
+        values: Sequence[NDArray[Any]] = (self.overlap, self.weights, self.paths, np.array(self.persistent))
         return {f"{kind}_{self.design}": value for kind, value in zip(KINDS, values, strict=True)}
 
 
