@@ -33,6 +33,19 @@ def _layout(places: Iterable[Place]) -> tuple[list[str], list[str]]:
     return list(dict.fromkeys(rows)), [robot for robot in ROBOTS if robot in robots]
 
 
+def _outermost(panels: NDArray[Any], kept: NDArray[np.bool_]) -> tuple[list[Any], list[Any]]:
+    """Leave other panels blank; number, and give, the lowest of each column and the leftmost of each row."""
+    for axes in panels[~kept]:
+        axes.set_axis_off()
+    lowest = [column[shown][-1] for column, shown in zip(panels.T, kept.T, strict=True)]
+    leftmost = [row[shown][0] for row, shown in zip(panels, kept, strict=True)]
+    for axes in lowest:
+        axes.tick_params(labelbottom=True)
+    for axes in leftmost:
+        axes.tick_params(labelleft=True)
+    return lowest, leftmost
+
+
 @contextmanager
 def _grid_of_treatments(
     places: Sequence[Place], path: Path, size: tuple[float, float], labels: tuple[str, str]
@@ -42,6 +55,7 @@ def _grid_of_treatments(
     shape: Any = {"nrows": len(rows), "ncols": len(columns), "sharex": True, "sharey": True}
     with figure(path, *size, letters="", **shape) as (drawn, panels):
         yield drawn, {(row, robot): panels[rows.index(row), columns.index(robot)] for row, robot in places}
+        _outermost(panels, np.array([[(row, robot) in places for robot in columns] for row in rows]))
         for axes, robot in zip(panels[0], columns, strict=True):
             axes.set_title(robot)
         for axes, row in zip(panels[:, -1], rows, strict=True):
@@ -119,17 +133,22 @@ def draw_curves(curves: Mapping[Place, Floats], path: Path) -> None:
             for (mean, low, high), axes in zip(bands, (panels[0, column], panels[1 + row, column]), strict=True):
                 colour = COLOURS[row % len(COLOURS)]
                 draw_band(axes, np.arange(len(mean)), mean, low, high, colour=colour, label=name)
-        panels[0, 0].set_ylabel("worst distance [m]")
-        panels[0, 0].set_ylim(bottom=0)
-        for axes, name in zip(panels[1:, 0], rows, strict=True):
+        kept = np.array([[(row, robot) in curves for robot in columns] for row in rows])
+        lowest, (first, *others) = _outermost(panels, np.vstack([kept.any(axis=0), kept]))
+        first.set_ylabel("worst distance [m]")
+        first.set_ylim(bottom=0)
+        for axes, name in zip(others, rows, strict=True):
             axes.set_ylabel(f"best fitness, {name}")
             if any(np.isfinite(bands[1, 0]).any() for (row, _), bands in curves.items() if row == name):
                 _scale_by_decades(axes)
         for axes, robot in zip(panels[0], columns, strict=True):
             axes.set_title(robot)
-        for axes in panels[-1]:
+        for axes in lowest:
             axes.set_xlabel("generation")
-        panels[0, -1].legend()
+        lines = {
+            label: line for axes in panels[0] for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        }
+        panels[0, -1].legend([lines[name] for name in rows], rows)
 
 
 def _scale_by_decades(axes: Any) -> None:

@@ -327,6 +327,15 @@ def test_mutations_that_are_none_are_told(tmp_path, name, changes, generations, 
 
 
 @pytest.mark.filterwarnings("error")
+def test_a_grid_that_lacks_treatments_has_every_line_in_its_legend_and_numbers_at_its_edge(tmp_path):
+    whole, bands = tmp_path / "whole.svg", np.ones((2, 3, 5))
+    draw_curves({("sum", "legged"): bands, ("product", "legged"): bands, ("sum", "whegged"): bands}, whole)
+    texts = re.findall("<!-- (.*) -->", whole.read_text())
+    assert [text for text in texts if text in ("sum", "product")] == ["sum", "product"]
+    assert texts.count("4.0") == texts.count("generation") == 2, "a column that ends above the last row has no numbers"
+    assert texts.count("best fitness, sum") == texts.count("best fitness, product") == 1
+
+
 def test_pictures_of_failures_are_drawn(tmp_path):
     """Of runs in which nothing succeeds, and of paths that lead far away."""
     draw_curves({("min", "legged"): np.full((2, 3, 4), np.nan)}, tmp_path / "curves.png")
