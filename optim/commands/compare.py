@@ -42,8 +42,7 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.config import score_in
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
-    from taichi_sim.base.disk_faults import told_as
-    from taichi_sim.base.files import check_parent, replacing
+    from taichi_sim.base.files import check_parent
 
     if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
@@ -75,8 +74,7 @@ def run(args: argparse.Namespace) -> Report:
     def write() -> str:
         from optim.plots import save_curves
 
-        with told_as(f"out: {args.out} cannot be written"), replacing(args.out) as aside:
-            save_curves(curves, args.by, aside, score.label)
+        save_curves(curves, args.by, args.out, score.label)
         document["picture"] = str(args.out)
         return str(args.out)
 

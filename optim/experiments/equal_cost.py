@@ -24,7 +24,6 @@ from optim.runs.loop import FolderSearch
 from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
 from taichi_sim.base import line_files
-from taichi_sim.base.files import write_bytes
 from taichi_sim.base.parsing import parse_json
 
 SEEDS = range(5)
@@ -181,7 +180,7 @@ class Contest:
         """Best score, and mean of what is kept, over cost: a thin line for each seed, a thick one for the median."""
         from matplotlib.figure import Figure
 
-        from robots.view.still import figure_content
+        from robots.view.picture import save_picture
 
         figure = Figure(figsize=(9, 3.6), layout="constrained")
         costs = np.linspace(0, self.budget, 200)
@@ -197,7 +196,7 @@ class Contest:
         figure.axes[0].set_ylabel(label)
         figure.axes[1].legend(frameon=False)
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_bytes(path, figure_content(figure, "png", 150))
+        save_picture(figure, path)
 
 
 class TimedSearch(FolderSearch):

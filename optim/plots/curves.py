@@ -97,10 +97,12 @@ def save_curves(curves: Sequence[Curve], axis: str, path: Path, score: str = "sc
     """Write the picture of :func:`draw_curves`; the suffix of the path chooses the format, ``score`` names the axis."""
     from matplotlib.figure import Figure
 
+    from robots.view.picture import save_picture
+
     figure = Figure(figsize=(7, 4.2), layout="constrained")
     axes = figure.add_subplot()
     draw_curves(axes, curves, axis)
     axes.set_ylabel(f"best {score} so far")
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(frameon=False, fontsize="small")
-    figure.savefig(path, dpi=150)
+    save_picture(figure, path)

@@ -3,14 +3,13 @@
 from pathlib import Path
 
 from optim.measures.gradient_trust import AGREES, TRUSTED, GradientReport
-from taichi_sim.base.files import write_bytes
 
 
 def save_gradient_check(report: GradientReport, path: Path) -> None:
     """Write a picture of errors and cosines over the step size, with a line for each horizon."""
     from matplotlib.figure import Figure
 
-    from robots.view.still import figure_content
+    from robots.view.picture import save_picture
 
     figure = Figure(figsize=(10, 3.8), layout="constrained")
     error, exact, smooth = figure.subplots(1, 3, sharex=True)
@@ -30,4 +29,4 @@ def save_gradient_check(report: GradientReport, path: Path) -> None:
     for axes in (error, exact, smooth):
         axes.set_xlabel("step [ranges of the variables]", fontsize=9)
         axes.spines[["top", "right"]].set_visible(False)
-    write_bytes(path, figure_content(figure, "png", 150))
+    save_picture(figure, path)

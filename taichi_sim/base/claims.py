@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.files import ASIDE, check_parent, content_of, remove_cut_off
 from taichi_sim.base.locks import HeldLock
 
@@ -48,14 +48,12 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
     if os.path.lexists(above) and not above.is_dir():
         raise ValueError(f"{field}: {above} is a file; name a new folder")
     made = [each for each in (path, *path.parents) if not each.exists()]
-    try:
+    with told_as(f"{field}: {path} cannot be made", begun=False):
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritten(f"{field}: {path} cannot be made", error, begun=False) from None
     try:
         claim = path / f"{ASIDE}claim"
         with _reserved(field, path, claim, "folder"):
-            try:
+            with told_as(f"{field}: {path} cannot be written", begun=False):
                 # What a killed process that made the same files has left of them, as it had found the folder empty.
                 known = names if content_of(claim).decode(errors="replace") == "\n".join(names) else ()
                 left = [each for each in path.iterdir() if not each.name.startswith(ASIDE)]
@@ -65,8 +63,6 @@ def claimed_folder(field: str, path: Path, names: Collection[str] = ()) -> Itera
                     each.unlink()
                 remove_cut_off(path)
                 claim.write_text("\n".join(names))
-            except OSError as error:
-                raise unwritten(f"{field}: {path} cannot be written", error, begun=False) from None
             yield
     finally:
         with contextlib.suppress(OSError):  # stops at the first that is not empty
@@ -94,16 +90,15 @@ def undone_if_it_fails() -> Iterator[list[Path]]:
 def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
     """Hold a lock on a file; the system frees it when the process ends, however it ends."""
     with contextlib.ExitStack() as stack:
-        try:
-            while True:
-                file = stack.enter_context(lock.open("a"))
-                held = HeldLock(lock, file)
-                if held.found_at_path:
-                    break  # else the holder before has just removed the file: make a new one
-        except BlockingIOError:
-            raise ValueError(f"{field}: {path} is being written already; name a new {kind}") from None
-        except OSError as error:
-            raise unwritten(f"{field}: {path} cannot be written", error, begun=False) from None
+        with told_as(f"{field}: {path} cannot be written", begun=False):
+            try:
+                while True:
+                    file = stack.enter_context(lock.open("a"))
+                    held = HeldLock(lock, file)
+                    if held.found_at_path:
+                        break  # else the holder before has just removed the file: make a new one
+            except BlockingIOError:
+                raise ValueError(f"{field}: {path} is being written already; name a new {kind}") from None
         try:
             yield
         finally:
