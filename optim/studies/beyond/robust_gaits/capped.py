@@ -158,5 +158,5 @@ STUDY = Study(
     run=study,
     tell=tell,
     writes=FILES,
-    cost="1 h of CPU time; full 30 h",
+    cost="30 h of CPU time; medium takes one",
 )
