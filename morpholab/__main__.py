@@ -1,5 +1,5 @@
 """``python -m morpholab`` is the command ``morpholab``."""
 
-from optim.cli import main
+from optim.entry import start
 
-raise SystemExit(main())
+raise SystemExit(start())

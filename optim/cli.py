@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import errno
+import io
 import json
 import os
 import signal
@@ -198,7 +199,12 @@ def _reason(error: Exception) -> str:
 
 
 def _open_streams() -> list[str]:
-    """Let each stream that was closed before the start take everything and keep nothing; return their names."""
+    """Let each stream that was closed before the start take everything and keep nothing; return their names.
+
+    Characters that the encoding of standard output lacks are written as escapes, as those of standard error are.
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     closed = []
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:

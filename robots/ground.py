@@ -17,6 +17,7 @@ from robots.ground_images import FORMATS, brightness_of, check_image
 from robots.ground_kinds import COVERS, LEVEL, Cover, GroundKind, ground_kind, read_numbers, ways
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
+from taichi_sim.base.short_text import shortest
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Relief, Water
@@ -209,8 +210,8 @@ class Ground:
         kind, numbers = self._checked()
         if kind is None or kind.start is None:
             return None
-        numbers = (*numbers[: kind.start], place, *numbers[kind.start + 1 :])
-        return "+".join([f"{self.solid.partition(':')[0]}:{','.join(f'{n:g}' for n in numbers)}", *self.covers])
+        texts = [f"{place:g}" if n == kind.start else shortest(number) for n, number in enumerate(numbers)]
+        return "+".join([f"{self.solid.partition(':')[0]}:{','.join(texts)}", *self.covers])
 
     @property
     def spoken(self) -> str:

@@ -13,6 +13,7 @@ from robots.robot import HERE, OK, Judgement, Outcome, Progress, Robot, World
 from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+from taichi_sim.base.short_text import shortest
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Material
@@ -222,7 +223,7 @@ class Risk:
     @property
     def text(self) -> str:
         """The text that says it."""
-        return {1.0: "mean", 0.0: "worst"}.get(self.share, f"cvar:{self.share:g}")
+        return {1.0: "mean", 0.0: "worst"}.get(self.share, f"cvar:{shortest(self.share)}")
 
     def weights(self, scores: ArrayLike) -> Floats:
         """Derivatives of the number by the scores, shape (..., K): of the worst K times share, equal weights.

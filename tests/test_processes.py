@@ -114,6 +114,32 @@ def test_output_that_nobody_takes_is_no_traceback(tmp_path):
         assert process.stderr.count("\n") == (1 if told else 0)
 
 
+def test_characters_that_the_output_lacks_are_escaped(tmp_path):
+    for module in ("optim", "morpholab"):
+        command = ("-m", module, "export", "rolling", "--csv", str(tmp_path / f"{module} Ж.csv"))
+        process = run(*command, environment={"PYTHONIOENCODING": "latin-1"}, stdout=subprocess.PIPE)
+        assert (process.returncode, process.stderr) == (0, "")
+        assert f"{module} \\u0416.csv" in process.stdout
+
+
+@pytest.mark.parametrize("module", ["optim.cli", "optim.commands.codesign", "optim.commands.robots"])
+def test_an_interrupt_while_the_command_is_imported_is_no_traceback(module):
+    """Such an import takes a second; a command that has begun tells of interrupts itself."""
+    interrupted = f"""
+import sys
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "{module}":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+sys.argv = ["morpholab", "status", "."]
+from optim.entry import start
+sys.exit(start())
+"""
+    process = run("-c", interrupted)
+    assert (process.returncode, process.stderr) == (130, "morpholab: interrupted\n")
+
+
 def test_an_unexpected_exception_is_a_bug_with_a_log(morpholab, monkeypatch, tmp_path):
     def broken(*_):
         raise KeyError("fault")

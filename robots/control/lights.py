@@ -16,6 +16,7 @@ from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import value_of
+from taichi_sim.base.short_text import shortest
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,8 @@ class LightAt(World):
 
     @property
     def name(self) -> str:
-        """Its place, such as ``9,0``."""
-        return f"{self.x:g},{self.y:g}"
+        """Its place, such as ``9,0``, in as few digits as say it exactly: run folders keep it."""
+        return f"{shortest(self.x)},{shortest(self.y)}"
 
     @property
     def spoken(self) -> str:

@@ -133,3 +133,8 @@ def test_nothing_is_told_with_a_minus():
         **summary([-1e-9, -2e-9], 0.2),
     }
     assert "-0.0000" not in spoken({**judged, "share": 0.2})
+
+
+def test_the_text_of_a_risk_is_exact():
+    assert Risk.parse(Risk(0.123456789).text) == Risk(0.123456789)
+    assert [Risk(share).text for share in (0.0, 0.2, 1.0)] == ["worst", "cvar:0.2", "mean"]

@@ -5,6 +5,7 @@ import pytest
 
 from robots import quadruped, rover
 from robots.control.lights import LightAt
+from robots.quadruped.body import ENVIRONMENTS
 from robots.robot import KINDS, Place, find_robot, load_design, make_robot
 from taichi_sim.base.compute import Compute
 
@@ -87,3 +88,13 @@ def test_bad_input_is_told_in_one_line(make, message):
     with pytest.raises(ValueError) as raised:
         make()
     assert str(raised.value).startswith(message) and "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("place", [(9.0, 0.0), (9.0000123456, -0.0), (1 / 3, -1e300), (123.4567, 8.0)])
+def test_the_record_of_a_light_is_exact(place):
+    kind, light = KINDS["quadruped"], LightAt(*place)
+    assert kind.world_of(kind.world_record(light)) == light == kind.world(light.name)
+
+
+def test_names_of_published_lights_are_short():
+    assert [LightAt(*place).name for place in ENVIRONMENTS] == ["9,0", "0,9", "-9,0", "0,-9"]
