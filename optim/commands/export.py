@@ -98,6 +98,7 @@ def run(args: argparse.Namespace) -> Report:
 
 def _check_files(args: argparse.Namespace) -> None:
     """Refuse files that cannot be written, and two of one name."""
+    from taichi_sim.base.file_kinds import check_place
     from taichi_sim.base.files import check_parent
 
     files = {name.replace("_", "-"): getattr(args, name) for name in ("csv", "plot", "plain", "c_header", "voxels")}
@@ -106,6 +107,7 @@ def _check_files(args: argparse.Namespace) -> None:
             raise ValueError(f"{field}: {path} is a folder; name a file")
         if path:
             check_parent(field, path)
+            check_place(field, path)
     tables = {"csv": args.csv, "plain": args.plain, "c-header": args.c_header}
     taken = [args.csv.absolute()] if args.csv else []
     for field, path in {"plot": args.plot, **tables}.items():

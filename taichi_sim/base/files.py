@@ -10,7 +10,6 @@ import math
 import os
 import platform
 import shutil
-import stat
 import threading
 import tokenize
 import zipfile
@@ -25,11 +24,11 @@ from numpy.typing import NDArray
 from taichi_sim.base.arrays import Arrays
 from taichi_sim.base.checks import shown
 from taichi_sim.base.disk_faults import told_as
+from taichi_sim.base.file_kinds import LARGEST, check_plain_file, place_to_write
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 Design = TypeVar("Design")
 ASIDE = ".aside-"  # names of unfinished files begin so; a kill may leave them, and any later run may remove them
-LARGEST = 200_000_000  # bytes of a file that is read at once
 LARGEST_UNPACKED = 2_000_000_000  # bytes of arrays, however small they were packed
 UNREADABLE = (  # what NumPy raises for a damaged file of arrays; its headers are read as Python's literals
     *(OSError, ValueError, KeyError, EOFError, SyntaxError, NotImplementedError, RecursionError),
@@ -44,12 +43,13 @@ def replacing(path: Path, if_changed: bool = False) -> Iterator[Path]:
     """Give a temporary path to write to; the new file replaces ``path`` once it is safely on disk.
 
     Args:
-        path: to write or replace.
+        path: to write or replace; of a link it is the file to which it leads.
         if_changed: leave ``path`` untouched if its content is already the same.
 
     Raises:
-        OSError: if the disk refuses; ``path`` is then as it was.
+        OSError: if the disk refuses, or ``path`` is a pipe or device; it is then as it was.
     """
+    path = place_to_write(path)
     aside = _aside(path)
     try:
         yield aside
@@ -142,20 +142,6 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a text in UTF-8, with the errors of :func:`write_bytes`."""
     write_bytes(path, text.encode())
-
-
-def check_plain_file(path: str | os.PathLike[str], largest: int = LARGEST) -> None:
-    """Refuse what cannot be read whole, before it is opened.
-
-    Raises:
-        OSError: if it does not exist, is no file but, say, a pipe, or has more than ``largest`` bytes.
-    """
-    found = os.stat(path)
-    if not stat.S_ISREG(found.st_mode):
-        kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a pipe or device"
-        raise OSError(errno.EINVAL, f"it is {kind}, give a file")
-    if found.st_size > largest:
-        raise OSError(errno.EFBIG, f"{found.st_size} bytes are not allowed, give at most {largest}")
 
 
 def found_beside(folder: Path, file: str) -> str:

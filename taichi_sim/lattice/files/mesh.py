@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.files import check_plain_file
+from taichi_sim.base.file_kinds import check_plain_file
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import body_from_array
 from taichi_sim.lattice.materials import Material

@@ -1,4 +1,5 @@
 import json
+import os
 import shutil
 import subprocess
 
@@ -169,3 +170,19 @@ def test_the_c_header_compiles_and_holds_the_table(morpholab, folder):
     rows = np.array(table.sections) == "main"
     expected = np.column_stack([table.times[rows], table.pressures[rows, -1]])
     np.testing.assert_allclose(np.array([line.split() for line in said.splitlines()], float), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("option", ["csv", "plain", "c-header", "plot", "voxels"])
+def test_pipes_are_no_files_to_write(morpholab, folder, option):
+    name = "pipe.png" if option == "plot" else "pipe.vxa" if option == "voxels" else "pipe"
+    os.mkfifo(folder / name)
+    told = f"morpholab export: error: {option}: {name} is a pipe or device; name a file\n"
+    assert morpholab(f"export rolling --{option} {name}") == (2, "", told) and (folder / name).is_fifo()
+
+
+def test_a_table_goes_where_a_link_leads(morpholab, folder):
+    (folder / "link.csv").symlink_to("target.csv")
+    for _ in range(2):
+        assert morpholab("export rolling --csv link.csv")[0] == 0
+        assert (folder / "link.csv").is_symlink() and read_csv(folder / "target.csv").seconds > 0
+        (folder / "target.csv").write_text("old")

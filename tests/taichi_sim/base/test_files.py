@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from taichi_sim.base.files import ASIDE, _aside, new_folder, remove_cut_off
+from taichi_sim.base.file_kinds import check_place
+from taichi_sim.base.files import ASIDE, _aside, new_folder, remove_cut_off, replacing, write_text
 
 
 def cut_off(path):
@@ -76,3 +77,40 @@ def test_a_run_goes_on_beside_a_folder_that_is_being_written_in_it(tmp_path):
         left.mkdir()
     with open_run(tmp_path / "run", config, resume=True):
         assert living.exists() and not left.exists()
+
+
+def test_a_pipe_stays_one(tmp_path):
+    """Also where a link leads to it."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("pipe")
+    for name in ("pipe", "link"):
+        path = tmp_path / name
+        with pytest.raises(ValueError, match=f"{name}: cannot be written .{name} is a pipe or device; name a file"):
+            write_text(path, "new")
+        with pytest.raises(ValueError, match=f"^out: {path} is a pipe or device; name a file$"):
+            check_place("out", path)
+        assert path.is_fifo()
+    assert (tmp_path / "link").is_symlink() and len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_stays_and_the_file_to_which_it_leads_is_written(tmp_path, there):
+    (tmp_path / "folder").mkdir()
+    target, link = tmp_path / "folder" / "target", tmp_path / "link"
+    link.symlink_to("folder/target")
+    if there:
+        target.write_text("old")
+    check_place("out", link)
+    with replacing(link) as aside:
+        aside.write_text("new")
+        assert aside.parent == target.parent  # else another disk could not rename it
+    assert link.is_symlink() and link.read_text() == target.read_text() == "new" and not target.is_symlink()
+    assert [each.name for each in target.parent.iterdir()] == ["target"]
+
+
+def test_a_link_to_itself_is_told(tmp_path):
+    (tmp_path / "link").symlink_to("link")
+    with pytest.raises(ValueError, match=r"link: cannot be written .Too many levels of symbolic links"):
+        write_text(tmp_path / "link", "new")
+    with pytest.raises(ValueError, match=r"out: .*link cannot be written .Too many levels of symbolic links"):
+        check_place("out", tmp_path / "link")
