@@ -46,6 +46,7 @@ from optim.runs.environment import differences
 from optim.runs.folder_lock import locked
 from taichi_sim.base import files, line_files
 from taichi_sim.base.disk_faults import unwritten
+from taichi_sim.base.file_kinds import check_plain_file
 from taichi_sim.base.locks import HeldLock
 from taichi_sim.base.parsing import parse_json
 
@@ -146,7 +147,7 @@ class RunFolder:
             for name, hasher, text in ((LOG, self._log, line), (TIMING, self._timing, json.dumps(timing))):
                 line_files.append_line(self.path / name, text)
                 hasher.update(text.encode() + b"\n")
-            environment = files.sha256((self.path / ENVIRONMENT).read_bytes())
+            environment = files.sha256(files.content_of(self.path / ENVIRONMENT))
             digests = self._log.hexdigest(), self._timing.hexdigest(), environment, self._settings
             checkpoint.save(self.path, state, Record(self.lines + 1, *digests))
         self.lines += 1
@@ -221,10 +222,26 @@ def open_run(
                 if not aside.is_dir():
                     aside.unlink()
             files.remove_cut_off(path)
+            _check_plain(path)
             resolved = _settle(path, config, resume, environment or {})
         except OSError as error:
             raise unwritten(f"out: {path} cannot be written", error, begun=False) from None
         yield RunFolder(path, resolved, environment or {}, note, lock)
+
+
+def _check_plain(path: Path) -> None:
+    """Refuse a run of whose files one that is read without further ado is a pipe, a device or a folder.
+
+    Raises:
+        ValueError: names the file.
+    """
+    for name in (ENVIRONMENT, LOG, TIMING):
+        try:
+            check_plain_file(path / name, None)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise ValueError(f"{path / name}: cannot be read ({error.strerror})") from None
 
 
 def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Mapping[str, Any]) -> dict[str, Any]:
@@ -247,7 +264,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
 def _version_of(path: Path) -> str | None:
     """Version of morpholab that began the run, as its environment tells; None if that cannot be read."""
     try:
-        version = parse_json((path / ENVIRONMENT).read_bytes())["versions"]["morpholab"]
+        version = parse_json(files.content_of(path / ENVIRONMENT))["versions"]["morpholab"]
     except (OSError, ValueError, KeyError, TypeError):
         return None
     return version if isinstance(version, str) else None

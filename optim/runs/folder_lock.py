@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from taichi_sim.base.locks import HeldLock
+from taichi_sim.base.locks import HeldLock, opened_to_lock
 
 LOCK = ".lock"
 LOCK_PATIENCE = 0.5  # s; a command that only looks at a run may hold its lock for a moment
@@ -17,9 +17,10 @@ def locked(path: Path, field: str = "out") -> Iterator[HeldLock]:
     """Lock a folder, given as ``field``, against other processes; check the lock before what is written there.
 
     Raises:
-        ValueError: if another process has locked it, or the folder is moved or replaced meanwhile.
+        ValueError: if another process has locked it, the folder is moved or replaced meanwhile, or a pipe is in place
+            of the lock.
     """
-    with (path / LOCK).open("a") as file:
+    with opened_to_lock(field, path / LOCK, "a") as file:
         deadline = time.monotonic() + LOCK_PATIENCE
         while True:
             try:
@@ -35,9 +36,13 @@ def locked(path: Path, field: str = "out") -> Iterator[HeldLock]:
 
 
 def in_use(path: Path) -> bool:
-    """Whether a process has the folder locked, because its run goes on."""
+    """Whether a process has the folder locked, because its run goes on.
+
+    Raises:
+        ValueError: if a pipe is in place of the lock.
+    """
     try:
-        with (path / LOCK).open("rb") as file:
+        with opened_to_lock("run", path / LOCK, "rb") as file:
             fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:
         return True

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.files import ASIDE, check_parent, content_of, remove_cut_off
-from taichi_sim.base.locks import HeldLock
+from taichi_sim.base.locks import HeldLock, opened_to_lock
 
 
 @contextlib.contextmanager
@@ -93,7 +93,7 @@ def _reserved(field: str, path: Path, lock: Path, kind: str) -> Iterator[None]:
         with told_as(f"{field}: {path} cannot be written", begun=False):
             try:
                 while True:
-                    file = stack.enter_context(lock.open("a"))
+                    file = stack.enter_context(opened_to_lock(field, lock, "a"))
                     held = HeldLock(lock, file)
                     if held.found_at_path:
                         break  # else the holder before has just removed the file: make a new one

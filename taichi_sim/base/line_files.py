@@ -5,6 +5,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from taichi_sim.base.file_kinds import check_plain_file
+
 
 def append_line(path: Path, line: str) -> None:
     """Add a line to a text file and wait until it is on disk."""
@@ -15,8 +17,17 @@ def append_line(path: Path, line: str) -> None:
 
 
 def lines_of(path: Path) -> Iterator[bytes]:
-    """Read the complete lines of a text file one by one, without an unfinished last one; none if there is no file."""
+    """Read the complete lines of a text file one by one, without an unfinished last one; none if there is no file.
+
+    Raises:
+        OSError: if it cannot be read, or is a pipe or device, which may have no end; names the file.
+    """
     if path.exists():
+        try:
+            check_plain_file(path, None)
+        except OSError as error:
+            error.filename = str(path)
+            raise
         with path.open("rb") as file:
             yield from (line for line in file if line.endswith(b"\n"))
 

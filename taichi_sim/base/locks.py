@@ -6,7 +6,21 @@ import os
 from pathlib import Path
 from typing import IO, Any
 
+from taichi_sim.base.file_kinds import is_pipe_or_device
+
 GONE = (errno.ENOENT, errno.ENOTDIR, errno.ESTALE)  # the last: deleted by another machine of a network file system
+
+
+def opened_to_lock(field: str, path: Path, mode: str) -> IO[Any]:
+    """Open a file that is there to be locked, in the mode ``"a"``, which makes it, or ``"rb"``.
+
+    Raises:
+        ValueError: for a pipe or device, on which to open may wait for ever; names it after ``field``.
+        OSError: if it cannot be opened.
+    """
+    if is_pipe_or_device(path):
+        raise ValueError(f"{field}: {path} is a pipe or device; remove it")
+    return path.open(mode)
 
 
 class HeldLock:

@@ -14,7 +14,7 @@ from optim.runs.workers.folder_files import Gone, Offer, Told, Unread
 from optim.runs.workers.pool import STARTS, Died
 from optim.runs.workers.processes import Processes, ProcessWorker
 from optim.runs.workers.service import Raised
-from taichi_sim.base.files import write_bytes
+from taichi_sim.base.files import LARGEST_UNPACKED, content_of, write_bytes
 
 IDLE = 600.0  # s without a sign of a search after which a worker ends
 
@@ -157,7 +157,7 @@ class FolderWorker:
 
     def _evaluate(self, claim: Path) -> Told:
         try:
-            search, request = protocol.unpacked_request(claim.read_bytes())
+            search, request = protocol.unpacked_request(content_of(claim, LARGEST_UNPACKED))
         except (OSError, ValueError) as error:
             return Unread(str(error))
         if self._offer is None or search != self._offer.digest:

@@ -187,7 +187,8 @@ class SharedFolder:
             if seat is None or seat.answered is not None:
                 continue
             try:
-                worker, told = protocol.unpacked_answer(path.read_bytes(), part, seat.count)
+                content = files.content_of(path, files.LARGEST_UNPACKED)
+                worker, told = protocol.unpacked_answer(content, part, seat.count)
                 if isinstance(told, Unread):
                     raise ValueError(f"{worker} could not read the part: {told.why}")
             except FileNotFoundError:

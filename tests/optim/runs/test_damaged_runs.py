@@ -1,8 +1,10 @@
 """Files of a run folder that are not as they were written: recovered from, or refused in one line."""
 
 import json
+import os
 import random
 import shutil
+import signal
 
 import pytest
 from run_products import log
@@ -117,6 +119,61 @@ def test_a_state_of_the_checkpoint_before_is_told_by_its_name(morpholab, tmp_pat
     (tmp_path / "a/checkpoint.npz").write_bytes(b"damaged")
     code, _, error = morpholab("export a --member 1 --csv b.csv")
     assert code == 2 and "a: checkpoint.previous.npz: state: points is missing" in error and error.count("\n") == 1
+
+
+@pytest.fixture
+def in_time():
+    """What waits for ever fails after a while."""
+
+    def give_up(*_):
+        raise AssertionError("it waits for ever")
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.parametrize("device", [False, True], ids=["pipe", "link to a device"])
+def test_pipes_and_devices_in_place_of_files_are_told(morpholab, tmp_path, in_time, device):
+    """A pipe never begins and /dev/zero never ends; each is told in a line that names it."""
+    assert morpholab(f"{LINE} --generations 2 --out a")[0] == 0
+    resume = "codesign --resume --generations 3 --quiet --out f"
+    readers = ("status f", "compare f", "report f --out p.html --no-player --quiet", "view f --picture p.png", resume)
+    given = "cannot be read (it is a pipe or device, give a file)"
+    for name, told, lines in (
+        ("log.jsonl", given, readers),
+        ("timing.jsonl", given, readers),
+        ("environment.json", given, (resume,)),
+        (".lock", "is a pipe or device; remove it", readers),
+    ):
+        shutil.rmtree(tmp_path / "f", ignore_errors=True)
+        shutil.copytree(tmp_path / "a", tmp_path / "f")
+        path = tmp_path / "f" / name
+        path.unlink()
+        path.symlink_to("/dev/zero") if device else os.mkfifo(path)
+        for line in lines:
+            code, out, error = morpholab(line)
+            whole = out if line == "status f" else error
+            assert f"f/{name}" in whole and told in whole, (name, line)
+            assert code == (1 if line == "status f" else 2) and error.count("\n") <= 1, (name, line)
+        assert path.is_fifo() or path.is_symlink()
+
+
+def test_a_pipe_in_place_of_a_lock_or_a_claim_is_told(morpholab, tmp_path, in_time):
+    (tmp_path / "f").mkdir()
+    os.mkfifo(tmp_path / "f" / ".lock")
+    code, _, error = morpholab(f"{LINE} --generations 1 --out f")
+    assert (code, error) == (
+        2,
+        "morpholab codesign: error: out: f/.lock is a pipe or device; remove it\n",
+    )
+    assert morpholab(f"{LINE} --generations 1 --out a")[0] == 0
+    os.mkfifo(tmp_path / f"{files.ASIDE}claim-p.html")
+    code, _, error = morpholab("report a --out p.html --no-player --quiet")
+    told = "morpholab report: error: out: .aside-claim-p.html is a pipe or device; remove it\n"
+    assert (code, error) == (2, told) and not (tmp_path / "p.html").exists()
 
 
 def test_packages_whose_operators_searches_use_are_part_of_the_environment():
