@@ -1,6 +1,7 @@
 """``morpholab export``: a designed gait for the hardware."""
 
 import argparse
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -12,6 +13,7 @@ from optim.runs.config import has_run
 from optim.runs.history import read_history
 from optim.wording import counted
 from robots.robot import Robot, robot_to_try
+from taichi_sim.base.claims import undone_if_it_fails
 
 if TYPE_CHECKING:
     from robots.hardware.rig import PneumaticRig
@@ -30,8 +32,8 @@ COMMAND = Command(
             "source", "RUN", "inching or rolling, folder of a run, file of a design, or a gait table as CSV", words="1"
         ),
         path_to("csv", "FILE", "to write; replaced if it exists"),
-        path_to("plain", "FILE", "the same as numbers alone, without a header: time, then pressures of all lines"),
-        path_to("c_header", "FILE", "the same as arrays of a C header, such as gait.h"),
+        path_to("plain", "FILE", "new; the same as numbers alone, without a header: time, then pressures of all lines"),
+        path_to("c_header", "FILE", "new; the same as arrays of a C header, such as gait.h"),
         Option("units", "of pressures (default: those of the rig)", choices=("kpa", "psi")),
         Option(
             "rig",
@@ -52,7 +54,7 @@ COMMAND = Command(
             default="refuse",
         ),
         flag("dry_run", "show what would happen when; write no table"),
-        path_to("plot", "FILE", "picture of the pressures to write: PNG, SVG or PDF"),
+        path_to("plot", "FILE", "new picture of the pressures to write: PNG, SVG or PDF"),
         Option(
             "full_scale",
             "of a lattice robot's sizes or temperatures, what pressures of lines stand for: F above rest, or LOW:HIGH "
@@ -62,8 +64,8 @@ COMMAND = Command(
         path_to(
             "parts",
             "PATH",
-            "surfaces in millimetres: a .3mf with an object for each material and channel, a .stl of the whole body, "
-            "or a folder of STL files, one for each",
+            "new surfaces in millimetres: a .3mf with an object for each material and channel, a .stl of the whole "
+            "body, or a folder of STL files, one for each",
         ),
         Option(
             "mould",
@@ -71,7 +73,7 @@ COMMAND = Command(
             "axis along which it opens",
             metavar="SETTINGS",
         ),
-        path_to("voxels", "FILE", "for other simulators: a .vxa, or a .vxl.json of the body alone"),
+        path_to("voxels", "FILE", "new, for other simulators: a .vxa, or a .vxl.json of the body alone"),
         count("member", 1, "the Nth design that the search keeps, as in front.json (default: the best design)"),
     ),
     kinds=kinds_of_words,
@@ -90,32 +92,57 @@ def run(args: argparse.Namespace) -> Report:
         raise ValueError(f"plot: {args.plot} is not allowed; give a file that ends in {', '.join(PICTURES)}")
     _check_files(args)
     robot, seed = _robot(args)
-    table = _write_table(args, robot, seed) if wanted else Report({}, "")
-    document, lines = _write_bodies(args, robot)
+    with undone_if_it_fails() as made:  # what is new; else it would be in the way when the same is tried again
+        made += [path.resolve() for field, path in _outputs(args).items() if field != "csv" and not path.exists()]
+        table = _write_table(args, robot, seed) if wanted else Report({}, "")
+        document, lines = _write_bodies(args, robot)
     text = "\n".join(filter(None, [table.text, *lines]))
     return Report({"source": str(args.source), **cast(dict[str, Any], table.document), **document}, text, table.code)
 
 
 def _check_files(args: argparse.Namespace) -> None:
-    """Refuse files that cannot be written, and two of one name."""
+    """Refuse files that cannot be written, would take the place of what is read or kept, and two of one name."""
     from taichi_sim.base.file_kinds import check_place
     from taichi_sim.base.files import check_parent
 
-    files = {name.replace("_", "-"): getattr(args, name) for name in ("csv", "plot", "plain", "c_header", "voxels")}
-    for field, path in files.items():
-        if path and (path.is_dir() or not path.name):
+    taken: dict[str, str] = {}
+    read = {os.path.realpath(given): name for name, given in (("source", args.source), ("rig", args.rig)) if given}
+    for field, path in _outputs(args).items():
+        if field != "parts" and (path.is_dir() or not path.name):
             raise ValueError(f"{field}: {path} is a folder; name a file")
-        if path:
+        if field != "parts" or path.suffix:
             check_parent(field, path)
             check_place(field, path)
-    tables = {"csv": args.csv, "plain": args.plain, "c-header": args.c_header}
-    taken = [args.csv.absolute()] if args.csv else []
-    for field, path in {"plot": args.plot, **tables}.items():
-        if field == "csv" or not path:
-            continue
-        if path.absolute() in taken:
-            raise ValueError(f"{field}: {path} is the table, too; name another file")
-        taken.append(path.absolute())
+        place = os.path.realpath(path)
+        if other := taken.get(place):
+            which = "the table" if other == "csv" else f"that of --{other}"
+            raise ValueError(f"{field}: {path} is {which}, too; name another file")
+        taken[place] = field
+        if place in read and path.exists():
+            raise ValueError(f"{field}: {path} is the {read[place]}, which is only read; name another file")
+        _check_kept(field, path)
+
+
+def _outputs(args: argparse.Namespace) -> dict[str, Path]:
+    """What is to be written, by the option that names it."""
+    names = ("csv", "plot", "plain", "c_header", "voxels", "parts")
+    return {name.replace("_", "-"): path for name in names if (path := getattr(args, name))}
+
+
+def _check_kept(field: str, path: Path) -> None:
+    """Refuse to replace a file, other than a table that is of no run."""
+    from optim.runs.folder import ENVIRONMENT
+
+    if not path.exists():
+        return
+    if field == "parts" and path.is_dir():
+        if any(path.iterdir()):
+            raise ValueError(f"parts: {path} exists and is not empty; name a new folder")
+    elif field != "csv":
+        raise ValueError(f"{field}: {path} exists; name a new file")
+    folder = path.resolve().parent
+    if field == "csv" and has_run(folder) and (folder / ENVIRONMENT).exists():
+        raise ValueError(f"csv: {path} is a file of the run in {folder}; name another file")
 
 
 def _write_bodies(args: argparse.Namespace, robot: Robot) -> tuple[dict[str, Any], list[str]]:

@@ -172,6 +172,43 @@ def test_the_c_header_compiles_and_holds_the_table(morpholab, folder):
     np.testing.assert_allclose(np.array([line.split() for line in said.splitlines()], float), expected, rtol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("gait.csv --csv gait.csv", "csv: gait.csv is the source, which is only read; name another file"),
+        ("gait.csv --plain gait.csv", "plain: gait.csv is the source, which is only read; name another file"),
+        ("gait.csv --csv link.csv", "csv: link.csv is the source, which is only read; name another file"),
+        (
+            "rolling --rig fragile.toml --csv fragile.toml",
+            "csv: fragile.toml is the rig, which is only read; name another file",
+        ),
+        ("rolling --csv new.csv --plain run/config.toml", "plain: run/config.toml exists; name a new file"),
+        ("rolling --csv run/gait.csv", "csv: run/gait.csv is a file of the run in {folder}/run; name another file"),
+        ("rolling --csv new.csv --c-header rolling.json", "c-header: rolling.json exists; name a new file"),
+        ("rolling --plot old.png", "plot: old.png exists; name a new file"),
+        ("rolling --parts run", "parts: run exists and is not empty; name a new folder"),
+        ("rolling --parts old.stl", "parts: old.stl exists; name a new file"),
+        ("rolling --csv deep/../new.csv --plain new.csv", "plain: new.csv is the table, too; name another file"),
+        (
+            "rolling --plain new.csv --c-header ./new.csv",
+            "c-header: new.csv is that of --plain, too; name another file",
+        ),
+    ],
+)
+def test_nothing_that_is_read_or_kept_is_replaced(morpholab, folder, line, told):
+    """Only what help says is replaced, which is the table; and no output takes the place of another."""
+    export_csv(ROLLING, folder / "gait.csv")
+    (folder / "link.csv").symlink_to("gait.csv")
+    for name in ("deep", "run"):
+        (folder / name).mkdir()
+    for name in ("run/config.toml", "run/environment.json", "run/gait.csv", "old.png", "old.stl"):
+        (folder / name).write_text("kept")
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    said = told.replace("{folder}", str(folder.resolve()))
+    assert morpholab(f"export {line}") == (2, "", f"morpholab export: error: {said}\n")
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
+
+
 @pytest.mark.parametrize("option", ["csv", "plain", "c-header", "plot", "voxels"])
 def test_pipes_are_no_files_to_write(morpholab, folder, option):
     name = "pipe.png" if option == "plot" else "pipe.vxa" if option == "voxels" else "pipe"
