@@ -1,7 +1,8 @@
 """``morpholab play``: a table of pressures, sent to a rig's controller in real time."""
 
 import argparse
-from contextlib import AbstractContextManager
+import contextlib
+import os
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report
@@ -22,7 +23,7 @@ COMMAND = Command(
         path_to("table", "TABLE", "a CSV file that export wrote", words="1"),
         Option("port", "serial device, such as /dev/ttyUSB0", metavar="DEVICE"),
         count("baud", 50, "speed of the serial device (default: 115200)"),
-        Option("to", "file or named pipe to write instead; - is standard output", metavar="FILE"),
+        Option("to", "new file, or named pipe, to write instead; - is standard output", metavar="FILE"),
         Option("format", "JSON or comma-separated lines (default: jsonl)", choices=("jsonl", "csv"), default="jsonl"),
         count("loops", 0, "how often the main is played (default: as the table says)"),
         Option(
@@ -79,6 +80,7 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _check_place(args: argparse.Namespace) -> None:
+    """Refuse options that do not go together, and a file to write that would cost what is in it."""
     if args.port is not None and args.to is not None:
         raise ValueError("to: it is not allowed beside --port; give one of them")
     if args.port is None and args.to is None and not args.dry_run:
@@ -93,9 +95,22 @@ def _check_place(args: argparse.Namespace) -> None:
         raise ValueError("no-wait: a rig takes its time; leave it out with --port")
     if args.json and args.to == "-" and not args.dry_run:
         raise ValueError("to: - is not allowed with --json, as both are for standard output")
+    if args.to is not None and args.to != "-":
+        _check_file(args)
 
 
-def _link(args: argparse.Namespace) -> AbstractContextManager["Link"]:
+def _check_file(args: argparse.Namespace) -> None:
+    """Refuse a file to write that has content, such as what is read."""
+    from robots.hardware.controller import check_takes_lines
+
+    for name, given in (("table", args.table), ("rig", args.rig)):
+        with contextlib.suppress(OSError):  # of those that do not exist; a rig may be a name
+            if given and os.path.samefile(args.to, given):
+                raise ValueError(f"to: {args.to} is the {name}, which is only read; name another file")
+    check_takes_lines(args.to)
+
+
+def _link(args: argparse.Namespace) -> contextlib.AbstractContextManager["Link"]:
     from robots.hardware.controller import file_link, serial_link
 
     if args.port is None:

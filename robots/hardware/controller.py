@@ -129,24 +129,49 @@ def _drain(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def file_link(path: str) -> Iterator[Link]:
-    """A file or named pipe to write, or standard output for ``-``.
+    """A new or empty file, a named pipe or a device to write, or standard output for ``-``.
+
+    A new file is removed if sending fails, so that the same can be tried again; after an interruption it stays.
 
     Raises:
-        ValueError: if it cannot be opened.
+        ValueError: if it cannot be opened, or has content.
         RuntimeError: if the disk is full or broken.
     """
     if path == "-":
         sys.stdout.flush()
         yield Link(sys.stdout.fileno(), "standard output")
         return
+    check_takes_lines(path)
+    new = not os.path.exists(path)
     with told_as(f"to: {path} cannot be opened", begun=False):
-        if os.path.exists(path) and stat.S_ISDIR(os.stat(path).st_mode):
-            raise ValueError(f"to: {path} is a folder; name a file")
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT, 0o644)
     try:
         yield Link(descriptor, path)
+    except Exception:
+        if new:  # who has opened it reads on, also the lines that vent
+            with contextlib.suppress(OSError):
+                os.unlink(os.path.realpath(path))
+        raise
     finally:
         os.close(descriptor)
+
+
+def check_takes_lines(path: str) -> None:
+    """Refuse a folder, or a file that has content already, which lines of a stream would replace.
+
+    Raises:
+        ValueError: if it is one, or cannot be looked at.
+        RuntimeError: if the disk is broken.
+    """
+    with told_as(f"to: {path} cannot be opened", begun=False):
+        try:
+            found = os.stat(path)
+        except FileNotFoundError:
+            return
+    if stat.S_ISDIR(found.st_mode):
+        raise ValueError(f"to: {path} is a folder; name a file")
+    if stat.S_ISREG(found.st_mode) and found.st_size:
+        raise ValueError(f"to: {path} exists; name a new file")
 
 
 def check_baud(stream: Stream, form: Format, baud: int) -> None:

@@ -229,6 +229,57 @@ def test_files_need_no_waiting(morpholab, folder):
 @pytest.mark.parametrize(
     ("options", "told"),
     [
+        ("gait.csv --to gait.csv", "to: gait.csv is the table, which is only read; name another file"),
+        ("gait.csv --to link.csv", "to: link.csv is the table, which is only read; name another file"),
+        ("gait.csv --to second.csv", "to: second.csv is the table, which is only read; name another file"),
+        (
+            "gait.csv --rig quick.toml --to quick.toml",
+            "to: quick.toml is the rig, which is only read; name another file",
+        ),
+        ("gait.csv --to psi.csv", "to: psi.csv exists; name a new file"),
+        ("gait.csv --to .", "to: . is a folder; name a file"),
+    ],
+)
+def test_no_stream_takes_the_place_of_what_is_there(morpholab, folder, options, told):
+    """Neither of its own table, by whatever name, nor of any other file."""
+    (folder / "link.csv").symlink_to("gait.csv")
+    os.link(folder / "gait.csv", folder / "second.csv")
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    assert morpholab(f"play {options} --no-wait") == (2, "", f"morpholab play: error: {told}\n")
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_pipes_and_empty_files_take_a_stream(morpholab, folder):
+    (folder / "empty").touch()
+    (folder / "link").symlink_to("target")
+    os.mkfifo(folder / "pipe")
+    reader = os.open(folder / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        for name in ("empty", "link", "pipe"):
+            assert morpholab(f"play gait.csv --to {name} --format csv --no-wait --rate 5")[0] == 0
+        assert (folder / "pipe").is_fifo() and os.read(reader, 1_000_000).endswith(b"STOP,end\n")
+    finally:
+        os.close(reader)
+    assert (folder / "empty").read_bytes() == (folder / "target").read_bytes() != b""
+
+
+def test_a_file_in_which_sending_failed_is_not_in_the_way(morpholab, folder, monkeypatch):
+    line = "play gait.csv --to lines.jsonl --no-wait"
+    with monkeypatch.context() as broken:
+
+        def full(*_):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        broken.setattr("robots.hardware.controller.os.write", full)
+        told = "morpholab play: failed: lines.jsonl: cannot be written (No space left on device)\n"
+        assert morpholab(line) == (1, "", told)
+    assert not (folder / "lines.jsonl").exists()
+    assert morpholab(line)[0] == 0 and (folder / "lines.jsonl").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
         ("gait.csv", "port: is missing"),
         ("gait.csv --to a --port b", "to: it is not allowed beside --port"),
         ("gait.csv --port /dev/none", "port: /dev/none cannot be opened"),
