@@ -30,7 +30,10 @@ def interference() -> list[Row]:
         ): "wheeled and whegged robots still come nearer after a seventh of the generations; same order",
         ("two", "min"): "all three still come nearer after a seventh of the generations; same order",
         ("four", "sum"): "smaller in all, as nobody has specialised in so few generations",
-        ("four", "product"): "legged robots are not behind wheeled ones: in the mean neither comes a metre nearer than it starts",
+        (
+            "four",
+            "product",
+        ): "legged robots are not behind wheeled ones: in the mean neither comes a metre nearer than it starts",
         ("four", "min"): "legged and wheeled robots are level: in the mean neither comes a metre nearer than it starts",
     }
     rows = []

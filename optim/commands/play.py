@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from robots.hardware.controller import Link
     from robots.hardware.stream import Stream
 
+SECONDS = number(0.0, 3600.0, "s")  # the waits of the system fail for numbers that are far larger
+
 COMMAND = Command(
     "play",
     "send a table of pressures to a rig's controller, in real time",
@@ -37,12 +39,12 @@ COMMAND = Command(
             "whose limits hold: a preset, or a TOML file (default: the preset that the table is for)",
             metavar="RIG",
         ),
-        Option("ack", "wait so long for the answer 'ok N' to sample N", number(0.0, unit="s"), "SECONDS"),
-        Option("late", "vent and stop if a sample is later than this (default: 0.5)", number(0.0, unit="s"), "SECONDS"),
+        Option("ack", "wait so long for the answer 'ok N' to sample N", SECONDS, "SECONDS"),
+        Option("late", "vent and stop if a sample is later than this (default: 0.5)", SECONDS, "SECONDS"),
         Option(
             "ready",
             "wait so long after the device was opened, as many controllers start anew then (default: 2)",
-            number(0.0, unit="s"),
+            SECONDS,
             "SECONDS",
         ),
         flag("no_wait", "write all samples at once; with --to a file"),

@@ -292,6 +292,9 @@ def test_a_file_in_which_sending_failed_is_not_in_the_way(morpholab, folder, mon
         ("psi.csv --dry-run --rig weak.toml", "psi"),
         ("quick.csv --dry-run --rig dissertation", "kPa/s"),
         ("gait.csv --port /dev/none --baud 9600", "need"),
+        ("gait.csv --port /dev/none --ack 1e300", "--ack: 1e+300 is not allowed; give a number from 0 to 3600 s"),
+        ("gait.csv --port /dev/none --ready 3600.1", "--ready: 3600.1 is not allowed; give a number from 0 to 3600 s"),
+        ("gait.csv --port /dev/none --late 1e10", "a number from 0 to 3600 s"),
     ],
 )
 def test_what_is_refused(morpholab, folder, options, told):
