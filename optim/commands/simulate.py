@@ -16,6 +16,7 @@ from optim.commands.options import Command, Option, count, flag, path_to
 from optim.commands.robots import TABLE_FILE, kinds_of_robot, world_and_own
 from optim.progress import shown_progress
 from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
+from taichi_sim.base.checks import whole_number
 
 FILES = ("design.json", "result.json", "frames.npz", TABLE_FILE, "robot.png")
 COMMAND = Command(
@@ -40,7 +41,7 @@ COMMAND = Command(
             metavar="QUANTITY=WIDTH,...",
             several=True,
         ),
-        count("draws", 2, "with --uncertain: how many (default: 64)"),
+        count("draws", 2, "with --uncertain: how many, at most 1000 (default: 64)"),
         Option(
             "risk",
             "with --uncertain, told first: mean, cvar:SHARE of the worst draws, or worst (default: mean)",
@@ -104,13 +105,15 @@ def run(args: argparse.Namespace) -> Report:
 
 def _uncertain(args: argparse.Namespace, robot: Robot, world: World, title: str, about: dict[str, Any]) -> Report:
     """How the robot does where something is not known exactly."""
+    from optim.problems.uncertain import MOST_DRAWS
     from robots.uncertainty import JUDGED_DRAWS, Risk, Uncertainty, judge_uncertain
 
     for name in ("judge", "out", "record_every"):
         if getattr(args, name):
             raise ValueError(f"{name}: it is not allowed with --uncertain; leave it out")
     unknown, risk = Uncertainty.parse(",".join(args.uncertain)), Risk.parse(args.risk or "mean")
-    draws, compute = args.draws or JUDGED_DRAWS, options.compute(args, "f64")
+    draws = whole_number("draws", args.draws or JUDGED_DRAWS, 2, MOST_DRAWS)
+    compute = options.compute(args, "f64")
     with shown_progress(f"{title}, {draws} draws", 1.0, args.quiet) as update:
         found = judge_uncertain(robot, world, unknown, risk, draws, compute=compute, progress=update)
     return Report({**about, **found.document}, f"{title}: {found.text}", FAILED if found.failed else 0)

@@ -124,6 +124,7 @@ def test_gaits_are_designed_in_water_where_drives_are_uncertain(morpholab, simul
     [
         ("--risk worst", "risk: worst is not allowed without --uncertain"),
         ("--draws 8", "draws: 8 is not allowed without --uncertain"),
+        ("--uncertain slope=1 --draws 1001", "draws: 1001 is not allowed; give a whole number, at most 1000"),
         ("--uncertain slope=1 --judge", "judge: it is not allowed with --uncertain"),
         ("--uncertain mud=1", "uncertain: 'mud' is unknown"),
     ],
