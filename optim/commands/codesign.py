@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options, stopped_by
-from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, named_kinds, plan
+from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, check_said_once, named_kinds, plan
 from optim.commands.codesign_seeds import check_single, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
 from optim.commands.far_ground import note_far_ground
@@ -60,6 +60,7 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Search, with one seed or several."""
+    check_said_once(args)  # a task may say the same again, and counts less
     take_task(args)
     settle_workers(args)
     if args.seeds:

@@ -17,6 +17,7 @@ from optim.runs.config import GROUND_FILES, check_ground_files, has_run, read_co
 from optim.search import METHOD, METHODS, check_objectives, check_settings, default_settings, takes_several
 from robots.robot import RobotKind, find_robot_doing
 from robots.tasks import find_task
+from taichi_sim.base.options import flag_of
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -117,6 +118,22 @@ def named_kinds(words: Sequence[str]) -> list[RobotKind]:
         if run := out if has_run(out) else run_of_any_seed(out):
             return [kind_of_run(run, read_config(run))]
     return [find_robot_doing(robot)[0]]
+
+
+def check_said_once(args: argparse.Namespace) -> None:
+    """Refuse settings of the method that options say twice, of which one would silently count.
+
+    Raises:
+        ValueError: for a name that is repeated by ``--set``, or has another value there than by its own option.
+    """
+    named = options.given((*SETTINGS, *SEARCH_BY_GRADIENTS), args)
+    said: set[str] = set()
+    for name, value in map(options.setting, args.set or ()):
+        if name in said:
+            raise ValueError(f"set: {name} is given twice; leave one out")
+        if name in named and named[name] != value:
+            raise ValueError(f"set: {name}={value} is not allowed beside {flag_of(name)} {named[name]}; leave one out")
+        said.add(name)
 
 
 def plan(args: argparse.Namespace) -> Plan:

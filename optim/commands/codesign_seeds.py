@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from optim.commands import STOPPED, Report
-from optim.commands.options import Option, checked
+from optim.commands.options import Option, checked, setting
 from optim.runs.config import folder_of_seed, folders_of_seeds, has_run
 
 MOST_SEEDS = 10_000
@@ -80,6 +80,9 @@ def search_each(args: argparse.Namespace, search: Callable[[argparse.Namespace],
 
     if args.seed is not None:
         raise ValueError(f"seed: {args.seed} is not allowed with --seeds; give one of them")
+    for name, value in map(setting, args.set or ()):
+        if name == "seed":  # it would be that of all searches
+            raise ValueError(f"set: seed={value} is not allowed with --seeds; leave one out")
     if has_run(args.out):
         raise ValueError(f"out: {args.out} holds a single run; name another folder for --seeds")
     if not args.resume:

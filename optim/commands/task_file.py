@@ -43,7 +43,8 @@ def take_task(args: argparse.Namespace) -> None:
 def _complete_settings(args: argparse.Namespace, given: argparse.Namespace) -> None:
     """Add what the task's ``[set]`` says and the command line does not; of equal names the last counts."""
     names = [text.partition("=")[0].replace("-", "_") for text in given.set or ()]
-    left = [text for text, name in zip(given.set or (), names, strict=True) if getattr(args, name, None) is None]
+    told = {name for name in names if getattr(args, name, None) is not None} | ({"seed"} if args.seeds else set())
+    left = [text for text, name in zip(given.set or (), names, strict=True) if name not in told]
     args.set = [*left, *(args.set or ())] or None
 
 

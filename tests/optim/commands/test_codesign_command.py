@@ -144,6 +144,10 @@ def test_a_run_that_continues_takes_no_part_of_its_start(morpholab, tmp_path):
         ("--method genetic --set mutation=null", "mutation: nothing is not allowed; give a value, or leave it out"),
         ("--method gradient --set sharpest=abc", "sharpest: 'abc' is not allowed; give a number from 1 to 1e+12"),
         ("--method map-elites --set offset=-1.7e308", "offset: -1.7e+308 is not allowed; give a number from -1e+100"),
+        ("--set seed=3 --seed 4", "set: seed=3 is not allowed beside --seed 4; leave one out"),
+        ("--set learning-rate=1 --learning-rate 2", "set: learning_rate=1 is not allowed beside --learning-rate 2.0"),
+        ("--set climbers=2 --set climbers=3", "set: climbers is given twice; leave one out"),
+        ("--set seed=3 --seeds 0-1", "set: seed=3 is not allowed with --seeds; leave one out"),
         ("--climbers 100000000000", "climbers: 100000000000 is not allowed; give a whole number, at most 100000"),
     ],
 )

@@ -79,6 +79,14 @@ def test_settings_of_the_task_and_the_command_line_add_up(morpholab, tmp_path):
     assert expected.items() <= method(tmp_path).items()
 
 
+def test_seeds_of_the_command_line_count_more_than_the_seed_of_a_task(morpholab, tmp_path):
+    (tmp_path / "task.toml").write_text(TASK.replace("start-pressure = 2000.0\n", ""))
+    line = "codesign --task task.toml --quiet --out a --generations 0 --seeds 3,4 --climbers 2 --set climbers=2"
+    assert morpholab(line)[0] == 0
+    configs = [tomllib.loads((tmp_path / f"a/seed-{seed}/config.toml").read_text()) for seed in (3, 4)]
+    assert [config["method"]["seed"] for config in configs] == [3, 4]
+
+
 def test_files_of_heights_are_looked_for_beside_the_task_too(morpholab, tmp_path):
     (tmp_path / "own").mkdir()
     np.save(tmp_path / "own/course.npy", np.zeros((4, 4)))
