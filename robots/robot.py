@@ -34,10 +34,11 @@ from robots.trial import HERE as HERE
 from robots.trial import Progress as Progress
 from robots.trial import Trial as Trial
 from robots.trial import part_of as part_of
+from taichi_sim.base.checks import known_names, number, table
 from taichi_sim.base.compute import Compute as Compute
 from taichi_sim.base.files import read_record, read_text
 from taichi_sim.base.options import Option as Option
-from taichi_sim.base.parsing import parse_json
+from taichi_sim.base.parsing import RepeatedNameError, parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
 
 
@@ -165,7 +166,9 @@ def load_design(path: Path) -> Robot:
 
     def build(record: dict[str, Any]) -> Robot:
         robot = KINDS.find(record["kind"]).from_description(record["robot"])
-        values = [record["values"][parameter.name] for parameter in robot.parameters]
+        known_names(record, "format", "kind", "robot", "values")
+        known_names(table("values", record["values"]), *(parameter.name for parameter in robot.parameters))
+        values = [number(parameter.name, record["values"][parameter.name]) for parameter in robot.parameters]
         return robot.design(checked_design(robot.parameters, robot.points(values)[0]))
 
     return read_record(path, DESIGN_FORMAT, build)
@@ -175,6 +178,8 @@ def _record_of(path: Path) -> dict[str, Any]:
     """The content of a JSON file that is a record; nothing of other files."""
     try:
         record = parse_json(read_text(path)) if path.suffix.lower() == ".json" and path.is_file() else None
+    except RepeatedNameError as error:  # of which kind it is, it may still tell, but not what is meant
+        raise ValueError(f"{path}: {error}") from None
     except ValueError:
         return {}
     return record if isinstance(record, dict) else {}

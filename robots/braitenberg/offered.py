@@ -15,7 +15,7 @@ from robots.environments import Environment
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
 from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import choice, whole_number
+from taichi_sim.base.checks import choice, known_names, numbers, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.vehicle import VehicleBatch, VehicleTask
@@ -289,11 +289,13 @@ def load_vehicle(path: Path) -> VehicleRobot:
     Raises:
         ValueError: if the file is unreadable or damaged.
     """
-    return read_record(
-        path,
-        FORMAT,
-        lambda record: one_vehicle(VehicleBody(record["sensors"]), np.ravel(record["controller"])),
-    )
+
+    def vehicle_of(record: dict[str, Any]) -> VehicleRobot:
+        known_names(record, "format", "sensors", "controller")
+        body = VehicleBody(record["sensors"])
+        return one_vehicle(body, numbers("controller", record["controller"], 2, len(body.sensors)).ravel())
+
+    return read_record(path, FORMAT, vehicle_of)
 
 
 def vehicle_of_description(description: Mapping[str, Any]) -> VehicleRobot:

@@ -17,7 +17,7 @@ import numpy as np
 from robots.inflatable.layout import Layout, checked_layout, layout_mask, told_layout
 from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.schedule import MAXIMUM_PRESSURE, GaitSchedule
-from taichi_sim.base.checks import number
+from taichi_sim.base.checks import known_names, number
 from taichi_sim.base.files import read_record, read_text, write_record
 from taichi_sim.base.parsing import parse_json
 
@@ -209,6 +209,9 @@ def load_design(path: str | PathLike[str]) -> InflatableDesign:
 
 def _design_of(record: dict[str, Any]) -> InflatableDesign:
     """The design of a record of any format."""
+    if record["format"] != TABLES_FORMAT:  # whose tables are checked by their names
+        own = {MATERIALS_FORMAT: ("materials",), LAYOUT_FORMAT: ("materials", "bladders")}.get(record["format"], ())
+        known_names(record, *BESIDE_TABLES, "schedule", *own)
     if record["format"] in (MATERIALS_FORMAT, LAYOUT_FORMAT):
         schedule = GaitSchedule.from_text(record["schedule"], record["repeats"])
         is_laid = record["format"] == LAYOUT_FORMAT

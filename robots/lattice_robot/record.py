@@ -10,6 +10,7 @@ from robots.lattice_robot.drive import FIELDS, Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robot import LatticeRobot
+from taichi_sim.base.checks import known_names
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import read_vxl_json
 
@@ -25,7 +26,12 @@ def load_saved_robot(path: str | PathLike[str]) -> LatticeRobot:
     Raises:
         ValueError: one line that names the file and what is wrong with it.
     """
-    return read_record(path, ROBOT_FORMAT, robot_of_record)
+
+    def known_robot(record: dict[str, Any]) -> LatticeRobot:
+        known_names(record, "format", "body", "drives", "moduli", *SETTINGS, *LATER, "reflexes")
+        return robot_of_record(record)
+
+    return read_record(path, ROBOT_FORMAT, known_robot)
 
 
 def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:

@@ -25,7 +25,7 @@ from robots.lattice_robot.simulation import LatticeRobotResult, assembled, try_v
 from robots.robot import Progress, Trial, World, part_of
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.checks import number, whole_number
+from taichi_sim.base.checks import known_names, number, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice import LatticeBody, Material
@@ -102,6 +102,10 @@ def load_walker(path: str | PathLike[str]) -> WalkerDesign:
 
 
 def _design_of(record: dict[str, Any]) -> WalkerDesign:
+    known_names(record, "format", "layers")
+    for row in (row for layer in record["layers"] for row in layer):
+        if not (isinstance(row, str) and row.isascii() and row.isdigit()):
+            raise ValueError(f"layers: {shown(row)} is not allowed; give rows of digits, such as '0123'")
     layers = [[[int(digit) for digit in row] for row in layer] for layer in record["layers"]]
     if len({(len(layer), len(row)) for layer in layers for row in layer}) != 1:
         raise ValueError("layers: they differ in size; give equally many rows, equally long")

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from taichi_sim.base.arrays import Floats
 
 LONGEST_SHOWN = 100  # characters of a value in a message
+MOST_LISTED = 12  # names in a message
 
 
 def number(field: str, value: object, low: float = -math.inf, high: float = math.inf, unit: str = "") -> float:
@@ -107,6 +108,19 @@ def table(field: str, value: object) -> Mapping[Any, Any]:
     if isinstance(value, Mapping):
         return value
     raise ValueError(f"{field}: {shown(value)} is not allowed; give values by name")
+
+
+def known_names(record: Mapping[str, Any], *known: str) -> None:
+    """Refuse names that a record should not have, as what is misspelt would silently count for nothing.
+
+    Raises:
+        ValueError: for the first such name.
+    """
+    for name in record:
+        if name not in known:
+            listed = ", ".join(known[:MOST_LISTED]) + ", ..." * (len(known) > MOST_LISTED)
+            allowed = f"choose one of {listed}{nearest(name, known)}" if known else "leave it out"
+            raise ValueError(f"{shown(name)[1:-1]}: it is unknown; {allowed}")
 
 
 def choice(field: str, value: object, names: Collection[str]) -> str:
