@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from optim.commands import Report, options
-from optim.commands.options import Command, Option, count, flag, path_to
+from optim.commands.options import Command, Option, count, file_text, flag, path_to
 from optim.commands.robots import kinds_of_words, named_source, own_alone
 from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import has_run
@@ -39,7 +39,8 @@ COMMAND = Command(
             "rig",
             "dissertation, dissertation-gentle, or a TOML file with channels and limits (default: that of a gait table "
             "which is for a preset, else dissertation)",
-            metavar="RIG",
+            file_text,
+            "RIG",
         ),
         Option(
             "rate",

@@ -12,6 +12,7 @@ from taichi_sim.base.compute import DEVICES, PRECISIONS, Compute
 from taichi_sim.base.options import Option as Option
 from taichi_sim.base.options import checked as checked
 from taichi_sim.base.options import count as count
+from taichi_sim.base.options import file_text as file_text
 from taichi_sim.base.options import flag as flag
 from taichi_sim.base.options import given as given
 from taichi_sim.base.options import number as number

@@ -4,7 +4,7 @@ import argparse
 from dataclasses import asdict
 
 from optim.commands import FAILED, Report, goes_on
-from optim.commands.options import QUIET, THREADS, Command, Option, path_to
+from optim.commands.options import QUIET, THREADS, Command, Option, file_text, path_to
 from optim.progress import shown_progress
 
 COMMAND = Command(
@@ -17,7 +17,7 @@ COMMAND = Command(
         path_to("task", "TASK", "file of the task (TOML)", words="?"),
         path_to("out", "DIR", "folder of the results; the package is in DIR/package"),
         path_to("replay", "PACKAGE", "play a package by its tables alone instead, and compare"),
-        Option("rig", "with --replay: a preset or a .toml file that plays the tables over time, too", metavar="RIG"),
+        Option("rig", "with --replay: a preset or a .toml file that plays the tables over time, too", file_text, "RIG"),
         THREADS,
         QUIET,
     ),

@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report
-from optim.commands.options import Command, Option, count, flag, number, path_to
+from optim.commands.options import Command, Option, count, file_text, flag, number, path_to
 from optim.notes import note
 from optim.wording import counted
 
@@ -37,7 +37,8 @@ COMMAND = Command(
         Option(
             "rig",
             "whose limits hold: a preset, or a TOML file (default: the preset that the table is for)",
-            metavar="RIG",
+            file_text,
+            "RIG",
         ),
         Option("ack", "wait so long for the answer 'ok N' to sample N", SECONDS, "SECONDS"),
         Option("late", "vent and stop if a sample is later than this (default: 0.5)", SECONDS, "SECONDS"),

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from optim.commands import Report, options
-from optim.commands.options import Command, Option, count, flag, path_to
+from optim.commands.options import Command, Option, count, file_text, flag, path_to
 from optim.notes import note
 from optim.progress import shown_progress
 from optim.wording import counted, spoken_size
@@ -26,7 +26,7 @@ COMMAND = Command(
         Option("port", "of that page (default: one that is free)", whole(0, 65535), "N"),
         flag("no_player", "without the motion of the best design: small, and nothing is simulated"),
         count("frames", 2, "of the player, at most, of each motion (default: 400)"),
-        Option("rig", "that shall play the gait: a preset or a TOML file (default: dissertation)", metavar="RIG"),
+        Option("rig", "that shall play the gait: a preset or a TOML file (default: dissertation)", file_text, "RIG"),
         options.by("what several runs are compared by (default: evaluations)"),
         flag("quiet", "no progress and no notes"),
     ),

@@ -4,7 +4,7 @@ import argparse
 import json
 from typing import Any
 
-from optim.commands.options import Option
+from optim.commands.options import Option, file_text
 from robots.tasks import builtin_tasks, find_task
 from taichi_sim.base.checks import nearest
 
@@ -12,7 +12,8 @@ TASK = Option(
     "task",
     f"one of {', '.join(builtin_tasks())}; or TOML with options by name, such as terrain = ['flat', 'hill:15']; the "
     "command line counts more",
-    metavar="NAME|FILE",
+    file_text,
+    "NAME|FILE",
 )
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
 
@@ -33,7 +34,7 @@ def take_task(args: argparse.Namespace) -> None:
         if action is None:
             raise ValueError(f"task: {args.task} has an unknown key {key!r}{nearest(key, known)}")
         arguments += _arguments(action, value)
-    given, _ = parser.parse_known_args(["--out", "", *arguments])
+    given, _ = parser.parse_known_args(["--out", ".", *arguments])
     _complete_settings(args, given)
     for dest in known:
         if getattr(args, dest) is None:

@@ -9,7 +9,7 @@ from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot, counted
 from taichi_sim.base.files import read_text
-from taichi_sim.base.options import checked, number, numbers, whole
+from taichi_sim.base.options import checked, file_text, number, numbers, whole
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
 
 FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
@@ -28,7 +28,7 @@ class FreeformKind(LatticeGroundKind):
         Option("shape", "cells of the grid along each axis (default: 12,4,3)", checked(shape_of), "X,Y,Z"),
         Option("voxel_size", "edge of a cell in metres (default: 0.01)", number(1e-6, 1e3), "M"),
         Option("symmetry", "axes along which both halves are alike, such as y (default: none)", metavar="AXES"),
-        Option("palette", "JSON file of the tissues, a list of materials (default: silicone)", metavar="FILE"),
+        Option("palette", "JSON file of the tissues, a list of materials (default: silicone)", file_text, "FILE"),
         Option("fields", "how a search writes what cells are (default: cells)", choices=FIELDS),
         Option("detail", "radius of filtered fields, balls of blobs, nodes of networks", number(0, 1e4), "N"),
         Option("full", "all cells are there; muscles and tissues alone are free", None),

@@ -27,7 +27,7 @@ from robots.robot import (
 from robots.terrain_kind import TerrainKind
 from robots.world import FLOORS, FRICTION_OF_PARTS, Terrain, friction_of_parts, terrain_of
 from taichi_sim.base import checks
-from taichi_sim.base.options import checked, number, numbers, spelled, value_of, whole
+from taichi_sim.base.options import checked, file_path, file_text, number, numbers, spelled, value_of, whole
 
 if TYPE_CHECKING:
     pass
@@ -37,7 +37,7 @@ GEOMETRIES = ("published", "small", "two-core", "closed", "small-closed")
 RIG_OPTION = Option(
     "calibration",
     "properties of a rig, the calibration.json of morpholab calibrate; its geometry is the default",
-    Path,
+    file_path,
     "FILE",
 )
 BLADDERS_OPTION = Option(
@@ -100,7 +100,7 @@ class InflatableKind(TerrainKind):
         Option(
             "rig",
             "with --table: the rig that plays it, a preset or a .toml file; ideal follows the simulator's strokes",
-            str,
+            file_text,
             "RIG",
             commands=("simulate",),
         ),

@@ -8,7 +8,7 @@ from robots.kind import choices
 from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
-from taichi_sim.base.options import checked, number, whole
+from taichi_sim.base.options import checked, file_path, number, whole
 
 
 def _region(text: str) -> Any:
@@ -46,7 +46,7 @@ class LatticeRobotKind(LatticeGroundKind):
         Option(
             "channels",
             "a table of its channels, as export --csv writes it: its rows drive the robot instead",
-            Path,
+            file_path,
             "FILE",
             commands=("simulate", "view"),
         ),

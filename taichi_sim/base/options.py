@@ -123,7 +123,24 @@ def count(name: str, low: int, told: str, default: int | None = None, metavar: s
 
 def path_to(name: str, metavar: str, told: str, required: bool = False, words: str = "") -> Option:
     """An option, or an argument of so many words, that takes a file or a folder."""
-    return Option(name, told, Path, metavar, required=required, words=words)
+    return Option(name, told, file_path, metavar, required=required, words=words)
+
+
+def file_path(text: str) -> Path:
+    """The type of an option with a file or a folder: its path.
+
+    Raises:
+        argparse.ArgumentTypeError: for an empty text, of which a path would silently be the working directory.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("'' is not allowed; give a path")
+    return Path(text)
+
+
+def file_text(text: str) -> str:
+    """The type of an option with a file, or the name of something that is built in; see :func:`file_path`."""
+    file_path(text)
+    return text
 
 
 def options_of(described: Any, **meanings: str) -> tuple[Option, ...]:

@@ -134,7 +134,7 @@ BAD_LINES = [
     ("calibrate --example new/a.toml", "path: new/a.toml cannot be written; there is no folder new"),
     ("export rolling --csv a.csv --plot new/x.png", "plot: new/x.png cannot be written; there is no folder new"),
     ("export rolling --csv a.png --plot a.png", "plot: a.png is the table, too; name another file"),
-    ("export rolling --csv ''", "csv: . is a folder; name a file"),
+    ("export rolling --csv .", "csv: . is a folder; name a file"),
     ("export nothing --csv a.csv", "source: 'nothing' is no robot (inching, rolling, "),
     ("export broken.json --csv a.csv", "broken.json: "),
     ("codesign --out new --terrain flat --workers 100000", "argument --workers: 100000 is not allowed; give a whole"),
@@ -144,6 +144,26 @@ BAD_LINES = [
 ]
 BAD_LINES += [(f"simulate --gait rolling {options}", message) for options, message in BAD_SIMULATE]
 BAD_LINES += [(f"codesign --out new --terrain flat {options}", message) for options, message in BAD_CODESIGN]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "codesign --terrain flat --out",
+        "track r --tensorboard",
+        "work",
+        "report r --rig",
+        "calibrate --example",
+        "export",
+        "simulate --gait inching --calibration",
+        "codesign --out a --task",
+        "play",
+    ],
+)
+def test_an_empty_path_is_not_the_working_directory(morpholab, tmp_path, line):
+    code, _, error = morpholab(f"{line} ''")
+    assert code == 2 and "'' is not allowed; give a path" in error and error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(("line", "message"), BAD_LINES)
