@@ -118,3 +118,9 @@ def test_what_is_not_there():
         find_task("wlk")
     with pytest.raises(ValueError, match=r"^success: 'height' is unknown; choose one of speed, "):
         _ = type(find_task("walk"))("walk", {"robot": "soft-quadruped"}, success=(Success("height", ">=", 1.0),)).robot
+
+
+def test_a_mark_of_byte_order_before_a_task_is_skipped(tmp_path):
+    path = tmp_path / "own.toml"
+    path.write_text("robot = 'walker'\nterrain = ['flat']\n", encoding="utf-8-sig")
+    assert find_task(path).options == {"robot": "walker", "terrain": ["flat"]}

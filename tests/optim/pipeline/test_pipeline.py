@@ -81,6 +81,12 @@ def test_a_task_for_a_rig_has_its_robot(tmp_path, given, most):
     assert named.robot["geometry"] == PUBLISHED
 
 
+def test_a_mark_of_byte_order_before_a_task_is_skipped(tmp_path):
+    path = tmp_path / "task.toml"
+    path.write_text("terrains = ['flat']\ngaits = ['rolling']\n", encoding="utf-8-sig")
+    assert read_task(path).terrains == (Terrain(),)
+
+
 def test_a_task_says_what_the_ground_is_and_what_bladders_weigh(tmp_path):
     text = "terrains = ['flat', 'hill:5', 'water']\ngaits = ['rolling']\n"
     task = task_of(tmp_path, f"{text}floor = 'acrylic'\nbladder_friction = 0.3\nweight = 'physical'")
