@@ -13,12 +13,15 @@ import numpy as np
 
 from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.checks import MOST_FRICTION
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Water
 
 START = 0.3  # m ahead of a robot's origin: where stairs, ramps and gaps begin; up to there the ground is level
 WATER_DENSITY = 1000.0  # kg/m^3
+# Beyond these, places are counted in numbers that no computer holds, and ground becomes level without a word.
+SHORTEST, FARTHEST = 1e-4, 1e4  # m
 
 
 @dataclass(frozen=True)
@@ -30,6 +33,7 @@ class Number:
         default: its value where it is left out; None must be given.
         low: its lowest value.
         open: whether ``low`` itself is refused, too.
+        high: its highest value.
         whole: whether it must be a whole number, which is less than 2^32.
         start: whether it says how far ahead of a robot's origin the ground begins to differ [m].
     """
@@ -40,6 +44,7 @@ class Number:
     open: bool = True
     whole: bool = False
     start: bool = False
+    high: float = math.inf
 
     def check(self, value: float, text: str) -> None:
         """Refuse a value, in the name of a ground, that is not allowed.
@@ -50,6 +55,8 @@ class Number:
         told = f"terrain: {self.name} {value:g} of {text!r} is not allowed; give"
         if value < self.low or (self.open and value == self.low):
             raise ValueError(f"{told} {'more than' if self.open else 'at least'} {self.low:g}")
+        if value > self.high:
+            raise ValueError(f"{told} at most {self.high:g}")
         if self.whole and not (value.is_integer() and value < 2**32):
             raise ValueError(f"{told} a whole number")
 
@@ -209,23 +216,40 @@ def _yield_per_depth(limit: float) -> float:
 
 
 LEVEL = GroundKind("level", "level ground", (), _level)
-HEIGHT, SIZE = Number("HEIGHT", open=False), Number("SIZE", 0.05)
-SEED, BEGINS = Number("SEED", 0.0, open=False, whole=True), Number("START", START, -math.inf, start=True)
+
+
+def _height(name: str, default: float | None = None) -> Number:
+    return Number(name, default, open=False, high=FARTHEST)
+
+
+def _length(name: str, default: float | None = None) -> Number:
+    return Number(name, default, SHORTEST, open=False, high=FARTHEST)
+
+
+def _factor(name: str, default: float | None = None) -> Number:
+    return Number(name, default, open=False, high=MOST_FRICTION)
+
+
+def _degrees(default: float | None = None) -> Number:
+    return Number("DEGREES", default, -90.0, high=90.0)
+
+
+HEIGHT, SIZE = _height("HEIGHT"), _length("SIZE", 0.05)
+SEED = Number("SEED", 0.0, open=False, whole=True)
+BEGINS = Number("START", START, -FARTHEST, open=False, start=True, high=FARTHEST)
 GROUNDS = {
     kind.name: kind
     for kind in (
         GroundKind("rough", "smooth random hills", (HEIGHT, SIZE, SEED), _rough),
         GroundKind("blocks", "square blocks of random heights", (HEIGHT, SIZE, SEED), _blocks),
-        GroundKind("stairs", "stairs", (Number("RISE", open=False), Number("RUN"), BEGINS), _stairs),
-        GroundKind("ramp", "level, then a slope", (Number("DEGREES", low=-math.inf), BEGINS), _ramp),
-        GroundKind(
-            "gap", "a trench across the way", (Number("WIDTH"), Number("DEPTH", 0.02, open=False), BEGINS), _gap
-        ),
-        GroundKind("wave", "waves across the way", (HEIGHT, Number("LENGTH")), _wave),
+        GroundKind("stairs", "stairs", (_height("RISE"), _length("RUN"), BEGINS), _stairs),
+        GroundKind("ramp", "level, then a slope", (_degrees(), BEGINS), _ramp),
+        GroundKind("gap", "a trench across the way", (_length("WIDTH"), _height("DEPTH", 0.02), BEGINS), _gap),
+        GroundKind("wave", "waves across the way", (HEIGHT, _length("LENGTH")), _wave),
         GroundKind(
             "patches",
             "level squares whose friction counts by a random factor",
-            (Number("LOW", open=False), Number("HIGH", open=False), SIZE, SEED),
+            (_factor("LOW"), _factor("HIGH"), SIZE, SEED),
             _level,
             _patches,
         ),
@@ -234,10 +258,10 @@ GROUNDS = {
             "level stretches, and slopes, ridges and slippery ones in random order between them",
             (
                 Number("SEED", open=False, whole=True),
-                Number("LENGTH", 0.2),
-                Number("DEGREES", 8.0, -math.inf),
-                Number("RIDGE", 0.004, open=False),
-                Number("FACTOR", 0.05, open=False),
+                _length("LENGTH", 0.2),
+                _degrees(8.0),
+                _height("RIDGE", 0.004),
+                _factor("FACTOR", 0.05),
             ),
             _course_height,
             _course_friction,
@@ -248,11 +272,13 @@ EARLIER_NAMES = {"steps": "blocks"}  # read wherever a ground is named, and kept
 COVERS = {
     cover.name: cover
     for cover in (
-        Cover("sand", "granular ground", (Number("YIELD"),), "of sand", {"yield_per_depth": _yield_per_depth}),
+        Cover(
+            "sand", "granular ground", (Number("YIELD", high=1e12),), "of sand", {"yield_per_depth": _yield_per_depth}
+        ),
         Cover(
             "water",
             "water on the ground",
-            (Number("LEVEL", low=-math.inf), Number("DENSITY", WATER_DENSITY)),
+            (Number("LEVEL", low=-FARTHEST, open=False, high=FARTHEST), Number("DENSITY", WATER_DENSITY, high=1e6)),
             "with water",
             {"water": _water},
         ),

@@ -17,7 +17,7 @@ from robots.ground_kinds import ways
 from robots.outcome import World
 from robots.props import LIGHT, Prop, split_name
 from robots.terrain_fields import about
-from taichi_sim.base.checks import NotNegative, check_fields, number, shown
+from taichi_sim.base.checks import Friction, NotNegative, check_fields, number, shown
 from taichi_sim.base.files import found_beside
 from taichi_sim.base.options import value_of as number_of
 
@@ -74,16 +74,16 @@ class Terrain:
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
-    high_friction: NotNegative | None = None
-    low_friction: NotNegative | None = None
+    high_friction: Friction | None = None
+    low_friction: Friction | None = None
     fluid_density: NotNegative | None = field(default=None, metadata=about("; give ground in place of a fluid"))
     pressure_drag: NotNegative | None = None
     friction_drag: NotNegative | None = None
-    bladder_friction: NotNegative | None = field(default=None, metadata=_OF_INFLATABLE)
-    skin_friction: NotNegative | None = field(default=None, metadata=_OF_INFLATABLE)
-    seam_friction: NotNegative | None = field(default=None, metadata=_OF_INFLATABLE)
-    static_friction: NotNegative | None = field(default=None, metadata=_OF_LATTICE)
-    kinetic_friction: NotNegative | None = field(default=None, metadata=_OF_LATTICE)
+    bladder_friction: Friction | None = field(default=None, metadata=_OF_INFLATABLE)
+    skin_friction: Friction | None = field(default=None, metadata=_OF_INFLATABLE)
+    seam_friction: Friction | None = field(default=None, metadata=_OF_INFLATABLE)
+    static_friction: Friction | None = field(default=None, metadata=_OF_LATTICE)
+    kinetic_friction: Friction | None = field(default=None, metadata=_OF_LATTICE)
     ground: str | None = field(default=None, metadata=about("; give a plane", later=True))
     light: tuple[float, float] | None = field(default=None, metadata=about(later=True))
     props: tuple[Prop, ...] | None = field(default=None, metadata=_OF_PROPS)

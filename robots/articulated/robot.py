@@ -116,7 +116,7 @@ class ArticulatedRobot(Robot):
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
         if self.friction is not None and self.friction != math.inf:
-            checks.number("friction", self.friction, 0.0)
+            checks.number("friction", self.friction, 0.0, checks.MOST_FRICTION)
         if self.slip is not None:
             checks.positive("slip", self.slip)
         if self.light is not None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 from robots.terrain_fields import check_taken
 from robots.world import FLUID_FIELDS, FRICTION_FIELDS, Terrain
-from taichi_sim.base.checks import NotNegative, Positive, check_fields, choice, whole_number
+from taichi_sim.base.checks import Friction, NotNegative, Positive, check_fields, choice, whole_number
 
 TERRAIN_FIELDS = ("slope", *FRICTION_FIELDS, *FLUID_FIELDS, "ground", "light")  # which inflatable robots take
 REFUSED = {"static_friction": ", as it is of lattice robots; give high_friction and low_friction"}
@@ -51,8 +51,8 @@ class InflatableActuation:
             until the first column has ended, as published.
     """
 
-    high_friction: NotNegative = 2.0
-    low_friction: NotNegative = 1e-4
+    high_friction: Friction = 2.0
+    low_friction: Friction = 1e-4
     deflated: Positive = 0.2
     inflated: NotNegative = 2.5
     inflation_rate: Positive = 3e-4
@@ -67,9 +67,9 @@ class InflatableActuation:
     settling_damping: NotNegative = 0.01
     weight: Annotated[str, partial(choice, names=WEIGHTS)] = "published"
     ramp_steps: Annotated[int, partial(whole_number, low=1)] | None = None
-    bladder_friction: NotNegative | None = None
-    skin_friction: NotNegative | None = None
-    seam_friction: NotNegative | None = None
+    bladder_friction: Friction | None = None
+    skin_friction: Friction | None = None
+    seam_friction: Friction | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -121,14 +121,22 @@ class InflatableKind(TerrainKind):
             *super().world_options,
             Option("friction", "of sliding and of gripping feet (default: 0.0001,2)", numbers(2), "SLIDING,GRIPPING"),
             Option("floor", "whose measured friction feet have; instead of --friction", metavar="wood|acrylic"),
-            Option("bladder_friction", "of bladders (default: a third of that of gripping feet)", number(0.0), "X"),
             Option(
-                "skin_friction", "of the skin beside seams and feet (default: that of gripping feet)", number(0.0), "X"
+                "bladder_friction",
+                "of bladders (default: a third of that of gripping feet)",
+                number(0.0, checks.MOST_FRICTION),
+                "X",
+            ),
+            Option(
+                "skin_friction",
+                "of the skin beside seams and feet (default: that of gripping feet)",
+                number(0.0, checks.MOST_FRICTION),
+                "X",
             ),
             Option(
                 "seam_friction",
                 "of seams (default: that of gripping feet, but within feet that of sliding feet in the first column)",
-                number(0.0),
+                number(0.0, checks.MOST_FRICTION),
                 "X",
             ),
         )
@@ -202,7 +210,7 @@ def friction_of_feet(options: Mapping[str, Any]) -> tuple[float, float] | None:
         return None
     if not isinstance(friction, (list, tuple)) or len(friction) != 2:
         raise ValueError(f"friction: {friction!r} is not allowed; give that of sliding and of gripping feet")
-    sliding, gripping = (checks.number("friction", coefficient, 0.0) for coefficient in friction)
+    sliding, gripping = (checks.number("friction", coefficient, 0.0, checks.MOST_FRICTION) for coefficient in friction)
     if sliding > gripping:
         raise ValueError(
             f"friction: {sliding:g} of sliding feet is not allowed; at most that of gripping feet, {gripping:g}"

@@ -59,7 +59,7 @@ class LatticeGroundKind(TerrainKind):
         world, given = super().chosen_world(options), options.get("ground_friction")
         if given is None:
             return world
-        static, kinetic = (checks.number("ground_friction", value, 0.0) for value in given)
+        static, kinetic = (checks.number("ground_friction", value, 0.0, checks.MOST_FRICTION) for value in given)
         told = f"ground_friction: {static:g},{kinetic:g} is not allowed"
         if kinetic > static:
             raise ValueError(f"{told}; kinetic friction is at most static friction")

@@ -8,6 +8,7 @@ from robots.kind import choices
 from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
+from taichi_sim.base.checks import MOST_FRICTION
 from taichi_sim.base.options import checked, file_path, number, whole
 
 
@@ -39,7 +40,12 @@ class LatticeRobotKind(LatticeGroundKind):
         ),
         Option("modulus", "of a mesh, Young's modulus of its body (default: 1e5)", number(0.0, unit="Pa"), "PA"),
         Option("density", "of a mesh, of its body (default: 1000)", number(0.0, unit="kg/m^3"), "RHO"),
-        Option("friction", "of a mesh, static, of its body; 0.8 of it is kinetic (default: 1)", number(0.0), "MU"),
+        Option(
+            "friction",
+            "of a mesh, static, of its body; 0.8 of it is kinetic (default: 1)",
+            number(0.0, MOST_FRICTION),
+            "MU",
+        ),
         Option("frequency", "of a mesh, of its muscles (default: 4)", number(0.1, 100, "Hz"), "HZ"),
         Option("cycles", "of a mesh, that count (default: 4)", whole(1), "N"),
         Option("settling", "of a mesh, before its muscles move, in seconds (default: 0.25)", number(0), "S"),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.lattice_robot.drive import Drive, Free, Value
-from taichi_sim.base.checks import number, positive
+from taichi_sim.base.checks import MOST_FRICTION, number, positive
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
@@ -124,7 +124,7 @@ def robot_of_mesh(
     base = Material(
         positive("modulus", modulus),
         positive("density", density),
-        static_friction=number("friction", friction, 0.0),
+        static_friction=number("friction", friction, 0.0, MOST_FRICTION),
         kinetic_friction=SLIDING * friction,
         name="body",
     )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from taichi_sim.base.arrays import Floats
 
 LONGEST_SHOWN = 100  # characters of a value in a message
+MOST_FRICTION = 1e6  # of coefficients, which f32 still squares
 MOST_LISTED = 12  # names in a message
 
 
@@ -198,6 +199,7 @@ def on_off(value: object) -> object:
 Finite = Annotated[float, number]
 Positive = Annotated[float, positive]
 NotNegative = Annotated[float, partial(number, low=0.0)]
+Friction = Annotated[float, partial(number, low=0.0, high=MOST_FRICTION)]  # a coefficient, or a factor of one
 
 
 def check_fields(described: Any) -> None:

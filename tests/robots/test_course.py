@@ -55,7 +55,7 @@ def test_a_course_is_a_ground_by_name():
     [
         ("course", "'course' lacks SEED; give course:SEED[,LENGTH][,DEGREES][,RIDGE][,FACTOR]"),
         ("course:1.5", "SEED 1.5 of 'course:1.5' is not allowed; give a whole number"),
-        ("course:1,0", "LENGTH 0 of 'course:1,0' is not allowed; give more than 0"),
+        ("course:1,0", "LENGTH 0 of 'course:1,0' is not allowed; give at least 0.0001"),
         ("course:1,0.2,10,-1", "RIDGE -1 of 'course:1,0.2,10,-1' is not allowed; give at least 0"),
         ("course:1,0.2,10,0,0,0", "at most 5 numbers"),
     ],

@@ -185,7 +185,7 @@ def test_every_kind_is_offered():
         ("rough:nan", "'nan' of 'rough:nan' is not allowed"),
         ("rough:1,2,3,4", "at most 3 numbers"),
         ("rough:-1", "HEIGHT -1 of 'rough:-1' is not allowed; give at least 0"),
-        ("stairs:0.1,0", "RUN 0 of 'stairs:0.1,0' is not allowed; give more than 0"),
+        ("stairs:0.1,0", "RUN 0 of 'stairs:0.1,0' is not allowed; give at least 0.0001"),
         ("no.npy:0.1", "'no.npy' is no file"),
         ("hill:5+no.npy:0.1", "'no.npy' is no file"),
         ("no.npy:0.1+sand:2e5", "'no.npy' is no file"),
@@ -450,6 +450,29 @@ def test_a_cover_says_what_it_does_to_robots(monkeypatch):
         ValueError, match=r"^terrain: 'sand:1\+mud:0' is not allowed, as sand and mud both say its yield"
     ):
         Ground("sand:1+mud:0")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("rough:0.0001,1e-300", "SIZE 1e-300 of 'rough:0.0001,1e-300' is not allowed; give at least 0.0001"),
+        ("blocks:0.001,1e-30", "SIZE 1e-30 of"),
+        ("patches:0.5,1,1e-300", "SIZE 1e-300 of"),
+        ("patches:0.5,1e7", "HIGH 1e+07 of 'patches:0.5,1e7' is not allowed; give at most 1e+06"),
+        ("wave:0.0,1e-320", "LENGTH 9.99989e-321 of"),
+        ("stairs:1e300,1e-300", "RISE 1e+300 of 'stairs:1e300,1e-300' is not allowed; give at most 10000"),
+        ("stairs:0.1,1e-300", "RUN 1e-300 of"),
+        ("rough:1e300", "HEIGHT 1e+300 of"),
+        ("ramp:5,1e300", "START 1e+300 of"),
+        ("ramp:1e300", "DEGREES 1e+300 of"),
+        ("water:1e300", "LEVEL 1e+300 of 'water:1e300' is not allowed; give at most 10000"),
+        ("water:-1e300", "LEVEL -1e+300 of 'water:-1e300' is not allowed; give at least -10000"),
+        ("sand:1e300", "YIELD 1e+300 of"),
+    ],
+)
+def test_numbers_that_no_ground_has_are_refused_by_name(text, told):
+    with pytest.raises(ValueError, match=f"^terrain: {re.escape(told)}"):
+        Terrain.parse(text)
 
 
 @pytest.mark.parametrize("kind", [*GROUNDS.values(), *COVERS.values()], ids=lambda kind: kind.name)
