@@ -104,6 +104,9 @@ def settle_workers(args: argparse.Namespace) -> None:
         raise ValueError("ray: it is not allowed with a folder of workers; give one of them")
     if args.workers_dir.exists() and not args.workers_dir.is_dir():
         raise ValueError(f"workers-dir: {args.workers_dir} is a file; name a folder")
+    shared, out = args.workers_dir.resolve(), args.out.resolve()
+    if shared.is_relative_to(out) or out.is_relative_to(shared):
+        raise ValueError(f"workers-dir: {args.workers_dir} is not allowed with --out {args.out}; name one beside it")
     given = tuple(args.slurm_option or ())
     check_options(given)
     if given and not args.slurm:
