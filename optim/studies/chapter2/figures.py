@@ -148,7 +148,7 @@ def draw_curves(curves: Mapping[Place, Floats], path: Path) -> None:
         lines = {
             label: line for axes in panels[0] for line, label in zip(*axes.get_legend_handles_labels(), strict=True)
         }
-        panels[0, -1].legend([lines[name] for name in rows], rows)
+        panels[0, 0].legend([lines[name] for name in rows], rows)
 
 
 def _scale_by_decades(axes: Any) -> None:

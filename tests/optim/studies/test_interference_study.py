@@ -336,6 +336,7 @@ def test_a_grid_that_lacks_treatments_has_every_line_in_its_legend_and_numbers_a
     assert texts.count("best fitness, sum") == texts.count("best fitness, product") == 1
 
 
+@pytest.mark.filterwarnings("error")
 def test_pictures_of_failures_are_drawn(tmp_path):
     """Of runs in which nothing succeeds, and of paths that lead far away."""
     draw_curves({("min", "legged"): np.full((2, 3, 4), np.nan)}, tmp_path / "curves.png")

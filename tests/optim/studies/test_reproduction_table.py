@@ -95,7 +95,7 @@ def test_numbers_follow_the_data(tmp_path, monkeypatch):
     sweep.write_bytes(gzip.compress(told.encode()))
     page, made = PAGE.read_text(), tables()
     for changed in (
-        "| 1.25 [6.17, 7.48], ",
+        "| 1.25 [6.17, 7.64], ",
         "| 2 of 3 | 3 copies | h |",
         "| 9.5 %: 2 of 21 changes |",
         "| 0.0018, 0.0148 |",
