@@ -12,5 +12,5 @@ def start() -> int:
     except KeyboardInterrupt:  # before a command has begun, which tells of it itself
         from optim.commands import INTERRUPTED
 
-        sys.stderr.write("morpholab: interrupted\n")
+        print("morpholab: interrupted", file=sys.stderr)  # silent, if stderr is closed
         return INTERRUPTED

@@ -13,14 +13,15 @@ import numpy as np
 
 from robots.course import Course, hashed
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import MOST_FRICTION
+from taichi_sim.base.checks import MOST_FRICTION, STEEPEST_GROUND
+from taichi_sim.base.short_text import shortest
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Water
 
 START = 0.3  # m ahead of a robot's origin: where stairs, ramps and gaps begin; up to there the ground is level
 WATER_DENSITY = 1000.0  # kg/m^3
-# Beyond these, places are counted in numbers that no computer holds, and ground becomes level without a word.
+# Beyond these, places are counted in numbers that no computer holds.
 SHORTEST, FARTHEST = 1e-4, 1e4  # m
 
 
@@ -52,7 +53,7 @@ class Number:
         Raises:
             ValueError: that names both.
         """
-        told = f"terrain: {self.name} {value:g} of {text!r} is not allowed; give"
+        told = f"terrain: {self.name} {shortest(value)} of {text!r} is not allowed; give"
         if value < self.low or (self.open and value == self.low):
             raise ValueError(f"{told} {'more than' if self.open else 'at least'} {self.low:g}")
         if value > self.high:
@@ -231,7 +232,7 @@ def _factor(name: str, default: float | None = None) -> Number:
 
 
 def _degrees(default: float | None = None) -> Number:
-    return Number("DEGREES", default, -90.0, high=90.0)
+    return Number("DEGREES", default, -STEEPEST_GROUND, open=False, high=STEEPEST_GROUND)
 
 
 HEIGHT, SIZE = _height("HEIGHT"), _length("SIZE", 0.05)

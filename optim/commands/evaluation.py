@@ -105,7 +105,7 @@ def settle_workers(args: argparse.Namespace) -> None:
     if args.workers_dir.exists() and not args.workers_dir.is_dir():
         raise ValueError(f"workers-dir: {args.workers_dir} is a file; name a folder")
     shared, out = args.workers_dir.resolve(), args.out.resolve()
-    if shared.is_relative_to(out) or out.is_relative_to(shared):
+    if shared.is_relative_to(out):
         raise ValueError(f"workers-dir: {args.workers_dir} is not allowed with --out {args.out}; name one beside it")
     given = tuple(args.slurm_option or ())
     check_options(given)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
+TABLES = ("csv", "plain", "c_header")
+OUTPUTS = (*TABLES, "plot", "voxels", "parts")  # options that name what is written
 LONGER = 1.02  # times the gait's own length: what whole samples make of it is told from there on
 COMMAND = Command(
     "export",
@@ -94,9 +96,8 @@ def run(args: argparse.Namespace) -> Report:
     _check_files(args)
     robot, seed = _robot(args)
     with undone_if_it_fails() as made:  # what is new; else it would be in the way when the same is tried again
-        made += [path.resolve() for field, path in _outputs(args).items() if field != "csv" and not path.exists()]
-        table = _write_table(args, robot, seed) if wanted else Report({}, "")
-        document, lines = _write_bodies(args, robot)
+        table = _write_table(args, robot, seed, made) if wanted else Report({}, "")
+        document, lines = _write_bodies(args, robot, made)
     text = "\n".join(filter(None, [table.text, *lines]))
     return Report({"source": str(args.source), **cast(dict[str, Any], table.document), **document}, text, table.code)
 
@@ -107,27 +108,29 @@ def _check_files(args: argparse.Namespace) -> None:
     from taichi_sim.base.files import check_parent
 
     taken: dict[str, str] = {}
-    read = {os.path.realpath(given): name for name, given in (("source", args.source), ("rig", args.rig)) if given}
+    given = {name: value for name, value in vars(args).items() if name not in OUTPUTS and isinstance(value, str | Path)}
+    read = {os.path.realpath(value): name for name, value in given.items() if os.path.isfile(value)}
     for field, path in _outputs(args).items():
         if field != "parts" and (path.is_dir() or not path.name):
             raise ValueError(f"{field}: {path} is a folder; name a file")
+        check_place(field, path)
         if field != "parts" or path.suffix:
             check_parent(field, path)
-            check_place(field, path)
         place = os.path.realpath(path)
         if other := taken.get(place):
             which = "the table" if other == "csv" else f"that of --{other}"
             raise ValueError(f"{field}: {path} is {which}, too; name another file")
         taken[place] = field
-        if place in read and path.exists():
+        if args.dry_run and field.replace("-", "_") in TABLES:
+            continue
+        if place in read:
             raise ValueError(f"{field}: {path} is the {read[place]}, which is only read; name another file")
         _check_kept(field, path)
 
 
 def _outputs(args: argparse.Namespace) -> dict[str, Path]:
     """What is to be written, by the option that names it."""
-    names = ("csv", "plot", "plain", "c_header", "voxels", "parts")
-    return {name.replace("_", "-"): path for name in names if (path := getattr(args, name))}
+    return {name.replace("_", "-"): path for name in OUTPUTS if (path := getattr(args, name))}
 
 
 def _check_kept(field: str, path: Path) -> None:
@@ -146,23 +149,36 @@ def _check_kept(field: str, path: Path) -> None:
         raise ValueError(f"csv: {path} is a file of the run in {folder}; name another file")
 
 
-def _write_bodies(args: argparse.Namespace, robot: Robot) -> tuple[dict[str, Any], list[str]]:
+def _begun(made: list[Path], field: str, path: Path) -> Path:
+    """Note a new file or folder that is made now, which another process must not have made meanwhile."""
+    _check_kept(field, path)
+    if not path.exists():
+        made.append(Path(os.path.realpath(path)))
+    return path
+
+
+def _write_bodies(args: argparse.Namespace, robot: Robot, made: list[Path]) -> tuple[dict[str, Any], list[str]]:
     """Write surfaces and voxels, if they are asked for; what machines and people are told."""
     document: dict[str, Any] = {}
     lines: list[str] = []
     if args.voxels:
-        robot.save_voxels(args.voxels)
+        robot.save_voxels(_begun(made, "voxels", args.voxels))
         document["voxels"] = str(args.voxels)
         lines.append(f"{args.voxels}: voxels")
     if args.parts:
-        written = robot.save_parts(args.parts, args.mould)
+        place = _begun(made, "parts", args.parts)
+        try:
+            written = robot.save_parts(place, args.mould)
+        except BaseException:  # a folder that was there before stays, and was empty
+            made.extend(place.iterdir() if place.is_dir() else ())
+            raise
         document["parts"] = {"path": str(args.parts), "written": written}
         lines.append(f"{args.parts}: in millimetres")
         lines.extend(f"  {each}" for each in written)
     return document, lines
 
 
-def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Report:
+def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None, made: list[Path]) -> Report:
     """Write the table and its picture, or tell what would be written."""
     from robots.hardware import RigViolation, write_csv
     from robots.hardware.plain_files import write_c_header, write_plain
@@ -185,13 +201,13 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None) -> Re
     if args.csv and not args.dry_run:
         write_csv(table, args.csv)
     if args.plain and not args.dry_run:
-        write_plain(table, args.plain)
+        write_plain(table, _begun(made, "plain", args.plain))
     if args.c_header and not args.dry_run:
-        write_c_header(table, args.c_header)
+        write_c_header(table, _begun(made, "c-header", args.c_header))
     if args.plot:
         from robots.hardware.gait_chart import save_gait_chart
 
-        save_gait_chart(table, args.plot)
+        save_gait_chart(table, _begun(made, "plot", args.plot))
     return _report(args, table, unsampled)
 
 

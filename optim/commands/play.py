@@ -25,7 +25,7 @@ COMMAND = Command(
         path_to("table", "TABLE", "a CSV file that export wrote", words="1"),
         Option("port", "serial device, such as /dev/ttyUSB0", metavar="DEVICE"),
         count("baud", 50, "speed of the serial device (default: 115200)"),
-        Option("to", "new file, or named pipe, to write instead; - is standard output", metavar="FILE"),
+        Option("to", "new file, or named pipe, to write instead; - is standard output", file_text, "FILE"),
         Option("format", "JSON or comma-separated lines (default: jsonl)", choices=("jsonl", "csv"), default="jsonl"),
         count("loops", 0, "how often the main is played (default: as the table says)"),
         Option(
@@ -98,7 +98,7 @@ def _check_place(args: argparse.Namespace) -> None:
         raise ValueError("no-wait: a rig takes its time; leave it out with --port")
     if args.json and args.to == "-" and not args.dry_run:
         raise ValueError("to: - is not allowed with --json, as both are for standard output")
-    if args.to is not None and args.to != "-":
+    if args.to is not None and args.to != "-" and not args.dry_run:
         _check_file(args)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from optim.commands import FAILED, Report, options
 from optim.commands.far_ground import note_unmet_ground
-from optim.commands.options import Command, Option, count, flag, path_to
+from optim.commands.options import Command, Option, count, file_text, flag, path_to
 from optim.commands.robots import TABLE_FILE, kinds_of_robot, world_and_own
 from optim.progress import shown_progress
 from robots.robot import KINDS, OK, Outcome, Robot, World, find_robot_doing, robot_to_try
@@ -26,7 +26,7 @@ COMMAND = Command(
     (
         options.robot("one of a kind does what --gait says, or what searches of it start with"),
         Option("gait", "inching, rolling, the file of a design of any kind, or a gait table as CSV", metavar="GAIT"),
-        Option("table", "a gait table as CSV that the rig of --rig plays, sample by sample", metavar="FILE"),
+        Option("table", "a gait table as CSV that the rig of --rig plays, sample by sample", file_text, "FILE"),
         count("record_every", 1, "with --out: write the pose at every so many steps to frames.npz", metavar="STEPS"),
         flag(
             "judge",

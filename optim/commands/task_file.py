@@ -15,6 +15,7 @@ TASK = Option(
     file_text,
     "NAME|FILE",
 )
+SEED_OR_SEEDS = (("seed", "seeds"), ("seeds", "seed"))
 OWN = ("help", "task", "out", "resume", "quiet", "json")  # options that say nothing of the task
 
 
@@ -35,9 +36,11 @@ def take_task(args: argparse.Namespace) -> None:
             raise ValueError(f"task: {args.task} has an unknown key {key!r}{nearest(key, known)}")
         arguments += _arguments(action, value)
     given, _ = parser.parse_known_args(["--out", ".", *arguments])
+    # One seed and several are two ways to say the same, of which the command line's counts.
+    excluded = {"set", *(other for one, other in SEED_OR_SEEDS if getattr(args, one) is not None)}
     _complete_settings(args, given)
     for dest in known:
-        if getattr(args, dest) is None:
+        if dest not in excluded and getattr(args, dest) is None:
             setattr(args, dest, getattr(given, dest))
 
 

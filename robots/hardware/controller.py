@@ -144,7 +144,9 @@ def file_link(path: str) -> Iterator[Link]:
     check_takes_lines(path)
     new = not os.path.exists(path)
     with told_as(f"to: {path} cannot be opened", begun=False):
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT, 0o644)
+        # Exclusive, so that a file which another process makes meanwhile is not written over; a link may be dangling.
+        exclusive = os.O_CREAT | os.O_EXCL if new and not os.path.islink(path) else os.O_CREAT
+        descriptor = os.open(path, os.O_WRONLY | exclusive, 0o644)
     try:
         yield Link(descriptor, path)
     except Exception:

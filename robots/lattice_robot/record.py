@@ -56,6 +56,7 @@ def _reflexes(record: Mapping[str, Any]) -> Reflexes:
 
 
 def _drive(record: Mapping[str, Any]) -> Drive:
+    known_names(record, "name", "regions", "quantity", "axes", *FIELDS, "proportions")
     given = {field: _value(record[field]) for field in (*FIELDS, "proportions") if field in record}
     return Drive(record["name"], tuple(record["regions"]), record["quantity"], axes=record["axes"], **given)
 

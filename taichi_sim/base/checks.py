@@ -15,6 +15,7 @@ from taichi_sim.base.arrays import Floats
 
 LONGEST_SHOWN = 100  # characters of a value in a message
 MOST_FRICTION = 1e6  # of coefficients, which f32 still squares
+STEEPEST_GROUND = 80.0  # degrees; walls are what they are on the grid, no steeper
 MOST_LISTED = 12  # names in a message
 
 

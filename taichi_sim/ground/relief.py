@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.autodiff.arrays import value_of
-from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
+from taichi_sim.base.checks import STEEPEST_GROUND, Finite, NotNegative, Positive, check_fields, number, positive
 from taichi_sim.ground.cells import (
     CARRIED,
     CELL,
@@ -29,7 +29,6 @@ from taichi_sim.ground.cells import (
 from taichi_sim.ground.laws import FIRM, ground
 
 MOST_NODES = 4_000_000
-STEEPEST = 80.0  # degrees; walls are what they are on the grid, no steeper
 NOWHERE = -1e6  # m: level of water where there is none
 
 
@@ -97,9 +96,11 @@ class Relief:
             object.__setattr__(self, "friction", friction)
         if self.yield_per_depth is not None:
             object.__setattr__(self, "yield_per_depth", positive("yield_per_depth", self.yield_per_depth, 1e12))
-        if self.steepness > 1 / np.cos(np.radians(STEEPEST)):
+        if self.steepness > 1 / np.cos(np.radians(STEEPEST_GROUND)):
             degrees = float(np.degrees(np.arccos(1 / self.steepness)))
-            raise ValueError(f"heights: a slope of {degrees:.1f} degrees is not allowed; give at most {STEEPEST:g}")
+            raise ValueError(
+                f"heights: a slope of {degrees:.1f} degrees is not allowed; give at most {STEEPEST_GROUND:g}"
+            )
 
     @cached_property
     def is_floor(self) -> bool:

@@ -182,6 +182,10 @@ def test_the_c_header_compiles_and_holds_the_table(morpholab, folder):
             "rolling --rig fragile.toml --csv fragile.toml",
             "csv: fragile.toml is the rig, which is only read; name another file",
         ),
+        (
+            "rolling --calibration kept.json --csv kept.json",
+            "csv: kept.json is the calibration, which is only read; name another file",
+        ),
         ("rolling --csv new.csv --plain run/config.toml", "plain: run/config.toml exists; name a new file"),
         ("rolling --csv run/gait.csv", "csv: run/gait.csv is a file of the run in {folder}/run; name another file"),
         ("rolling --csv new.csv --c-header rolling.json", "c-header: rolling.json exists; name a new file"),
@@ -201,7 +205,7 @@ def test_nothing_that_is_read_or_kept_is_replaced(morpholab, folder, line, told)
     (folder / "link.csv").symlink_to("gait.csv")
     for name in ("deep", "run"):
         (folder / name).mkdir()
-    for name in ("run/config.toml", "run/environment.json", "run/gait.csv", "old.png", "old.stl"):
+    for name in ("run/config.toml", "run/environment.json", "run/gait.csv", "old.png", "old.stl", "kept.json"):
         (folder / name).write_text("kept")
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     said = told.replace("{folder}", str(folder.resolve()))

@@ -81,10 +81,21 @@ def test_settings_of_the_task_and_the_command_line_add_up(morpholab, tmp_path):
 
 def test_seeds_of_the_command_line_count_more_than_the_seed_of_a_task(morpholab, tmp_path):
     (tmp_path / "task.toml").write_text(TASK.replace("start-pressure = 2000.0\n", ""))
-    line = "codesign --task task.toml --quiet --out a --generations 0 --seeds 3,4 --climbers 2 --set climbers=2"
-    assert morpholab(line)[0] == 0
+    assert morpholab("codesign --task task.toml --quiet --out a --generations 0 --seeds 3,4 --climbers 2")[0] == 0
     configs = [tomllib.loads((tmp_path / f"a/seed-{seed}/config.toml").read_text()) for seed in (3, 4)]
     assert [config["method"]["seed"] for config in configs] == [3, 4]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("told", ["climbers = 3", "[set]\nclimbers = 3", "seed = 5", "[set]\nseed = 5"])
+def test_what_the_command_line_says_counts_more_also_if_it_says_all_that_the_task_sets(morpholab, tmp_path, told):
+    (tmp_path / "task.toml").write_text(f'robot = "vehicle"\n{told}\n')
+    line = "codesign --task task.toml --quiet --generations 0 --climbers 2 --out a --seed"
+    assert morpholab(f"{line} 9")[0] == 0
+    assert morpholab(f"{line.replace('--out a', '--out b')}s 9,10")[0] == 0
+    for folder in ("a", "b/seed-9", "b/seed-10"):
+        method = tomllib.loads((tmp_path / folder / "config.toml").read_text())["method"]
+        assert (method["climbers"], method["seed"]) == (2, 10 if "10" in folder else 9)
 
 
 def test_files_of_heights_are_looked_for_beside_the_task_too(morpholab, tmp_path):
