@@ -198,7 +198,7 @@ def _on_the_hill() -> list[Row]:
         Row(
             "M_L and M_CI of the soft robot",
             "proposed, no value",
-            f"none yet: only flat ground, of {parts} pressures",
+            f"none yet: {parts} of 12 parts of bodies and grounds",
             f"{metrics['gaits']} gaits",
             f"{parts} of 12 parts of `medium`",
             reproduced("soft-robot-metrics", "medium"),
