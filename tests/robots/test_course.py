@@ -69,7 +69,7 @@ def test_bad_input(text, message):
 
 def test_what_is_too_steep_is_refused():
     """As of any ground."""
-    with pytest.raises(ValueError, match="DEGREES 85 of .* is not allowed; give at most 80"):
+    with pytest.raises(ValueError, match=r"DEGREES 85 of .* is not allowed; give at most 80"):
         Ground("course:1,0.2,85").relief(0, 0.01)
 
 
