@@ -221,7 +221,7 @@ def find_task(given: str | Path) -> Task:
             f"{nearest(str(given), list(known))}"
         )
     try:
-        table = parse_toml(content_of(path).decode("utf-8-sig"))  # editors may put a mark of byte order first
+        table = parse_toml(content_of(path))
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {given} cannot be read ({why_unread(error)})") from None
     return task_of(path.stem, table, path.parent)

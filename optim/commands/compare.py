@@ -42,14 +42,14 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.config import score_in
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
-    from taichi_sim.base.file_kinds import check_place
+    from taichi_sim.base.file_kinds import check_no_pipe
     from taichi_sim.base.files import check_parent
 
     if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
     if args.out:
         check_parent("out", args.out)
-        check_place("out", args.out)
+        check_no_pipe("out", args.out)
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")

@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> Report:
 
 def _check_files(args: argparse.Namespace) -> None:
     """Refuse files that cannot be written, would take the place of what is read or kept, and two of one name."""
-    from taichi_sim.base.file_kinds import check_place
+    from taichi_sim.base.file_kinds import check_no_pipe
     from taichi_sim.base.files import check_parent
 
     taken: dict[str, str] = {}
@@ -113,7 +113,7 @@ def _check_files(args: argparse.Namespace) -> None:
     for field, path in _outputs(args).items():
         if field != "parts" and (path.is_dir() or not path.name):
             raise ValueError(f"{field}: {path} is a folder; name a file")
-        check_place(field, path)
+        check_no_pipe(field, path)
         if field != "parts" or path.suffix:
             check_parent(field, path)
         place = os.path.realpath(path)

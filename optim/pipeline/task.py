@@ -149,7 +149,7 @@ def slug(terrain: Terrain) -> str:
 def read_task(path: Path) -> PipelineTask:
     """Read a task; raises ValueError for what cannot be read, unknown keys, and values that are not allowed."""
     try:
-        given = parse_toml(content_of(path).decode("utf-8-sig"))  # editors may put a mark of byte order first
+        given = parse_toml(content_of(path))
     except (OSError, ValueError) as error:
         raise ValueError(f"task: {path} cannot be read ({why_unread(error)})") from None
     _check_keys(path, "", given, [*(each.name for each in fields(PipelineTask)), *KIND.ground_options])

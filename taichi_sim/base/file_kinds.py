@@ -5,6 +5,8 @@ import os
 import stat
 from pathlib import Path
 
+from taichi_sim.base.disk_faults import told_as
+
 LARGEST = 200_000_000  # bytes of a file that is read at once
 _PIPE = "a pipe or device"
 
@@ -47,15 +49,14 @@ def place_to_write(path: Path) -> Path:
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
-def check_place(field: str, path: Path) -> None:
+def check_no_pipe(field: str, path: Path) -> None:
     """Refuse a pipe or device as a file to write, before any work is done for it.
 
     Raises:
-        ValueError: if it is one, or cannot be looked at.
+        ValueError: if it is one, or a link that leads to itself.
+        RuntimeError: if the disk is broken.
     """
-    try:
+    with told_as(f"{field}: {path} cannot be written", begun=False):
         wrong = is_pipe_or_device(path)
-    except OSError as error:
-        raise ValueError(f"{field}: {path} cannot be written ({error.strerror})") from None
     if wrong:
         raise ValueError(f"{field}: {path} is {_PIPE}; name a file")

@@ -29,12 +29,13 @@ def parse_json(text: str | bytes, constant: Callable[[str], Any] | None = None) 
     return _parsed(lambda: json.loads(text, parse_constant=constant, object_pairs_hook=_record))
 
 
-def parse_toml(text: str) -> dict[str, Any]:
-    """Parse a text of TOML.
+def parse_toml(content: str | bytes) -> dict[str, Any]:
+    """Parse TOML: a text, or the content of a file, before which editors may have put a mark of byte order.
 
     Raises:
-        ValueError: if it is no TOML, or nested too deep.
+        ValueError: if it is no text, no TOML, or nested too deep.
     """
+    text = content if isinstance(content, str) else content.decode("utf-8-sig")
     found: dict[str, Any] = _parsed(lambda: tomllib.loads(text))
     return found
 

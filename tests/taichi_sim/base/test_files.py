@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from taichi_sim.base.file_kinds import check_place
+from taichi_sim.base.file_kinds import check_no_pipe
 from taichi_sim.base.files import ASIDE, _aside, new_folder, remove_cut_off, replacing, write_text
 
 
@@ -88,7 +88,7 @@ def test_a_pipe_stays_one(tmp_path):
         with pytest.raises(ValueError, match=f"{name}: cannot be written .{name} is a pipe or device; name a file"):
             write_text(path, "new")
         with pytest.raises(ValueError, match=f"^out: {path} is a pipe or device; name a file$"):
-            check_place("out", path)
+            check_no_pipe("out", path)
         assert path.is_fifo()
     assert (tmp_path / "link").is_symlink() and len(list(tmp_path.iterdir())) == 2
 
@@ -100,7 +100,7 @@ def test_a_link_stays_and_the_file_to_which_it_leads_is_written(tmp_path, there)
     link.symlink_to("folder/target")
     if there:
         target.write_text("old")
-    check_place("out", link)
+    check_no_pipe("out", link)
     with replacing(link) as aside:
         aside.write_text("new")
         assert aside.parent == target.parent  # else another disk could not rename it
@@ -113,4 +113,4 @@ def test_a_link_to_itself_is_told(tmp_path):
     with pytest.raises(ValueError, match=r"link: cannot be written .Too many levels of symbolic links"):
         write_text(tmp_path / "link", "new")
     with pytest.raises(ValueError, match=r"out: .*link cannot be written .Too many levels of symbolic links"):
-        check_place("out", tmp_path / "link")
+        check_no_pipe("out", tmp_path / "link")
