@@ -127,11 +127,18 @@ def test_bad_input_is_told(tmp_path, monkeypatch, capsys, options, message):
     assert not Path("out").exists()
 
 
-def test_data_of_which_nothing_can_be_told_say_what_is_missing(tmp_path, capsys):
-    out = tmp_path / "out"
-    assert cli.main(["reproduce", "soft-robot-metrics", "--from-data", str(DATA), "--out", str(out)]) == 2
-    message = "soft-robot-metrics: it has no part on the hill (hill_PRESSURE_ORIENTATION), so there is no metric"
-    assert capsys.readouterr().err.endswith(f"{message}\n") and not out.exists()
+@pytest.mark.parametrize(
+    ("left_out", "message"),
+    [
+        ("hill_*", "it has no part on the hill (hill_PRESSURE_ORIENTATION), so there is no metric"),
+        ("hill_6000_*", "its part hill_6000_0 is missing"),
+    ],
+)
+def test_data_of_which_nothing_can_be_told_say_what_is_missing(tmp_path, capsys, left_out, message):
+    study, out = "soft-robot-metrics", tmp_path / "out"
+    shutil.copytree(DATA / study, tmp_path / study, ignore=shutil.ignore_patterns(left_out))
+    assert cli.main(["reproduce", study, "--from-data", str(tmp_path), "--out", str(out)]) == 2
+    assert capsys.readouterr().err.endswith(f"{study}: {message}\n") and not out.exists()
 
 
 def told_without(column, tmp_path, capsys):
