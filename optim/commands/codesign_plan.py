@@ -224,13 +224,30 @@ def _problem_of_file(args: argparse.Namespace, known: dict[str, Any] | None) -> 
 def _method(args: argparse.Namespace, name: str, design: Design, known: dict[str, Any] | None) -> dict[str, Any]:
     """Settings of the method; what is not given is as in the run that continues, or the default."""
     given = options.given((*SETTINGS, *SEARCH_BY_GRADIENTS), args)
+    own = dict(options.setting(text) for text in args.set or ())
+    _check_left_to_design(own, design)
     if design.start:
         given["start"] = dict(design.start)
-    given |= dict(options.setting(text) for text in args.set or ())
+    given |= own
     check_settings(name, given)
     settings = default_settings(name) if known is None else {k: v for k, v in known.items() if k != "name"}
     settings |= {**given, **design.settings}
     return settings | (_map(design.problem, settings) if getattr(METHODS[name], "kind", "") == "elites" else {})
+
+
+def _check_left_to_design(own: Mapping[str, Any], design: Design) -> None:
+    """Refuse settings of ``--set`` that the robot's own options, or its problem, decide otherwise.
+
+    Raises:
+        ValueError: for a start beside that of the options, and for what the problem needs to be another.
+    """
+    if "start" in own and design.start and own["start"] != dict(design.start):
+        raise ValueError(
+            f"set: start={own['start']} is not allowed beside options that say where to start; leave one out"
+        )
+    for name, value in design.settings.items():
+        if name in own and own[name] != value:
+            raise ValueError(f"set: {name}={own[name]} is not allowed; this search needs {name}={value}")
 
 
 def _map(problem: "Problem", settings: Mapping[str, Any]) -> dict[str, Any]:

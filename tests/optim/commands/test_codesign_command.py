@@ -147,6 +147,11 @@ def test_a_run_that_continues_takes_no_part_of_its_start(morpholab, tmp_path):
         ("--set seed=3 --seed 4", "set: seed=3 is not allowed beside --seed 4; leave one out"),
         ("--set learning-rate=1 --learning-rate 2", "set: learning_rate=1 is not allowed beside --learning-rate 2.0"),
         ("--set climbers=2 --set climbers=3", "set: climbers is given twice; leave one out"),
+        (
+            "--set start={'pressure':1} --start-pressure 2",
+            "set: start={'pressure': 1} is not allowed beside options that",
+        ),
+        ("--method gradient --set verify=false", "set: verify=False is not allowed; this search needs verify=True"),
         ("--set seed=3 --seeds 0-1", "set: seed=3 is not allowed with --seeds; leave one out"),
         ("--climbers 100000000000", "climbers: 100000000000 is not allowed; give a whole number, at most 100000"),
     ],
