@@ -298,11 +298,11 @@ def robot_of_record(record: Mapping[str, Any]) -> ArticulatedRobot:
     """
     friction = math.inf if record.get("friction") == "inf" else record.get("friction")
     felt = record.get("reflexes")
-    reflexes = None if felt is None else DriveReflexes(**felt)
+    reflexes = None if felt is None else checks.built(DriveReflexes, felt)
     with warnings.catch_warnings():  # what of the file is ignored was told when it was first read
         warnings.simplefilter("ignore")
         given = {"slip": FORMER_SLIP, **_updated(record), "friction": friction, "reflexes": reflexes}
-        return ArticulatedRobot(**given)
+        return checks.built(ArticulatedRobot, given)
 
 
 def _updated(record: Mapping[str, Any]) -> Mapping[str, Any]:

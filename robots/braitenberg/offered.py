@@ -15,7 +15,7 @@ from robots.environments import Environment
 from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
 from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import choice, known_names, numbers, whole_number
+from taichi_sim.base.checks import built, choice, known_names, numbers, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.vehicle import VehicleBatch, VehicleTask
@@ -300,12 +300,13 @@ def load_vehicle(path: Path) -> VehicleRobot:
 
 def vehicle_of_description(description: Mapping[str, Any]) -> VehicleRobot:
     """The robot that ``describe`` described."""
+    known_names(description, "body", "controller", "sensors", "task")
     body = description["body"]
     return VehicleRobot(
         None if body is None else VehicleBody(body),
         description["controller"],
         description["sensors"],
-        VehicleTask(**description["task"]),
+        built(VehicleTask, description["task"]),
     )
 
 

@@ -27,7 +27,7 @@ from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import choice, number, whole_number
+from taichi_sim.base.checks import built, choice, number, whole_number
 from taichi_sim.lattice.time_steps import afloat
 
 LARGEST_AMPLITUDE = 0.5
@@ -349,11 +349,13 @@ def freeform_of(description: Mapping[str, Any]) -> FreeformRobot:
     Raises:
         ValueError, KeyError, TypeError: for a damaged one.
     """
-    return FreeformRobot(
-        **{
+    grid, actuation = description["grid"], description["actuation"]
+    return built(
+        FreeformRobot,
+        {
             **description,
-            "grid": Grid(**{**description["grid"], "shape": tuple(description["grid"]["shape"])}),
+            "grid": built(Grid, {**grid, "shape": tuple(grid["shape"])}),
             "palette": palette_of(description["palette"]),
-            "actuation": FreeformActuation(**description["actuation"]),
-        }
+            "actuation": built(FreeformActuation, actuation),
+        },
     )

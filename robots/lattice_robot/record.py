@@ -10,7 +10,7 @@ from robots.lattice_robot.drive import FIELDS, Drive, Free
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robot import LatticeRobot
-from taichi_sim.base.checks import known_names
+from taichi_sim.base.checks import built, known_names
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.lattice.files import read_vxl_json
 
@@ -27,11 +27,7 @@ def load_saved_robot(path: str | PathLike[str]) -> LatticeRobot:
         ValueError: one line that names the file and what is wrong with it.
     """
 
-    def known_robot(record: dict[str, Any]) -> LatticeRobot:
-        known_names(record, "format", "body", "drives", "moduli", *SETTINGS, *LATER, "reflexes")
-        return robot_of_record(record)
-
-    return read_record(path, ROBOT_FORMAT, known_robot)
+    return read_record(path, ROBOT_FORMAT, robot_of_record)
 
 
 def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
@@ -40,10 +36,14 @@ def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
     Raises:
         ValueError, KeyError, TypeError: for a damaged one.
     """
+    known_names(record, "format", "body", "drives", "moduli", *SETTINGS, *LATER, "reflexes")
+    file = read_vxl_json(json.dumps(record["body"]))
+    if file.ignored:
+        raise ValueError(f"body: {file.ignored[0]}: it is unknown; leave it out")
     return LatticeRobot(
-        read_vxl_json(json.dumps(record["body"])).body,
+        file.body,
         tuple(_drive(drive) for drive in record["drives"]),
-        {int(number): Free(**free) for number, free in record["moduli"]},
+        {int(number): built(Free, free) for number, free in record["moduli"]},
         **{name: record[name] for name in SETTINGS},
         **{name: record[name] for name in LATER if name in record},
         reflexes=_reflexes(record["reflexes"]) if "reflexes" in record else None,
@@ -52,7 +52,7 @@ def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
 
 def _reflexes(record: Mapping[str, Any]) -> Reflexes:
     given: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in record.items()}
-    return Reflexes(**given)
+    return built(Reflexes, given)
 
 
 def _drive(record: Mapping[str, Any]) -> Drive:
@@ -64,4 +64,4 @@ def _drive(record: Mapping[str, Any]) -> Drive:
 def _value(plain: Any) -> Any:
     if isinstance(plain, list):
         return tuple(_value(v) for v in plain)
-    return Free(**plain) if isinstance(plain, dict) else plain
+    return built(Free, plain) if isinstance(plain, dict) else plain

@@ -8,7 +8,7 @@ from robots.kind import choices
 from robots.lattice_robot.formats import WALKER_FORMAT
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
-from taichi_sim.base.checks import whole_number
+from taichi_sim.base.checks import built, known_names, whole_number
 from taichi_sim.base.options import checked, number, whole
 
 ENCODINGS = ("direct", "pattern")
@@ -61,5 +61,6 @@ class WalkerKind(LatticeGroundKind):
         from robots.lattice_robot.walker import WalkerActuation
         from robots.lattice_robot.walker_offered import WalkerRobot
 
-        actuation = WalkerActuation(**description["actuation"])
+        known_names(description, "shape", "encoding", "actuation")
+        actuation = built(WalkerActuation, description["actuation"])
         return WalkerRobot(tuple(description["shape"]), description["encoding"], actuation)

@@ -51,7 +51,7 @@ class OfferedQuadruped(LightSeeker):
     @classmethod
     def of(cls, kind: Kind, body: Mapping[str, float], **settings: Any) -> Self:
         """A quadruped of numbers that describe its body."""
-        return cls(Quadruped(kind, **body), **settings)
+        return checks.built(cls, {"body": Quadruped(kind, **body), **settings})
 
     @property
     def name(self) -> str:

@@ -6,6 +6,7 @@ from typing import Any
 from robots.control.lights import LightKind
 from robots.kind import choices
 from robots.robot import Option, Robot
+from taichi_sim.base.checks import built
 from taichi_sim.base.options import number, numbers, whole
 
 
@@ -54,5 +55,5 @@ class RoverKind(LightKind):
         places = given.get("sensors")
         if isinstance(places, tuple | list) and len(places) == 4:
             given["sensors"] = (tuple(places[:2]), tuple(places[2:]))
-        robot = OfferedRover(Rover(**given), **looks)
+        robot = OfferedRover(built(Rover, given), **looks)
         return robot if controller is None else robot.design(pair_of(controller))

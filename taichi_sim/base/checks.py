@@ -3,15 +3,18 @@
 import contextlib
 import difflib
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import fields
 from functools import partial
-from typing import Annotated, Any, Literal, get_args, get_origin
+from inspect import Parameter, signature
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats
+
+Made = TypeVar("Made")
 
 LONGEST_SHOWN = 100  # characters of a value in a message
 MOST_FRICTION = 1e6  # of coefficients, which f32 still squares
@@ -123,6 +126,20 @@ def known_names(record: Mapping[str, Any], *known: str) -> None:
             listed = ", ".join(known[:MOST_LISTED]) + ", ..." * (len(known) > MOST_LISTED)
             allowed = f"choose one of {listed}{nearest(name, known)}" if known else "leave it out"
             raise ValueError(f"{shown(name)[1:-1]}: it is unknown; {allowed}")
+
+
+def built(make: Callable[..., Made], record: Mapping[str, Any]) -> Made:
+    """What a class makes of a record with a value for each of its fields.
+
+    Raises:
+        ValueError: for a name that is no field, and for a field without default that is missing.
+    """
+    known = signature(make).parameters
+    known_names(record, *known)
+    for name, parameter in known.items():
+        if parameter.default is Parameter.empty and name not in record:
+            raise ValueError(f"{name}: it is missing")
+    return make(**record)
 
 
 def choice(field: str, value: object, names: Collection[str]) -> str:

@@ -1,5 +1,6 @@
 """Files of designs that are damaged by hand get one line that names what is wrong in them."""
 
+import copy
 import json
 from pathlib import Path
 
@@ -78,3 +79,30 @@ def test_values_of_a_design_of_any_kind_are_checked(tmp_path, change, told):
         change = {"values": {**values, **change["values"]}}
     path.write_text(json.dumps({**record, **change}))
     assert refusal(path).startswith(f"{path}: {told}")
+
+
+def mappings(node, path=()):
+    """The paths of all mappings in a record."""
+    if isinstance(node, dict):
+        yield path
+        for name, value in node.items():
+            yield from mappings(value, (*path, name))
+    elif isinstance(node, list):
+        for number, value in enumerate(node):
+            yield from mappings(value, (*path, number))
+
+
+@pytest.mark.parametrize("name", ["freeform", "pouch", "quadruped", "rover", "vehicle", "walker"])
+def test_names_at_every_level_of_a_design_of_any_kind_are_checked(tmp_path, name):
+    robot, path = make_robot(*find_robot_doing(name), {}), tmp_path / "design.json"
+    robot.save(robot.start, path)
+    saved = json.loads(path.read_text())
+    make_robot(*find_robot_doing(str(path)), {})
+    for levels in mappings(saved.get("robot", saved)):
+        record = copy.deepcopy(saved)
+        level = record.get("robot", record)
+        for one in levels:
+            level = level[one]
+        level["odd"] = 1
+        path.write_text(json.dumps(record))
+        assert "odd: it is unknown" in refusal(path), levels

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.checks import known_names
 from taichi_sim.base.parsing import parse_json
 from taichi_sim.lattice.body import LatticeBody
 from taichi_sim.lattice.files.arrays import labels
@@ -36,6 +37,7 @@ _NAMES = {
 _COLOURS = ("red", "green", "blue", "alpha")
 _LOADS = (("translate", 3), ("rotate", 3), ("force", 3), ("moment", 3))
 _OWN = "morpholab"
+_READ = ("voxelSize", "materials", "voxels", "externals", "gravityAcceleration", "floorEnabled", _OWN)
 
 
 def read_vxl_json(text: str) -> VoxelFile:
@@ -63,6 +65,7 @@ def read_vxl_json(text: str) -> VoxelFile:
     body = LatticeBody(voxels, materials, index, _number(document, "voxelSize"), fixed=fixed, **own)
     if document.get("relativeAmbientTemperature"):
         ignored.append("relativeAmbientTemperature")
+    ignored += [str(entry) for entry in document if entry not in (*_READ, "relativeAmbientTemperature")]
     gravity, floor = document.get("gravityAcceleration"), document.get("floorEnabled")
     return VoxelFile(
         body,
@@ -161,6 +164,7 @@ def _own(record: Any, regions: Ints) -> dict[str, Ints]:
     """
     if not isinstance(record, dict):
         raise ValueError(f"{_OWN}: it is no object")
+    known_names(record, "regions", "cutLinks", "pressureNormals", "chambers")
     if "regions" in record:
         regions = _whole(record["regions"], "regions")
         _check_labels("regions", regions)
