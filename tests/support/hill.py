@@ -4,6 +4,7 @@ import os
 from types import SimpleNamespace
 
 import numpy as np
+from stand_in import check_options
 
 from optim.studies.beyond.gait_hunt.study import _search
 from robots.inflatable import simulation
@@ -17,6 +18,7 @@ class Hill:
         self.calls = 0
 
     def __call__(self, designs, terrain=None, *, counting=WHOLE, actuation=None, perturbation=0.0, **options):
+        check_options(options)
         self.calls += 1
         warm_up, stages = counting.warm_up, counting.stages
         strides = np.array([np.ptp(design.schedule.inflation[:2], axis=1).mean() for design in designs])

@@ -1,14 +1,22 @@
 """A stand-in for the simulator, for tests of what is above it."""
 
 import os
+from inspect import signature
 from types import SimpleNamespace
 
 import numpy as np
 
 from robots.inflatable import ACTUATION, PUBLISHED
-from robots.inflatable.simulation import InflatableResult, travel_directions
+from robots.inflatable.simulation import InflatableResult, simulate, travel_directions
 from robots.inflatable.timing import gait_steps
 from robots.world import one_each
+from taichi_sim.base.compute import ComputeOptions
+
+
+def check_options(options):
+    """Refuse options that ``simulate`` does not take, which a stand-in for it would hide."""
+    if unknown := options.keys() - signature(simulate).parameters.keys() - ComputeOptions.__annotations__.keys():
+        raise TypeError(f"simulate takes no {', '.join(sorted(unknown))}")
 
 
 class Simulator:
@@ -20,6 +28,7 @@ class Simulator:
         self.interrupt_at = None
 
     def __call__(self, designs, terrain, *, progress=None, **options):
+        check_options(options)
         self.calls.append(SimpleNamespace(designs=designs, terrain=terrain, **options))
         os.write(1, b"chatter of the simulator\n")
         if len(self.calls) == self.interrupt_at:

@@ -9,6 +9,7 @@ import pytest
 from graded import retabled, settling, tabled
 from hypothesis import given
 from hypothesis import strategies as st
+from stand_in import check_options
 
 from optim.experiments.data import Data
 from optim.runs.generation import Generation
@@ -45,6 +46,7 @@ class Slopes:
         self.calls = 0
 
     def __call__(self, designs, terrain=None, *, counting=WHOLE, actuation=None, perturbation=0.0, **options):
+        check_options(options)
         self.calls += 1
         warm_up, stages = counting.warm_up, counting.stages
         strides = np.array([np.ptp(design.schedule.inflation[:4], axis=1).mean() for design in designs])

@@ -40,7 +40,7 @@ from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED, cost,
 from robots.inflatable import simulation
 from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.design import InflatableDesign, each_pressure
-from robots.inflatable.timing import predicted_steps
+from robots.inflatable.timing import Counting, predicted_steps
 from robots.world import Terrain
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Arrays, Floats
@@ -256,7 +256,7 @@ class Program:
         problem = replace(self._on(RUNGS, GRADED), ladder=True)
         settings = {"seed": self.seed, "looks": self.plan.looks, "kept": self.plan.kept, "problem": problem.describe()}
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
-        options = {"warm_up": LOOK["warm_up"], "geometry": problem.body, **where}
+        options = {"counting": Counting(LOOK["warm_up"]), "geometry": problem.body, **where}
         folder = ResultsFolder(self.folder / "turn", "turn", settings)
         known = cached(folder, "turn", lambda: turned(problem, designs, options))
         self._note(Step("turn", problem, history_of(problem, known, self.folder / "turn"), float(known["spent"])))
