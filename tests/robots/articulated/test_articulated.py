@@ -285,7 +285,11 @@ def test_a_file_that_starts_deep_in_the_ground_is_refused_but_not_in_records(tmp
 UNEVEN = Terrain(ground="rough:0.02,0.2")
 SHORE = Terrain(ground="ramp:-10,0.1+water:0.02")
 SAND, BEACH = Terrain(ground="sand:3e4"), Terrain(ground="ramp:-10,0.1+sand:3e4+water:0.02")
-TERRAINS = [UNEVEN, Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), SHORE, Terrain.water(), SAND, BEACH]
+# Each has a kernel of its own to compile; those of a part of what others have are slow.
+TERRAINS = [
+    *(Terrain(8.0), Terrain(-5.0, ground=UNEVEN.ground), Terrain.water(), BEACH),
+    *(pytest.param(part, marks=pytest.mark.slow) for part in (UNEVEN, SHORE, SAND)),
+]
 
 
 @pytest.mark.kernels
