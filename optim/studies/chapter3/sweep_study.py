@@ -80,8 +80,10 @@ def tell(data: Data, folder: Path) -> None:
     there = [name for name in TABLES if data.has(name)]
     if not there:
         raise ValueError(f"from-data: {data.folder} has no table of a sweep; give one with {' or '.join(TABLES)}")
-    if len({TABLES[name][0] for name in there}) < len(there):
-        raise ValueError(f"from-data: {data.folder} has {' and '.join(there)}; give a folder with one sweep of its own")
+    paths = [name for name in TRAJECTORIES if data.has(name)]
+    twice = there if len({TABLES[name][0] for name in there}) < len(there) else paths if len(paths) > 1 else ()
+    if twice:
+        raise ValueError(f"from-data: {data.folder} has {' and '.join(twice)}; give a folder with one sweep of its own")
     for name in there:
         part, examples = TABLES[name]
         table, told = read_sweep_table(data.path(name)), folder / part
@@ -91,7 +93,7 @@ def tell(data: Data, folder: Path) -> None:
         save_metrics(table, told)
         if found is not None:
             save_figures_of_examples(found, table, told)
-    for name in filter(data.has, TRAJECTORIES):
+    for name in paths:
         trajectories.save_trajectories(trajectories.read_trajectories(data, name), folder)
 
 

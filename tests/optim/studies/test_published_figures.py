@@ -161,6 +161,17 @@ def test_trajectories_that_cannot_be_are_one_line(tmp_path):
             read_trajectories(Data(tmp_path), name)
 
 
+def test_one_of_two_files_of_trajectories_does_not_silently_win(tmp_path):
+    copy(DATA / "vehicle-sweep.csv.gz", tmp_path / "table.csv.gz")
+    for name in ("vehicle-trajectories.npz", "trajectories.npz"):
+        copy(DATA / "vehicle-trajectories.npz", tmp_path / name)
+    with pytest.raises(
+        ValueError, match=r"has vehicle-trajectories\.npz and trajectories\.npz; give a folder with one"
+    ):
+        STUDY.tell(Data(tmp_path), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_pictures_of_examples_are_laid_out_as_published(tmp_path, drawn):
     table = read_sweep_table(DATA / "vehicle-sweep-radius-0.2.csv.gz")
     found = read_examples(Data(DATA), "vehicle-examples-radius-0.2.npz", table)
