@@ -6,18 +6,14 @@ import errno
 import io
 import json
 import os
-import signal
 import sys
 import tempfile
-import threading
 import traceback
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NoReturn
 
 from optim.commands import (
     FAILED,
-    HungUp,
-    Terminated,
     bench,
     calibrate,
     codesign,
@@ -32,7 +28,6 @@ from optim.commands import (
     reproduce,
     simulate,
     status,
-    stopped_by,
     sweep,
     tasks,
     track,
@@ -41,6 +36,7 @@ from optim.commands import (
     work,
 )
 from optim.commands.robots import RobotOptions
+from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
 from taichi_sim.base.foreign import blame, blame_package, lacks_memory
 
@@ -133,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(args.command, f"failed: {why}", FAILED)
     stdout = _stdout_to_stderr() if args.json else contextlib.nullcontext()
     try:
-        with _ended_by_signals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
+        with EndedBySignals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
             report = args.run(args)
         text = json.dumps(report.document, allow_nan=False) if args.json else plain(report.text)
     except KeyboardInterrupt as interrupt:
@@ -215,29 +211,6 @@ def _open_streams() -> list[str]:
             setattr(sys, name, os.fdopen(number, "w", closefd=False))
             closed.append(name)
     return closed
-
-
-@contextlib.contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP end a command as Ctrl-C does, but for a SIGHUP that ``nohup`` lets it ignore."""
-    kinds = {signal.SIGTERM: Terminated, signal.SIGHUP: HungUp}
-
-    def end(number: int, _: object) -> NoReturn:
-        if number == signal.SIGHUP:
-            # Shell and kernel may both send one; the second must not cut short what ends the work.
-            signal.signal(number, signal.SIG_IGN)
-        raise kinds[signal.Signals(number)]
-
-    if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
-        yield
-        return
-    heeded = [number for number in kinds if signal.getsignal(number) != signal.SIG_IGN]
-    before = {number: signal.signal(number, end) for number in heeded}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

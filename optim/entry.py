@@ -10,7 +10,7 @@ def start() -> int:
 
         return main()
     except KeyboardInterrupt:  # before a command has begun, which tells of it itself
-        from optim.commands import INTERRUPTED
+        from optim.interrupts import INTERRUPTED
 
         print("morpholab: interrupted", file=sys.stderr)  # silent, if stderr is closed
         return INTERRUPTED

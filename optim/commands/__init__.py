@@ -5,25 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-FAILED, HUNG_UP, INTERRUPTED, TERMINATED = 1, 129, 130, 143  # exit codes; the last three as shells report signals
-STOPPED = (HUNG_UP, INTERRUPTED, TERMINATED)
+from optim.interrupts import stopped_by
 
-
-class Terminated(KeyboardInterrupt):
-    """The process was asked to end (SIGTERM), as clusters do before they kill; work ends as by Ctrl-C."""
-
-    code = TERMINATED
-
-
-class HungUp(KeyboardInterrupt):
-    """The terminal was closed, or its connection lost (SIGHUP); work ends as by Ctrl-C."""
-
-    code = HUNG_UP
-
-
-def stopped_by(interrupt: KeyboardInterrupt) -> int:
-    """The exit code of an interrupted command."""
-    return interrupt.code if isinstance(interrupt, Terminated | HungUp) else INTERRUPTED
+FAILED = 1  # exit code
 
 
 @dataclass(frozen=True)

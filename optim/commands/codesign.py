@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from optim.commands import FAILED, Report, options, stopped_by
+from optim.commands import FAILED, Report, options
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, check_said_once, named_kinds, plan
 from optim.commands.codesign_seeds import check_single, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
@@ -16,6 +16,7 @@ from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
 from optim.commands.robots import TABLE_FILE
 from optim.commands.task_file import TASK, take_task
+from optim.interrupts import stopped_by
 from optim.notes import note
 from optim.problem import Objective
 from optim.problems.designer import options_of

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from optim.commands import STOPPED, Report
+from optim.commands import Report
 from optim.commands.options import Option, checked, setting
+from optim.interrupts import STOPPED
 from optim.runs.config import folder_of_seed, folders_of_seeds, has_run
 
 MOST_SEEDS = 10_000

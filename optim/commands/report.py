@@ -1,12 +1,12 @@
 """``morpholab report``: runs and studies as a page to read, print and share."""
 
 import argparse
-import contextlib
 import sys
 from pathlib import Path
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, count, file_text, flag, path_to
+from optim.interrupts import stopped_by
 from optim.notes import note
 from optim.progress import shown_progress
 from optim.wording import counted, spoken_size
@@ -81,6 +81,8 @@ def _watch(args: argparse.Namespace) -> Report:
     with LiveServer(runs, args.port or 0) as server:
         told = f"{counted(followed, 'run')}: {server.url} (on this machine alone; Ctrl-C ends it)"
         print(told, file=sys.stderr, flush=True)
-        with contextlib.suppress(KeyboardInterrupt):
+        try:
             server.serve_forever()
+        except KeyboardInterrupt as interrupt:
+            stopped_by(interrupt)
     return Report({"runs": followed, "url": server.url}, "")

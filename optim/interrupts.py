@@ -1,0 +1,98 @@
+"""Ctrl-C, SIGTERM and SIGHUP: exceptions that end a command, also where something swallows them at first."""
+
+import signal
+import sys
+import threading
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from types import FrameType, TracebackType
+
+HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143  # exit codes, as shells report signals
+STOPPED = (HUNG_UP, INTERRUPTED, TERMINATED)
+AGAIN = 0.5  # s, after which a swallowed interrupt is raised again
+
+
+class Interrupted(KeyboardInterrupt):
+    """The user wants the process to end (SIGINT, Ctrl-C)."""
+
+    code = INTERRUPTED
+    heeded = False  # whether something ends the work because of it
+
+
+class Terminated(Interrupted):
+    """The process was asked to end (SIGTERM), as clusters do before they kill; work ends as by Ctrl-C."""
+
+    code = TERMINATED
+
+
+class HungUp(Interrupted):
+    """The terminal was closed, or its connection lost (SIGHUP); work ends as by Ctrl-C."""
+
+    code = HUNG_UP
+
+
+KINDS: Mapping[int, type[Interrupted]] = {signal.SIGINT: Interrupted, signal.SIGTERM: Terminated, signal.SIGHUP: HungUp}
+
+
+def stopped_by(interrupt: KeyboardInterrupt) -> int:
+    """Heed an interrupt, so that it is not raised again; the exit code of the command that it ends."""
+    if not isinstance(interrupt, Interrupted):
+        return INTERRUPTED
+    interrupt.heeded = True
+    return interrupt.code
+
+
+class EndedBySignals(AbstractContextManager[None]):
+    """Let signals end what is done inside by an exception, but for those that the process ignores, as under ``nohup``.
+
+    Python raises it wherever the main thread is. Some code there swallows any exception, such as that which reads the
+    sources of kernels, or makes another one of it, such as the import of an extension. So it is raised again until
+    something heeds it (:func:`stopped_by`) or it leaves; not while it is on its way, when ``finally`` clauses run.
+    """
+
+    def __init__(self) -> None:
+        """Change nothing before it is entered."""
+        self._raised: Interrupted | None = None
+        self._before: dict[int, object] = {}
+
+    def __enter__(self) -> None:
+        if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
+            return
+        for number in KINDS:
+            handler = signal.getsignal(number)
+            own = number == signal.SIGINT and handler is not signal.default_int_handler
+            if handler != signal.SIG_IGN and not own:
+                self._before[number] = signal.signal(number, self._end)
+        self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._again)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if signal.SIGALRM in self._before:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+        if self._raised is not None and isinstance(error, Exception):
+            raise self._raised from error
+
+    def _end(self, number: int, _: FrameType | None) -> None:
+        if number == signal.SIGHUP:
+            # Shell and kernel may both send one; the second must not cut short what ends the work.
+            signal.signal(number, signal.SIG_IGN)
+        self._raised = KINDS[number]()
+        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+        raise self._raised
+
+    def _again(self, *_: object) -> None:
+        if self._raised is not None and not self._raised.heeded and not _on_its_way(self._raised):
+            raise self._raised
+
+
+def _on_its_way(raised: Interrupted) -> bool:
+    """Whether an exception, or one that it led to, is being handled now, or a generator closes that it may leave."""
+    error = sys.exception()
+    while error is not None:
+        if error is raised or isinstance(error, GeneratorExit):
+            return True
+        error = error.__cause__ or error.__context__
+    return False

@@ -1,0 +1,136 @@
+"""Signals end what they meet, whatever swallows them at first."""
+
+import os
+import signal
+import sys
+import threading
+import time
+
+import pytest
+
+from optim import interrupts
+from optim.interrupts import EndedBySignals, HungUp, Interrupted, Terminated, stopped_by
+
+KINDS = [(signal.SIGINT, Interrupted), (signal.SIGTERM, Terminated), (signal.SIGHUP, HungUp)]
+
+
+@pytest.fixture(autouse=True)
+def handlers(monkeypatch):
+    """Handlers of before, which have to be there afterwards."""
+    monkeypatch.setattr(interrupts, "AGAIN", 0.02)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
+    before = [signal.getsignal(number) for number in numbers]
+    yield
+    assert [signal.getsignal(number) for number in numbers] == before
+    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+
+
+def wait():
+    """Wait for what comes, a second at most."""
+    end = time.monotonic() + 1.0
+    while time.monotonic() < end:
+        pass
+
+
+@pytest.mark.parametrize(("number", "kind"), KINDS)
+def test_what_swallows_an_interrupt_only_delays_it(number, kind):
+    reached = []
+    with pytest.raises(kind), EndedBySignals():
+        try:
+            os.kill(os.getpid(), number)
+            wait()
+        except:  # noqa: E722  as the reader of kernels' sources has it
+            reached.append("swallowed")
+        wait()
+        reached.append("too far")
+    assert reached == ["swallowed"]
+
+
+def test_what_makes_another_error_of_it_does_not_hide_it():
+    with pytest.raises(Terminated) as ended, EndedBySignals():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait()
+        except KeyboardInterrupt:
+            raise ImportError("initialization failed") from None
+    assert isinstance(ended.value.__cause__, ImportError)
+
+
+def test_what_ends_the_work_is_not_cut_short():
+    """Neither in ``finally``, nor in what a context or generator does there, nor where another error follows."""
+    done = []
+
+    def ending():
+        try:
+            yield
+        finally:
+            wait()
+            done.append("generator")
+
+    with pytest.raises(Interrupted), EndedBySignals():
+        try:
+            try:
+                for _ in ending():
+                    os.kill(os.getpid(), signal.SIGINT)
+                    wait()
+            except KeyboardInterrupt:
+                with pytest.raises(ValueError, match="invalid literal"):
+                    int("x")
+                wait()
+                done.append("except")
+                raise
+        finally:
+            wait()
+            done.append("finally")
+    assert done == ["generator", "except", "finally"]
+
+
+def test_what_is_heeded_does_not_come_back():
+    with EndedBySignals():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait()
+        except KeyboardInterrupt as interrupt:
+            assert stopped_by(interrupt) == 143
+        wait()
+    assert stopped_by(KeyboardInterrupt()) == 130
+
+
+def test_a_second_signal_ends_what_takes_long_to_end():
+    with pytest.raises(Terminated), EndedBySignals():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            wait()
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait()
+
+
+def test_what_a_process_ignores_or_handles_itself_stays():
+    before, own = signal.signal(signal.SIGHUP, signal.SIG_IGN), []
+    handled = signal.signal(signal.SIGINT, lambda *_: own.append("mine"))
+    try:
+        with EndedBySignals():
+            os.kill(os.getpid(), signal.SIGHUP)
+            os.kill(os.getpid(), signal.SIGINT)
+            wait()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGINT, handled)
+    assert own == ["mine"]
+
+
+def test_signals_are_left_to_the_main_thread():
+    failed = []
+
+    def enter():
+        try:
+            with EndedBySignals():
+                pass
+        except Exception as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=enter)
+    thread.start()
+    thread.join()
+    assert failed == [] and sys.exception() is None
