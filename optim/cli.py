@@ -10,7 +10,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from optim.commands import (
     FAILED,
@@ -53,6 +53,12 @@ class _Parser(RobotOptions):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
+
+    def _get_value(self, action: argparse.Action, text: str) -> Any:
+        try:
+            return super()._get_value(action, text)
+        except OSError as error:  # of a file that a value names, such as heights of ground
+            raise argparse.ArgumentError(action, f"{error.filename}: it cannot be read ({error.strerror})") from None
 
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
         (file or sys.stderr).write(message)  # argparse ignores a full disk

@@ -29,7 +29,7 @@ import textwrap
 import threading
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -43,6 +43,7 @@ from taichi_sim.device_arrays import DeviceArrays
 from taichi_sim.launching import Relauncher, forget_all
 
 COMPILER = compiler()
+_SET = {f"{prefix}_ENABLE_{name}" for prefix in ("TI", "QD") for name in ("PYBUF", "TORCH")}
 for _prefix, _name in (("TI", "TAICHI"), ("QD", "QUADRANTS")):
     os.environ.setdefault(f"ENABLE_{_name}_HEADER_PRINT", "False")  # keeps stdout free for --json
     os.environ.setdefault(f"{_prefix}_ENABLE_PYBUF", "0")  # nor are notebooks and pytest told to be "graphical shells"
@@ -90,7 +91,7 @@ _running: Compute | None = None
 _begun: Any = None  # Taichi's runtime that was made for it; other code of the process may have made another since
 _arrays = DeviceArrays()
 _forked = False  # whether this process is the child of one in which Taichi ran
-_told: set[Path | str] = set()  # caches whose loss the user knows of, and devices with limits
+_told: set[Path | str] = set()  # caches whose loss the user knows of, devices with limits, variables without effect
 
 
 def _position(self: Any, node: Any) -> str:
@@ -195,7 +196,7 @@ def _initialise(wanted: Compute, architecture: object) -> None:
     folder = cache_folder()
     cache = _prepare_cache(folder)
     # Taichi announces its start on stdout, which belongs to the user's data.
-    with contextlib.redirect_stdout(io.StringIO()):
+    with contextlib.redirect_stdout(io.StringIO()), _environment(wanted.device):
         forget_all()
         ti.init(
             arch=architecture,
@@ -217,6 +218,25 @@ def _initialise(wanted: Compute, architecture: object) -> None:
         raise ValueError(f"device: {wanted.device!r} could not be started on this machine; use 'cpu'")
     if wanted.device in THROUGH_SPIRV:
         _try_out(wanted)
+
+
+@contextlib.contextmanager
+def _environment(device: str) -> Iterator[None]:
+    """Hide the variable that would choose another device; a ValueError names others with which Taichi does not start."""
+    hidden = {name: os.environ.pop(name) for name in ("TI_ARCH", "QD_ARCH") if name in os.environ}
+    for name in hidden.keys() - _told:
+        _told.add(name)
+        print(f"note: {name}={hidden[name]} has no effect, computing on {device}; --device chooses", file=sys.stderr)
+    try:
+        yield
+    except (ValueError, RuntimeError) as error:
+        own = [f"{name}={os.environ[name]}" for name in sorted(os.environ.keys() - _SET) if name[:3] in ("TI_", "QD_")]
+        if not own:
+            raise
+        message = f"environment: {COMPILER} does not start with {', '.join(own)} ({error}); unset what is wrong"
+        raise ValueError(message) from error
+    finally:
+        os.environ.update(hidden)
 
 
 def _try_out(wanted: Compute) -> None:

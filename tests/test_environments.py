@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from taichi_sim.base.compiler import compiler
+
 pytestmark = [pytest.mark.kernels, pytest.mark.long]
 ROOT = Path(__file__).resolve().parents[1]
 SIMULATE = ("simulate", "--robot", "vehicle", "--json")
@@ -88,6 +90,8 @@ ENVIRONMENTS = {
     "standard error closed": {"shell": "2>&-"},
     "many threads of libraries": {"OMP_NUM_THREADS": "64", "MKL_NUM_THREADS": "64"},
     "threads that are no number": {"OMP_NUM_THREADS": "many"},
+    "another device for Taichi": {"TI_ARCH": "vulkan"},
+    "a device that Taichi does not know": {"TI_ARCH": "none"},
     "another order of sets": {"PYTHONHASHSEED": "12345"},
     "nothing set but the path": {name: None for name in os.environ if name not in ("PATH", "MORPHOLAB_CACHE")},
 }
@@ -97,7 +101,15 @@ FLAGS = {
     "warnings are errors": ["-W", "error"],
     "developing": ["-X", "dev"],
 }
-QUICK = ("no home", "a cache of garbage", "no files above 64 kB", "plain ASCII", "optimised", "warnings are errors")
+QUICK = (
+    "no home",
+    "another device for Taichi",
+    "a cache of garbage",
+    "no files above 64 kB",
+    "plain ASCII",
+    "optimised",
+    "warnings are errors",
+)
 
 
 def marked(names):
@@ -109,6 +121,12 @@ def test_a_trial_is_the_same_everywhere(name, usual, tmp_path):
     code, out, error = told(tmp_path, *FLAGS.get(name, ()), **ENVIRONMENTS.get(name, {}))
     assert code == 0 and json.loads(out) == usual[SIMULATE], error
     assert error.count("\n") <= 1 and (not error or "note: " in error), error
+
+
+def test_a_setting_of_taichi_that_it_does_not_take_is_named(tmp_path):
+    name = "TI_RANDOM_SEED" if compiler() == "taichi" else "QD_RANDOM_SEED"
+    code, _, error = told(tmp_path, **{name: "x"})
+    assert code == 2 and f"environment: {compiler()} does not start with {name}=x (" in error and error.count("\n") == 1
 
 
 @SLOW

@@ -124,6 +124,10 @@ BAD_LINES = [
     ("codesign --out new --resume", "terrain: none given, and new holds no run to continue; say where"),
     ("codesign --out new --task gone.toml", "task: gone.toml cannot be read (No such file or directory)"),
     ("codesign --out new --terrain hill:abc", "argument --terrain: 'hill:abc' is unknown"),
+    (
+        f"codesign --out new --terrain {'b' * 300}.npy:0.1",
+        "argument --terrain: " + "b" * 300 + ".npy: it cannot be read",
+    ),
     ("codesign --out new --terrain hill:nan", "argument --terrain: slope: nan is not allowed"),
     ("codesign --out new --terrain hill:5+water:0", "argument --terrain: slope: 5.0 is not allowed with water"),
     ("codesign --out broken.json --terrain flat", "out: broken.json is a file; name a new folder"),
