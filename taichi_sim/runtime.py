@@ -222,7 +222,7 @@ def _initialise(wanted: Compute, architecture: object) -> None:
 
 @contextlib.contextmanager
 def _environment(device: str) -> Iterator[None]:
-    """Hide the variable that would choose another device; a ValueError names others with which Taichi does not start."""
+    """Hide the variable that would choose another device; a ValueError names others that Taichi refuses."""
     hidden = {name: os.environ.pop(name) for name in ("TI_ARCH", "QD_ARCH") if name in os.environ}
     for name in hidden.keys() - _told:
         _told.add(name)
