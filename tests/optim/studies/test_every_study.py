@@ -4,7 +4,7 @@ import pytest
 
 from optim.studies.catalogue import STUDIES
 
-pytestmark = pytest.mark.slow  # half an hour of a core in all
+pytestmark = pytest.mark.slow  # an hour of a core in all
 
 
 @pytest.mark.kernels
