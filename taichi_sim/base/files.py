@@ -374,7 +374,13 @@ def _runs(process: int) -> bool:
 
 
 def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
+    """Wait until a file is on disk, or a folder with the names in it, if it may be read."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except PermissionError:
+        if path.is_dir():  # one may write in it, but not list it: the new name is there, and gets to the disk later
+            return
+        raise
     try:
         os.fsync(descriptor)
     finally:
