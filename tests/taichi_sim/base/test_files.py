@@ -133,7 +133,10 @@ def test_a_folder_that_may_be_written_but_not_listed_takes_files(tmp_path, monke
     assert (tmp_path / "file").read_text() == (tmp_path / "folder" / "file").read_text() == "content"
 
 
-@pytest.mark.parametrize("name", ["b" * 250 + ".html", "\N{BLACK STAR}" * 83 + ".csv", "b" * 240 + "\udcff.html"])
+LONG = {"one byte": "b" * 250 + ".html", "three": "\N{BLACK STAR}" * 83 + ".csv", "no UTF-8": "b" * 240 + "\udcff.html"}
+
+
+@pytest.mark.parametrize("name", LONG.values(), ids=LONG)
 def test_a_name_as_long_as_the_disk_takes_is_written(tmp_path, name):
     path = tmp_path / name
     left = cut_off(path)
