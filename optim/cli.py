@@ -38,6 +38,7 @@ from optim.commands import (
 from optim.commands.robots import RobotOptions
 from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
+from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.foreign import blame, blame_package, lacks_memory
 
 if TYPE_CHECKING:
@@ -178,6 +179,8 @@ def _refuse(command: str, error: Exception) -> int:
         return _fail(command, f"error: {error}", 2)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
+    if isinstance(error, OSError) and error.filename is not None:
+        return _refuse(command, unwritten(f"{error.filename}: cannot be read or written", error))
     if not isinstance(error, OSError) and (told := blame_package(error)):
         return _fail(command, f"failed: {told}", FAILED)
     # A RecursionError is a RuntimeError of Python's own, which says nothing to a user.

@@ -143,3 +143,35 @@ def test_runs_are_compared_though_their_picture_has_no_room(morpholab, monkeypat
     monkeypatch.setattr("optim.plots.save_curves", full)
     assert morpholab(f"compare runs --out a.png{json}")[:2] == (1, whole) and code == 0
     assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("train --sample 2 --out un", "un: cannot be read or written"),
+        ("measure --robot vehicle --controllers 4 --success closest<=1 --out un", "un: cannot be read or written"),
+        ("interference --out un", "un: cannot be read or written"),
+        ("codesign --robot vehicle --climbers 2 --generations 1 --out un", "un: cannot be read or written"),
+        ("train --sample 2 --out un/x", "un/x/training.json: cannot be read or written"),
+        ("simulate --robot vehicle --out un/x", "un/x: cannot be read or written"),
+        ("export inching --csv un/x/a.csv", "un/x/a.csv: cannot be read or written"),
+        ("report un/x --out a.html", "un/x/sweep.json: cannot be read or written"),
+    ],
+)
+def test_a_folder_that_is_forbidden_is_told_in_a_line(morpholab, monkeypatch, tmp_path, line, told):
+    def forbidding(function, within):
+        def call(path=".", *given, **options):
+            place = Path(os.path.abspath(path)) if isinstance(path, str | os.PathLike) else Path()
+            if (tmp_path / "un" in place.parents) if within else place == tmp_path / "un":
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(path))
+            return function(path, *given, **options)
+
+        return call
+
+    (tmp_path / "un").mkdir()
+    monkeypatch.setattr(os, "listdir", forbidding(os.listdir, within=False))
+    if "un/" in line:
+        monkeypatch.setattr(os, "mkdir", forbidding(os.mkdir, within=True))
+        monkeypatch.setattr(os, "stat", forbidding(os.stat, within=True))
+    code, out, error = morpholab(line)
+    assert (code, out, error) == (2, "", f"morpholab {line.split()[0]}: error: {told} (Permission denied)\n")

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from optim.experiments.figures import COLOURS
 from optim.runs.comparison import Curve
 from optim.runs.generation import Generation
+from taichi_sim.base.short_text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +81,7 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
     for number, curve in enumerate(curves):
         colour = COLOURS[number % len(COLOURS)]
         axes.plot(curve.x, curve.scores.T, color=colour, **UNIT_LINES)
-        label = f"{curve.label}\n(mean of {len(curve.scores)} {curve.unit})"
+        label = f"{printable(curve.label)}\n(mean of {len(curve.scores)} {curve.unit})"
         draw_band(axes, curve.x, *curve.band(), colour=colour, label=label, steps=True)
     axes.set_xlabel({"seconds": "time [s]"}.get(axis, axis))
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.experiments.figures import STYLE
+from taichi_sim.base.short_text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -147,7 +148,7 @@ def page(title: str, lead: Sequence[Html], sections: Sequence[Section], foot: st
     style = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     inline = "'unsafe-inline'"
     policy = f"default-src 'none'; script-src {inline}; style-src {inline}; img-src data: blob:; frame-src 'self'"
-    return (
+    return printable(
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -189,7 +190,7 @@ def charted(
 
 def _inline(svg: str, alt: str) -> Html:
     """SVG for the middle of a page: its names are its own, its colours those of the page."""
-    own = "c" + hashlib.sha256((alt + svg).encode()).hexdigest()[:8]
+    own = "c" + hashlib.sha256(printable(alt + svg).encode()).hexdigest()[:8]
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", svg, flags=re.DOTALL)
     svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)

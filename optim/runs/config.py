@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -55,8 +56,27 @@ def folder_of_seed(out: Path, seed: int) -> Path:
 
 
 def folders_of_seeds(out: Path) -> list[Path]:
-    """The folders below one that are named as those of seeds are, in order, whether or not they have a run."""
-    return sorted(out.glob("seed-*/"))
+    """The folders below one that are named as those of seeds are, in order, whether or not they have a run.
+
+    Raises:
+        ValueError: if the folder cannot be listed.
+    """
+    return folders_in(out, "seed-")
+
+
+def folders_in(folder: Path, prefix: str = "") -> list[Path]:
+    """The folders in one whose names begin with a text, in order; none if there is no such folder.
+
+    Raises:
+        ValueError: if the folder cannot be listed, which ``Path.glob`` does not tell.
+    """
+    try:
+        names = [name for name in os.listdir(folder) if name.startswith(prefix)]
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+    except OSError as error:
+        raise ValueError(f"{folder}: cannot be listed ({error.strerror})") from None
+    return sorted(folder / name for name in names if os.path.isdir(folder / name))
 
 
 def write_config(folder: Path, config: Mapping[str, Any]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from optim.problem import Problem
 from optim.runs import checkpoint
-from optim.runs.config import folders_of_seeds, has_run, identity, read_config
+from optim.runs.config import folders_in, folders_of_seeds, has_run, identity, read_config
 from optim.runs.folder import TIMING
 from optim.runs.folder_lock import in_use
 from optim.runs.generation import Generation
@@ -266,14 +266,14 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
 def runs_below(paths: Iterable[Path]) -> list[Path]:
     """List the given run folders, and those inside given folders, each once however it is spelled.
 
-    Those of several seeds lie a folder deeper.
+    Those of several seeds lie a folder deeper. A folder that cannot be listed counts as a run: who reads it tells.
 
     Raises:
         ValueError: if a path has no run.
     """
     found: dict[Path, Path] = {}
     for path in paths:
-        inside = [path] if _may_have_run(path) else [run for each in sorted(path.glob("*/")) for run in _runs_of(each)]
+        inside = _runs_of(path, lambda folder: [run for each in folders_in(folder) for run in _runs_of(each)])
         if not inside:
             raise ValueError(f"run: {path} holds no run" if path.exists() else f"run: {path} does not exist")
         for run in inside:
@@ -281,11 +281,18 @@ def runs_below(paths: Iterable[Path]) -> list[Path]:
     return list(found.values())
 
 
-def _runs_of(folder: Path) -> list[Path]:
-    """The folder itself if it may have a run, else those of its seeds."""
+def _runs_of_seeds(folder: Path) -> list[Path]:
+    return list(filter(_may_have_run, folders_of_seeds(folder)))
+
+
+def _runs_of(folder: Path, below: Callable[[Path], list[Path]] = _runs_of_seeds) -> list[Path]:
+    """The folder itself if it may have a run, or cannot be listed; else those below it, by default of its seeds."""
     if _may_have_run(folder):
         return [folder]
-    return list(filter(_may_have_run, folders_of_seeds(folder)))
+    try:
+        return below(folder)
+    except ValueError:
+        return [folder]
 
 
 def _may_have_run(folder: Path) -> bool:

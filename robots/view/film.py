@@ -26,6 +26,7 @@ from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.disk_faults import told_as
 from taichi_sim.base.files import new_path, replacing, write_bytes
 from taichi_sim.base.foreign import install_extra
+from taichi_sim.base.short_text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -296,7 +297,7 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: f
     top, panels = float(total), []
     for given, height, key, (across, up) in zip(settings, drawn, keyed, ranges, strict=True):
         caption = (top - 0.6 * CAPTION) / total
-        figure.text(0.012, caption, given.motion.name + told, va="center", fontsize=8, color=INK)
+        figure.text(0.012, caption, printable(given.motion.name) + told, va="center", fontsize=8, color=INK)
         top -= CAPTION + height
         panels.append(figure.add_axes((0, top / total, 1, height / total), xlim=across, ylim=up))
         top -= key

@@ -28,6 +28,7 @@ from robots.view.uneven import WATER_TINT, Pieces, below_water, hidden, pieces
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
+from taichi_sim.base.short_text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -275,7 +276,7 @@ def arrange(axes: "Axes", title: str, width: float, below: float = 0.0, colours:
     total = TITLE_HEIGHT + drawn + below + keyed + EDGE
     figure.set_size_inches(width, total)
     axes.set_position((EDGE / width, (EDGE + below + keyed) / total, inner / width, drawn / total))
-    figure.text(EDGE / width, 1 - 0.5 * TITLE_HEIGHT / total, title, va="center", fontsize=11, color=INK)
+    figure.text(EDGE / width, 1 - 0.5 * TITLE_HEIGHT / total, printable(title), va="center", fontsize=11, color=INK)
     if colours:
         draw_key(figure, colours, (EDGE / width, (EDGE + below) / total, inner / width, 0.8 * keyed / total))
     return total

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from taichi_sim.base.disk_faults import told_as
-from taichi_sim.base.files import ASIDE, check_parent, content_of, remove_cut_off
+from taichi_sim.base.files import ASIDE, check_parent, content_of, remove_cut_off, short_name
 from taichi_sim.base.locks import HeldLock, opened_to_lock
 
 
@@ -25,7 +25,7 @@ def claimed_path(field: str, path: Path, kind: str = "file") -> Iterator[None]:
         RuntimeError: if the disk is full or broken.
     """
     check_parent(field, path)
-    with _reserved(field, path, path.with_name(f"{ASIDE}claim-{path.name}"), kind):
+    with _reserved(field, path, path.with_name(f"{ASIDE}claim-{short_name(path)}"), kind):
         if os.path.lexists(path):
             raise ValueError(f"{field}: {path} exists; name a new {kind}")
         yield

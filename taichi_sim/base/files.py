@@ -36,6 +36,7 @@ UNREADABLE = (  # what NumPy raises for a damaged file of arrays; its headers ar
 )
 MOST_PACKED = 1100  # bytes that a byte of a zip archive can stand for, a little above what deflation can do
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
+_LONGEST_KEPT, _END_KEPT = 150, 100  # bytes of a name behind others, and of the end of one that is longer
 
 
 @contextlib.contextmanager
@@ -117,7 +118,15 @@ def remove_cut_off(folder: Path) -> None:
 
 def _aside(path: Path) -> Path:
     """Where this thread writes what will be at a path."""
-    return path.with_name(f"{ASIDE}{os.getpid()}-{_machine()}-{threading.get_native_id()}-{path.name}")
+    return path.with_name(f"{ASIDE}{os.getpid()}-{_machine()}-{threading.get_native_id()}-{short_name(path)}")
+
+
+def short_name(path: Path) -> str:
+    """Name of a file, or of one that is long a digest and its end: what is put before it must not make it too long."""
+    name = os.fsencode(path.name)
+    if len(name) <= _LONGEST_KEPT:
+        return path.name
+    return f"{sha256(name)[:16]}-{name[-_END_KEPT:].decode(errors='ignore')}"  # the suffix tells some writers the form
 
 
 def _remove_if_cut_off(aside: Path) -> None:
@@ -343,6 +352,8 @@ def check_parent(field: str, path: Path) -> None:
         raise ValueError(f"{field}: {path} cannot be written; there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise ValueError(f"{field}: {path} cannot be written; the folder {path.parent} takes no files")
+    if (size := len(os.fsencode(path.name))) > (longest := os.pathconf(path.parent, "PC_NAME_MAX")):
+        raise ValueError(f"{field}: a name of {size} bytes is too long for a file; give at most {longest}")
 
 
 def new_path(path: str | os.PathLike[str]) -> Path:
@@ -374,7 +385,13 @@ def _runs(process: int) -> bool:
 
 
 def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
+    """Wait until a file is on disk, or a folder with the names in it, if it may be read."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except PermissionError:
+        if path.is_dir():  # one may write in it, but not list it: the new name is there, and gets to the disk later
+            return
+        raise
     try:
         os.fsync(descriptor)
     finally:

@@ -16,6 +16,14 @@ def shortest(number: float) -> str:
     return short if float(short) == number else repr(float(number))
 
 
+def printable(text: str) -> str:
+    """A text in which bytes of a file's name that are no UTF-8 are told as escapes, such as ``\\udcff``.
+
+    Pages and pictures cannot hold them as they are.
+    """
+    return text.encode(errors="backslashreplace").decode()
+
+
 class ShortText:
     """A dataclass whose text tells the shapes of its arrays instead of what is in them; declare it ``repr=False``."""
 

@@ -16,6 +16,7 @@ from robots.view.motion import Channel, Ground, Motion, Skin, diameter
 from robots.view.player.packing import Packed, pack
 from robots.view.uneven import cut, is_plain, node_tints
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.short_text import printable
 from taichi_sim.lattice.faces import FACE_CORNERS
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
@@ -45,7 +46,7 @@ def page(motions: Motion | Sequence[Motion], title: str = "") -> str:
         for n, poses in enumerate(packed)
     )
     parts = {
-        "title": html.escape(title),
+        "title": html.escape(printable(title)),
         "style": _file("player.css"),
         "about": _in_script(about),
         "data": data,

@@ -1,6 +1,8 @@
 """Looking at runs, and comparing them, through the command line."""
 
+import errno
 import json
+import os
 import shutil
 import signal
 
@@ -177,3 +179,39 @@ def test_unknown_times_cannot_be_compared(morpholab, tmp_path):
     assert morpholab("status a")[0] == 0
     code, _, error = morpholab("compare a --by seconds")
     assert code == 2 and "by: the times of a are not known" in error
+
+
+@pytest.fixture
+def unlisted(monkeypatch, tmp_path):
+    """Lets the disk refuse to list a folder, as one of mode 300."""
+    listed = os.listdir
+
+    def refuse(name):
+        def call(path="."):
+            if os.path.realpath(path) == str(tmp_path / name):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+            return listed(path)
+
+        monkeypatch.setattr(os, "listdir", call)
+
+    return refuse
+
+
+def test_a_folder_that_cannot_be_listed_is_told(morpholab, unlisted, tmp_path):
+    """It may hold runs, alone or of several seeds."""
+    searched(Kite(), tmp_path / "runs/a")
+    searched(Kite(), tmp_path / "runs/deep/seed-1")
+    assert morpholab("status runs")[1].count("\n") == 2
+    unlisted("runs/deep")
+    code, out, error = morpholab("status runs")
+    told = "runs/deep: damaged: cannot be listed (Permission denied)"
+    assert (code, error) == (1, "") and out.startswith("runs/a: finished") and out.splitlines()[1:] == [told]
+    assert morpholab("status runs/deep")[:2] == (1, told + "\n")
+    code, out, error = morpholab("compare runs")
+    assert code == 1 and "runs/deep: cannot be listed (Permission denied); the run is left out" in error
+    unlisted("runs")
+    assert morpholab("compare runs") == (
+        2,
+        "",
+        "morpholab compare: error: runs: cannot be listed (Permission denied)\n",
+    )

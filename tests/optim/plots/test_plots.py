@@ -14,6 +14,7 @@ from optim.plots import (
     draw_paths,
     draw_run,
     draw_share_solved,
+    save_curves,
 )
 from optim.runs import Generation
 from optim.runs.comparison import Curve
@@ -138,3 +139,10 @@ def test_paths_begin_at_dots_and_may_end_early(axes):
     starts = [line.get_xydata()[0].tolist() for line in axes.lines if line.get_marker() == "o"]
     assert starts == [[1, 0], [0, -2]] and axes.get_xlim() == pytest.approx((-2.2, 2.2))
     assert [line.get_xydata().tolist() for line in axes.lines if line.get_marker() == "*"] == [[[0, 0]]]
+
+
+def test_a_label_that_is_no_utf_8_is_drawn_as_escapes(tmp_path):
+    """As one of ``compare --names`` may be."""
+    curve = Curve("a\udcff", ("a",), "climbers", np.arange(3.0), np.ones((2, 3)))
+    save_curves([curve], "evaluations", tmp_path / "a.svg")
+    assert (tmp_path / "a.svg").stat().st_size > 1000

@@ -381,3 +381,15 @@ def test_a_study_of_interference_has_a_page(morpholab, reported, tmp_path):
     (tmp_path / "a/summary.json").unlink()
     code, _, error = morpholab("report a --out b.html")
     assert code == 2 and "run: a is a study of interference that has no tables yet" in error
+
+
+@pytest.mark.usefixtures("simulator")
+def test_a_folder_whose_name_is_no_utf_8(morpholab, tmp_path):
+    for seed, name in enumerate("ab"):
+        design(morpholab, f"runs/{name}", f"--climbers 5 --seed {seed}", "--terrain flat", generations=1)
+        (tmp_path / "runs" / name).rename(tmp_path / f"runs/{name}\udcff")
+    code, out, error = morpholab("report runs/a\udcff --no-player --quiet --json --out page.html")
+    assert (code, error) == (0, "") and json.loads(out)["bytes"] == (tmp_path / "page.html").stat().st_size
+    assert "runs/a\\udcff" in (tmp_path / "page.html").read_text()
+    assert morpholab("report runs --no-player --quiet --out several.html")[0] == 0
+    assert "runs/b\\udcff" in (tmp_path / "several.html").read_text()

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 from made_motion import made
 
+from robots.view.film import save_strip
 from robots.view.motion import CUBE, Channel, Motion, Node
 from robots.view.player import page, save_player, show
 from robots.view.player.packing import NUMBERS, TOLERANCE, Packed, pack
+from robots.view.still import save_still
 from taichi_sim.lattice.faces import rotate
 from taichi_sim.rigid import Capsule
 
@@ -170,6 +172,15 @@ def test_what_is_written_in_names_stays_text(name):
     embedded = re.search('<script id="about"[^>]*>(.*?)</script>', text, re.S)[1]
     assert "<" not in embedded
     assert not {"b", "i"} & {tag for tag, _ in seen.elements}
+
+
+def test_names_that_are_no_utf_8_are_shown_as_escapes(tmp_path):
+    """As those of files and folders may be."""
+    named = made(name="a\udcff")
+    size = save_player(named, tmp_path / "a.html", title="a\udcff")
+    assert size == (tmp_path / "a.html").stat().st_size and "<title>a\\udcff" in (tmp_path / "a.html").read_text()
+    for save in (save_still, save_strip):
+        assert save(named, tmp_path / f"{save.__name__}.png") > 1000
 
 
 def test_a_browser_without_webgl_is_told():

@@ -6,8 +6,9 @@ import sys
 
 import pytest
 
+from taichi_sim.base.claims import claimed_path
 from taichi_sim.base.file_kinds import check_no_pipe
-from taichi_sim.base.files import ASIDE, _aside, new_folder, remove_cut_off, replacing, write_text
+from taichi_sim.base.files import ASIDE, _aside, check_parent, new_folder, remove_cut_off, replacing, write_text
 
 
 def cut_off(path):
@@ -114,3 +115,45 @@ def test_a_link_to_itself_is_told(tmp_path):
         write_text(tmp_path / "link", "new")
     with pytest.raises(ValueError, match=r"out: .*link cannot be written .Too many levels of symbolic links"):
         check_no_pipe("out", tmp_path / "link")
+
+
+def test_a_folder_that_may_be_written_but_not_listed_takes_files(tmp_path, monkeypatch):
+    """A new name in it cannot be waited for, and is there all the same."""
+    opened = os.open
+
+    def unlisted(path, *given, **options):
+        if os.fspath(path) == str(tmp_path):
+            raise PermissionError(13, "Permission denied", str(path))
+        return opened(path, *given, **options)
+
+    monkeypatch.setattr(os, "open", unlisted)
+    write_text(tmp_path / "file", "content")
+    with new_folder(tmp_path / "folder") as inside:
+        (inside / "file").write_text("content")
+    assert (tmp_path / "file").read_text() == (tmp_path / "folder" / "file").read_text() == "content"
+
+
+LONG = {"one byte": "b" * 250 + ".html", "three": "\N{BLACK STAR}" * 83 + ".csv", "no UTF-8": "b" * 240 + "\udcff.html"}
+
+
+@pytest.mark.parametrize("name", LONG.values(), ids=LONG)
+def test_a_name_as_long_as_the_disk_takes_is_written(tmp_path, name):
+    path = tmp_path / name
+    left = cut_off(path)
+    left.write_text("half")
+    with claimed_path("out", path), replacing(path) as aside:
+        aside.write_text("content")
+        assert aside.suffix == path.suffix and aside.name.startswith(ASIDE)
+    remove_cut_off(tmp_path)
+    assert [each.read_text() for each in tmp_path.iterdir()] == ["content"] and path.exists()
+
+
+def test_long_names_of_one_end_do_not_share_what_is_aside(tmp_path):
+    first, second = (tmp_path / (letter + "b" * 200) for letter in "ac")
+    with claimed_path("out", first), claimed_path("out", second):
+        assert _aside(first) != _aside(second)
+
+
+def test_a_name_longer_than_the_disk_takes_is_refused_before_work(tmp_path):
+    with pytest.raises(ValueError, match=r"^out: a name of 256 bytes is too long for a file; give at most 255$"):
+        check_parent("out", tmp_path / ("\N{BLACK STAR}" * 84 + ".csv"))

@@ -8,7 +8,7 @@ import morpholab as ml
 from robots.frames import Frames
 from robots.hardware import read_csv
 from robots.robot import Outcome, Robot
-from taichi_sim.base.short_text import ShortText
+from taichi_sim.base.short_text import ShortText, printable
 
 
 @dataclass(frozen=True, repr=False)
@@ -53,3 +53,7 @@ def test_robots_that_are_no_dataclasses_have_texts_too():
         kind = "vehicle"
 
     assert "Own object" in repr(Own())
+
+
+def test_what_is_no_utf_8_is_told_as_escapes():
+    assert printable("a\udcff \N{BLACK STAR}") == "a\\udcff \N{BLACK STAR}"
