@@ -352,7 +352,8 @@ def check_parent(field: str, path: Path) -> None:
         raise ValueError(f"{field}: {path} cannot be written; there is no folder {path.parent}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise ValueError(f"{field}: {path} cannot be written; the folder {path.parent} takes no files")
-    if (size := len(os.fsencode(path.name))) > (longest := os.pathconf(path.parent, "PC_NAME_MAX")):
+    size, longest = len(os.fsencode(path.name)), os.pathconf(path.parent, "PC_NAME_MAX")
+    if 0 <= longest < size:  # -1 is no limit
         raise ValueError(f"{field}: a name of {size} bytes is too long for a file; give at most {longest}")
 
 
