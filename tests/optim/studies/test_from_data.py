@@ -15,9 +15,7 @@ from optim.studies.catalogue import STUDIES
 from optim.studies.chapter2.study import ENVIRONMENTS, PICTURES
 
 DATA = Path(__file__).parents[3] / "docs/data"
-# No data, or too little of it.
-NOT_THERE = ("soft-robot-metrics",)
-TOLD = [name for name in STUDIES if STUDIES[name].tell is not None and name not in NOT_THERE]
+TOLD = [name for name in STUDIES if STUDIES[name].tell is not None]
 
 
 def close(one, other):
