@@ -59,7 +59,9 @@ class _Parser(RobotOptions):
         try:
             return super()._get_value(action, text)
         except OSError as error:  # of a file that a value names, such as heights of ground
-            raise argparse.ArgumentError(action, f"{error.filename}: it cannot be read ({error.strerror})") from None
+            raise argparse.ArgumentError(
+                action, f"{error.filename or text}: cannot be used ({error.strerror})"
+            ) from None
 
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
         (file or sys.stderr).write(message)  # argparse ignores a full disk
@@ -175,12 +177,12 @@ def _refuse(command: str, error: Exception) -> int:
         return _fail(command, f"failed: there is not enough memory for this ({_reason(error)}); {advice}", FAILED)
     if told := blame(error):
         return _fail(command, f"failed: {told}", FAILED)
-    if isinstance(error, ValueError):
-        return _fail(command, f"error: {error}", 2)
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
     if isinstance(error, OSError) and error.filename is not None:
-        return _refuse(command, unwritten(f"{error.filename}: cannot be read or written", error))
+        error = unwritten(f"{error.filename}: cannot be used", error)
+    if isinstance(error, ValueError):
+        return _fail(command, f"error: {error}", 2)
     if not isinstance(error, OSError) and (told := blame_package(error)):
         return _fail(command, f"failed: {told}", FAILED)
     # A RecursionError is a RuntimeError of Python's own, which says nothing to a user.

@@ -6,10 +6,11 @@ import threading
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from types import FrameType, TracebackType
+from typing import Any
 
 HUNG_UP, INTERRUPTED, TERMINATED = 129, 130, 143  # exit codes, as shells report signals
 STOPPED = (HUNG_UP, INTERRUPTED, TERMINATED)
-AGAIN = 0.5  # s, after which a swallowed interrupt is raised again
+REPEATED_AFTER = 0.5  # s, of an interrupt that something has swallowed
 
 
 class Interrupted(KeyboardInterrupt):
@@ -47,45 +48,55 @@ class EndedBySignals(AbstractContextManager[None]):
 
     Python raises it wherever the main thread is. Some code there swallows any exception, such as that which reads the
     sources of kernels, or makes another one of it, such as the import of an extension. So it is raised again until
-    something heeds it (:func:`stopped_by`) or it leaves; not while it is on its way, when ``finally`` clauses run.
+    something heeds it (:func:`stopped_by`) or it leaves; not while it is on its way, when ``finally`` clauses run. What
+    fails there leaves in its place, as it may be what the user has to know.
     """
 
     def __init__(self) -> None:
         """Change nothing before it is entered."""
         self._raised: Interrupted | None = None
-        self._before: dict[int, object] = {}
+        self._leaving = False
+        self._before: dict[int, Any] = {}  # handlers, by the signal
+        self._timer = 0.0, 0.0  # that was running when the first signal came
 
     def __enter__(self) -> None:
         if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
             return
         for number in KINDS:
             handler = signal.getsignal(number)
-            own = number == signal.SIGINT and handler is not signal.default_int_handler
-            if handler != signal.SIG_IGN and not own:
+            replaced = number == signal.SIGINT and handler is not signal.default_int_handler
+            if handler != signal.SIG_IGN and not replaced:
                 self._before[number] = signal.signal(number, self._end)
-        self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._again)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
+        self._leaving = True
         if signal.SIGALRM in self._before:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-        for number, handler in self._before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
-        if self._raised is not None and isinstance(error, Exception):
+            signal.setitimer(signal.ITIMER_REAL, *self._timer)
+        for number, handler in reversed(self._before.items()):  # Ctrl-C last, which then raises again
+            signal.signal(number, handler)
+        if self._raised is None or self._raised.heeded:
+            return
+        if error is None or isinstance(error, ImportError | SystemError):  # swallowed, or made another one
             raise self._raised from error
 
     def _end(self, number: int, _: FrameType | None) -> None:
+        self._raised = KINDS[number]()
+        if self._leaving:
+            return
         if number == signal.SIGHUP:
             # Shell and kernel may both send one; the second must not cut short what ends the work.
             signal.signal(number, signal.SIG_IGN)
-        self._raised = KINDS[number]()
-        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+        if signal.SIGALRM not in self._before:
+            self._before[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._again)
+            self._timer = signal.setitimer(signal.ITIMER_REAL, REPEATED_AFTER, REPEATED_AFTER)
         raise self._raised
 
     def _again(self, *_: object) -> None:
-        if self._raised is not None and not self._raised.heeded and not _on_its_way(self._raised):
-            raise self._raised
+        if self._raised is None or self._leaving or self._raised.heeded or _on_its_way(self._raised):
+            return
+        raise self._raised
 
 
 def _on_its_way(raised: Interrupted) -> bool:

@@ -43,7 +43,7 @@ from taichi_sim.device_arrays import DeviceArrays
 from taichi_sim.launching import Relauncher, forget_all
 
 COMPILER = compiler()
-_SET = {f"{prefix}_ENABLE_{name}" for prefix in ("TI", "QD") for name in ("PYBUF", "TORCH")}
+_SET_BY_US = {f"{prefix}_ENABLE_{name}" for prefix in ("TI", "QD") for name in ("PYBUF", "TORCH")}
 for _prefix, _name in (("TI", "TAICHI"), ("QD", "QUADRANTS")):
     os.environ.setdefault(f"ENABLE_{_name}_HEADER_PRINT", "False")  # keeps stdout free for --json
     os.environ.setdefault(f"{_prefix}_ENABLE_PYBUF", "0")  # nor are notebooks and pytest told to be "graphical shells"
@@ -229,8 +229,12 @@ def _environment(device: str) -> Iterator[None]:
         print(f"note: {name}={hidden[name]} has no effect, computing on {device}; --device chooses", file=sys.stderr)
     try:
         yield
-    except (ValueError, RuntimeError) as error:
-        own = [f"{name}={os.environ[name]}" for name in sorted(os.environ.keys() - _SET) if name[:3] in ("TI_", "QD_")]
+    except ValueError as error:  # of a value that it cannot read
+        own = [
+            f"{name}={os.environ[name]}"
+            for name in sorted(os.environ.keys() - _SET_BY_US)
+            if name[:3] in ("TI_", "QD_")
+        ]
         if not own:
             raise
         message = f"environment: {COMPILER} does not start with {', '.join(own)} ({error}); unset what is wrong"

@@ -148,14 +148,14 @@ def test_runs_are_compared_though_their_picture_has_no_room(morpholab, monkeypat
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        ("train --sample 2 --out un", "un: cannot be read or written"),
-        ("measure --robot vehicle --controllers 4 --success closest<=1 --out un", "un: cannot be read or written"),
-        ("interference --out un", "un: cannot be read or written"),
-        ("codesign --robot vehicle --climbers 2 --generations 1 --out un", "un: cannot be read or written"),
-        ("train --sample 2 --out un/x", "un/x/training.json: cannot be read or written"),
-        ("simulate --robot vehicle --out un/x", "un/x: cannot be read or written"),
-        ("export inching --csv un/x/a.csv", "un/x/a.csv: cannot be read or written"),
-        ("report un/x --out a.html", "un/x/sweep.json: cannot be read or written"),
+        ("train --sample 2 --out un", "un: cannot be used"),
+        ("measure --robot vehicle --controllers 4 --success closest<=1 --out un", "un: cannot be used"),
+        ("interference --out un", "un: cannot be used"),
+        ("codesign --robot vehicle --climbers 2 --generations 1 --out un", "un: cannot be used"),
+        ("train --sample 2 --out un/x", "un/x/training.json: cannot be used"),
+        ("simulate --robot vehicle --out un/x", "un/x: cannot be used"),
+        ("export inching --csv un/x/a.csv", "un/x/a.csv: cannot be used"),
+        ("report un/x --out a.html", "un/x/sweep.json: cannot be used"),
     ],
 )
 def test_a_folder_that_is_forbidden_is_told_in_a_line(morpholab, monkeypatch, tmp_path, line, told):

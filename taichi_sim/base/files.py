@@ -36,7 +36,7 @@ UNREADABLE = (  # what NumPy raises for a damaged file of arrays; its headers ar
 )
 MOST_PACKED = 1100  # bytes that a byte of a zip archive can stand for, a little above what deflation can do
 _DIGEST_LENGTH = 64  # characters of a SHA-256 in hexadecimal
-_LONGEST_KEPT, _END_KEPT = 150, 100  # bytes of a name behind others, and of the end of one that is longer
+_LONGEST_KEPT, _END_KEPT = 80, 50  # bytes of a name behind others, and of the end of one that is longer
 
 
 @contextlib.contextmanager

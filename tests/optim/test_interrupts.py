@@ -17,7 +17,7 @@ KINDS = [(signal.SIGINT, Interrupted), (signal.SIGTERM, Terminated), (signal.SIG
 @pytest.fixture(autouse=True)
 def handlers(monkeypatch):
     """Handlers of before, which have to be there afterwards."""
-    monkeypatch.setattr(interrupts, "AGAIN", 0.02)
+    monkeypatch.setattr(interrupts, "REPEATED_AFTER", 0.02)
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
     before = [signal.getsignal(number) for number in numbers]
     yield
@@ -54,6 +54,53 @@ def test_what_makes_another_error_of_it_does_not_hide_it():
         except KeyboardInterrupt:
             raise ImportError("initialization failed") from None
     assert isinstance(ended.value.__cause__, ImportError)
+
+
+def test_a_failure_on_the_way_out_is_told_in_its_place():
+    """Such as lines that could not be vented."""
+    with pytest.raises(OSError, match="vent"), EndedBySignals():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            wait()
+        except KeyboardInterrupt:
+            raise OSError("cannot vent") from None
+
+
+def test_a_failure_after_it_was_heeded_is_told():
+    with pytest.raises(ImportError), EndedBySignals():
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            wait()
+        except KeyboardInterrupt as interrupt:
+            stopped_by(interrupt)
+        raise ImportError
+
+
+def test_what_is_swallowed_last_is_not_lost(monkeypatch):
+    monkeypatch.setattr(interrupts, "REPEATED_AFTER", 100.0)
+    with pytest.raises(Terminated), EndedBySignals():
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            wait()
+        except KeyboardInterrupt:
+            pass
+
+
+def test_an_alarm_of_the_caller_stays():
+    rung = []
+    before = signal.signal(signal.SIGALRM, lambda *_: rung.append("inside"))
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.05)
+        with EndedBySignals():
+            wait()
+        assert rung == ["inside"]
+        signal.setitimer(signal.ITIMER_REAL, 60.0)
+        with pytest.raises(Interrupted), EndedBySignals():
+            os.kill(os.getpid(), signal.SIGINT)
+            wait()
+        assert 50.0 < signal.setitimer(signal.ITIMER_REAL, 0.0)[0] <= 60.0
+    finally:
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_what_ends_the_work_is_not_cut_short():

@@ -126,7 +126,7 @@ BAD_LINES = [
     ("codesign --out new --terrain hill:abc", "argument --terrain: 'hill:abc' is unknown"),
     (
         f"codesign --out new --terrain {'b' * 300}.npy:0.1",
-        "argument --terrain: " + "b" * 300 + ".npy: it cannot be read",
+        "argument --terrain: " + "b" * 300 + ".npy: cannot be used (File name",
     ),
     ("codesign --out new --terrain hill:nan", "argument --terrain: slope: nan is not allowed"),
     ("codesign --out new --terrain hill:5+water:0", "argument --terrain: slope: 5.0 is not allowed with water"),
