@@ -16,13 +16,17 @@ KINDS = [(signal.SIGINT, Interrupted), (signal.SIGTERM, Terminated), (signal.SIG
 
 @pytest.fixture(autouse=True)
 def handlers(monkeypatch):
-    """Handlers of before, which have to be there afterwards."""
+    """The handlers of a process in the foreground, whatever the tests run in; they have to be there afterwards."""
     monkeypatch.setattr(interrupts, "REPEATED_AFTER", 0.02)
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)
-    before = [signal.getsignal(number) for number in numbers]
+    usual = {number: signal.SIG_DFL for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGALRM)}
+    usual[signal.SIGINT] = signal.default_int_handler
+    before = {number: signal.signal(number, handler) for number, handler in usual.items()}
     yield
-    assert [signal.getsignal(number) for number in numbers] == before
-    assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
+    after = {number: signal.getsignal(number) for number in usual}
+    timer = signal.setitimer(signal.ITIMER_REAL, 0.0)
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    assert (after, timer) == (usual, (0.0, 0.0))
 
 
 def wait():
