@@ -59,9 +59,7 @@ class _Parser(RobotOptions):
         try:
             return super()._get_value(action, text)
         except OSError as error:  # of a file that a value names, such as heights of ground
-            raise argparse.ArgumentError(
-                action, f"{error.filename or text}: cannot be used ({error.strerror})"
-            ) from None
+            raise argparse.ArgumentError(action, str(_unusable(error, text))) from None
 
     def _print_message(self, message: str, file: "SupportsWrite[str] | None" = None) -> None:
         (file or sys.stderr).write(message)  # argparse ignores a full disk
@@ -180,7 +178,7 @@ def _refuse(command: str, error: Exception) -> int:
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         return _fail(command, f"error: a name of {len(str(error.filename))} characters is too long for a file", 2)
     if isinstance(error, OSError) and error.filename is not None:
-        error = unwritten(f"{error.filename}: cannot be used", error)
+        error = _unusable(error)
     if isinstance(error, ValueError):
         return _fail(command, f"error: {error}", 2)
     if not isinstance(error, OSError) and (told := blame_package(error)):
@@ -197,6 +195,11 @@ def _refuse(command: str, error: Exception) -> int:
         place = "set MORPHOLAB_DEBUG=1 to see where"
     summary = "".join(traceback.format_exception_only(error))[:LONGEST_SUMMARY]
     return _fail(command, f"this is a bug in morpholab ({summary.strip()}); {place}", BUG)
+
+
+def _unusable(error: OSError, name: str = "") -> ValueError | RuntimeError:
+    """What to tell of a file, by default that of the error, that no part of a command has named in words of its own."""
+    return unwritten(f"{error.filename or name}: cannot be used", error)
 
 
 def _reason(error: Exception) -> str:

@@ -81,9 +81,11 @@ def tell(data: Data, folder: Path) -> None:
     if not there:
         raise ValueError(f"from-data: {data.folder} has no table of a sweep; give one with {' or '.join(TABLES)}")
     paths = [name for name in TRAJECTORIES if data.has(name)]
-    twice = there if len({TABLES[name][0] for name in there}) < len(there) else paths if len(paths) > 1 else ()
-    if twice:
-        raise ValueError(f"from-data: {data.folder} has {' and '.join(twice)}; give a folder with one sweep of its own")
+    for names, parts in ((there, {TABLES[name][0] for name in there}), (paths, {"trajectories"})):
+        if len(names) > len(parts):
+            raise ValueError(
+                f"from-data: {data.folder} has {' and '.join(names)}; give a folder with one sweep of its own"
+            )
     for name in there:
         part, examples = TABLES[name]
         table, told = read_sweep_table(data.path(name)), folder / part
