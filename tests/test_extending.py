@@ -16,13 +16,14 @@ from optim.problems.objectives import OBJECTIVES
 from optim.problems.robot import RobotProblem
 from optim.search import METHODS, check_objectives
 from optim.studies.catalogue import STUDIES
+from robots.lattice_robot.own_measures import OWN_MEASURES
 from robots.robot import KINDS, Parameter, load_design
 
 PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()
 CODE = "\n\n".join(re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL))
 GROUPS = tomllib.loads(PAGE.partition("```toml\n")[2].partition("```")[0])["project"]["entry-points"]
 ENTRIES = [(group, name, place.partition(":")[2]) for group in GROUPS for name, place in GROUPS[group].items()]
-REGISTRIES = {registry.group: registry for registry in (KINDS, METHODS, OBJECTIVES, STUDIES)}
+REGISTRIES = {registry.group: registry for registry in (KINDS, OWN_MEASURES, METHODS, OBJECTIVES, STUDIES)}
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from typing import Any
 
 from robots.kind import choices
 from robots.lattice_robot.ground import LatticeGroundKind
+from robots.lattice_robot.kind import OWN_MEASURES
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot, counted
 from taichi_sim.base.files import read_text
@@ -15,7 +16,7 @@ from taichi_sim.base.parsing import RepeatedNameError, parse_json
 FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
 GRID = ("shape", "voxel_size", "symmetry")
 ACTUATION = ("amplitude", "frequency", "cycles", "settling", "channels")
-OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed")
+OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed", "own_measures")
 
 
 class FreeformKind(LatticeGroundKind):
@@ -41,6 +42,7 @@ class FreeformKind(LatticeGroundKind):
         Option("target", "point that it should come near, in metres from its start", numbers(2), "X,Y"),
         Option("perturbation", "noise on start positions, in metres (default: 1e-5)", number(0), "M"),
         Option("seed", "of that noise (default: 0)", whole(0), "N"),
+        OWN_MEASURES,
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:

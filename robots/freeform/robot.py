@@ -18,6 +18,7 @@ from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import try_variants
 from robots.lattice_robot.measures import checked_target, measures_among, measures_of
+from robots.lattice_robot.own_measures import OwnMeasure, checked_own_measures, names_of
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
@@ -83,6 +84,7 @@ class FreeformRobot(Robot):
         perturbation: standard deviation of noise on the start positions of robots that can be built [m].
         seed: of the noise.
         gains: factors of the amplitudes of its muscles, where these are uncertain; no part of a description.
+        own_measures: of the user, see ``robots.lattice_robot.own_measures``; installed ones may be given by name.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -99,6 +101,7 @@ class FreeformRobot(Robot):
     perturbation: float = 1e-5
     seed: int = 0
     gains: tuple[float, ...] = ()
+    own_measures: tuple[OwnMeasure, ...] = ()
 
     kind = "freeform"
     uncertain_in = ("friction", "slope", "levels", "timing")
@@ -119,6 +122,7 @@ class FreeformRobot(Robot):
         whole_number("seed", self.seed, 0)
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
+        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures))
         _ = self.parametrisation
 
     @cached_property
@@ -139,12 +143,13 @@ class FreeformRobot(Robot):
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """The measures of lattice robots, with speeds in lengths of the grid."""
-        return measures_of(self.target is not None)
+        return *measures_of(self.target is not None), *self.own_measures
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
         """Its measures in all of some worlds: with lights the distance that remains, with props those of the first."""
         terrains = [terrain_of(world) for world in worlds]
-        return measures_among(terrains, self.target is not None or all(each.light for each in terrains))
+        targeted = self.target is not None or all(each.light for each in terrains)
+        return *measures_among(terrains, targeted), *self.own_measures
 
     @property
     def descriptors(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]
@@ -214,7 +219,7 @@ class FreeformRobot(Robot):
     @property
     def aim(self) -> Aim:
         """How its motion is measured: heading, length, and target."""
-        return Aim(0.0, self.length, self.target)
+        return Aim(0.0, self.length, self.target, own_measures=self.own_measures)
 
     @property
     def tabled_by(self) -> str:  # type: ignore[override]
@@ -274,6 +279,7 @@ class FreeformRobot(Robot):
             perturbation=self.perturbation,
             seed=self.seed,
             highest_size=self.largest_size,
+            own_measures=self.own_measures,
         )
 
     def design(self, point: ArrayLike) -> LatticeRobot:
@@ -312,8 +318,9 @@ class FreeformRobot(Robot):
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as JSON values."""
         palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
-        own = {name: value for name, value in dataclasses.asdict(self).items() if name != "gains"}
-        return {**own, "palette": palette}
+        own = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("gains", "own_measures")}
+        measures = {"own_measures": names_of(self.own_measures)} if self.own_measures else {}
+        return {**own, **measures, "palette": palette}
 
     def facts(self) -> Facts:
         """Grid, palette, parametrisation and cycle."""

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from robots.lattice_robot.mesh_robot import MarkedRegion as MarkedRegion
     from robots.lattice_robot.mesh_robot import robot_of_mesh as robot_of_mesh
     from robots.lattice_robot.on_rig import played_robot as played_robot
+    from robots.lattice_robot.own_measures import OwnMeasure as OwnMeasure
+    from robots.lattice_robot.own_measures import SoftMotion as SoftMotion
     from robots.lattice_robot.record import save_robot as save_robot
     from robots.lattice_robot.reflexes import Reflexes as Reflexes
     from robots.lattice_robot.robot import LatticeRobot as LatticeRobot

@@ -11,6 +11,10 @@ from robots.robot import Option, Robot
 from taichi_sim.base.checks import MOST_FRICTION
 from taichi_sim.base.options import checked, file_path, number, whole
 
+OWN_MEASURES = Option(
+    "own_measures", "measure of an installed package, to be told and searched, too", str, "NAME", several=True
+)
+
 
 def _region(text: str) -> Any:
     from robots.lattice_robot.mesh_robot import MarkedRegion
@@ -57,6 +61,7 @@ class LatticeRobotKind(LatticeGroundKind):
             commands=("simulate", "view"),
         ),
         Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
+        OWN_MEASURES,
     )
 
     fading_gradients = True
@@ -97,5 +102,5 @@ def _of_mesh(source: str, options: Mapping[str, Any]) -> Robot:
     given = dict(options)
     if "pitch" not in given:
         raise ValueError(f"pitch: {source} is a mesh; give the edge of its voxels, in the unit of the file")
-    played = {name: given.pop(name) for name in ("channels",) if name in given}
+    played: dict[str, Any] = {name: given.pop(name) for name in ("channels", "own_measures") if name in given}
     return robot_of_mesh(source, given.pop("pitch"), given.pop("region", ()), **given).changed(played)

@@ -5,8 +5,8 @@ derivatives by everything that it depends on.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -106,6 +106,7 @@ class Constants:
         poissons_ratio: of each voxel, shape (B, V); 0 for none.
         pulled: along which axes of the world weight pulls all voxels, shape (B, 3).
         raised: by how much the ground raises each voxel where it starts [m], shape (B, V); 0 on level ground.
+        laws: of measures of a user's own, by name.
     """
 
     density: Any
@@ -122,12 +123,13 @@ class Constants:
     is_light: bool = False
     poissons_ratio: Any = 0.0
     pulled: Any = False
+    laws: Mapping[str, Callable[[Record, "Constants"], Any]] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the measures that can be told."""
         found = measures_of(self.target is not None)
-        return tuple(m.name for m in ((*found, *OF_PROPS) if self.placed else found))
+        return *(m.name for m in ((*found, *OF_PROPS) if self.placed else found)), *self.laws
 
     @property
     def own(self) -> "Constants":
@@ -174,8 +176,8 @@ def measures_among(worlds: Sequence[Terrain], targeted: bool, muscled: bool = Tr
 def measure(name: str, record: Record, constants: Constants) -> Any:
     """A measure by its name, shape (B,); unless it is of props, of the robot alone."""
     if constants.placed is not None and name not in (each.name for each in OF_PROPS):
-        return _LAWS[name](record.own(constants.placed), constants.own)
-    return _LAWS[name](record, constants)
+        record, constants = record.own(constants.placed), constants.own
+    return (constants.laws[name] if name in constants.laws else _LAWS[name])(record, constants)
 
 
 def _distance(record: Record, constants: Constants) -> Any:

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,12 +79,15 @@ class OutOfTheLab(Robot):
         save_voxels(self.fixed, path)
 
     def changed(self, options: Mapping[str, Any]) -> Robot:
-        """This robot, with nothing free, driven by the rows of the table ``channels``, if that is among the options."""
+        """This robot with ``own_measures``; with nothing free, driven by the rows of the table ``channels``."""
         from robots.hardware.channel_table import read_channels
         from robots.lattice_robot.on_rig import played_robot
 
-        super().changed({name: value for name, value in options.items() if name != "channels"})
-        return played_robot(self.fixed, read_channels(options["channels"])) if "channels" in options else self
+        super().changed({name: value for name, value in options.items() if name not in ("channels", "own_measures")})
+        robot = self
+        if "own_measures" in options:
+            robot = replace(self, own_measures=options["own_measures"])  # type: ignore[type-var]
+        return played_robot(robot.fixed, read_channels(options["channels"])) if "channels" in options else robot
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None

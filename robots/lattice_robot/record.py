@@ -36,7 +36,7 @@ def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
     Raises:
         ValueError, KeyError, TypeError: for a damaged one.
     """
-    known_names(record, "format", "body", "drives", "moduli", *SETTINGS, *LATER, "reflexes")
+    known_names(record, "format", "body", "drives", "moduli", *SETTINGS, *LATER, "reflexes", "own_measures")
     file = read_vxl_json(json.dumps(record["body"]))
     if file.ignored:
         raise ValueError(f"body: {file.ignored[0]}: it is unknown; leave it out")
@@ -47,6 +47,7 @@ def robot_of_record(record: Mapping[str, Any]) -> LatticeRobot:
         **{name: record[name] for name in SETTINGS},
         **{name: record[name] for name in LATER if name in record},
         reflexes=_reflexes(record["reflexes"]) if "reflexes" in record else None,
+        own_measures=tuple(record.get("own_measures", ())),
     )
 
 

@@ -20,6 +20,7 @@ from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
+from robots.lattice_robot.own_measures import OwnMeasure, checked_own_measures
 from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
@@ -69,6 +70,7 @@ class LatticeRobot(OutOfTheLab):
         is_afloat: whether it is in water, whose time steps are shorter, see :meth:`on`.
         origin: place (x, y, z) that the first place of the body's grid had in the file that it was made of [m]: what is
             exported for printers lies there again. Motions are counted from the grid.
+        own_measures: of the user, see ``robots.lattice_robot.own_measures``; installed ones may be given by name.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -93,6 +95,7 @@ class LatticeRobot(OutOfTheLab):
     highest_size: float | None = None
     is_afloat: bool = False
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    own_measures: tuple[OwnMeasure, ...] = ()
 
     kind = "lattice"
     worlds = (Terrain(),)
@@ -107,17 +110,16 @@ class LatticeRobot(OutOfTheLab):
         number("time_step_safety", self.time_step_safety, 1e-3)
         number("perturbation", self.perturbation, 0.0, self.body.voxel_size, "m")
         whole_number("seed", self.seed, 0)
-        if self.reference_length is not None:
-            positive("reference_length", self.reference_length, 1e6)
-        if self.highest_size is not None:
-            positive("highest_size", self.highest_size, 1e3)
+        for name, most in (("reference_length", 1e6), ("highest_size", 1e3)):
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name), most)
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
         object.__setattr__(self, "origin", tuple(numbers("origin", self.origin, 3).tolist()))
         object.__setattr__(self, "drives", tuple(self.drives))
+        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures))
         check_drives(self.drives, self.body)
-        lowest = int(self.body.voxels[:, 2].min())
-        if lowest:
+        if lowest := int(self.body.voxels[:, 2].min()):
             grounded = dataclasses.replace(self.body, voxels=self.body.voxels - [0, 0, lowest])
             object.__setattr__(self, "body", grounded)
         highest = tuple(positive("highest_moduli", each) for each in self.highest_moduli)
@@ -201,13 +203,13 @@ class LatticeRobot(OutOfTheLab):
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """Its measures; with a target, or a light that it feels, also the distance that remains."""
-        return measures_of(self.target is not None or self.feels_light, self.has_muscles)
+        return *measures_of(self.target is not None or self.feels_light, self.has_muscles), *self.own_measures
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
         """Its measures in all of some worlds; where there are props, those of the first of them, too."""
         terrains = [terrain_of(world) for world in worlds]
         targeted = self.target is not None or all(map(self.light_in, terrains))
-        return measures_among(terrains, targeted, self.has_muscles)
+        return *measures_among(terrains, targeted, self.has_muscles), *self.own_measures
 
     def light_in(self, terrain: Terrain) -> tuple[float, float] | None:
         """Place (x, y) of the light, from where the body's centre starts [m]: the terrain's, or the reflexes'."""
@@ -240,7 +242,7 @@ class LatticeRobot(OutOfTheLab):
     @property
     def aim(self) -> Aim:
         """How its motion is measured: heading, length, target, and the robot among props."""
-        return Aim(self.heading, self.length, self.target, self.placed)
+        return Aim(self.heading, self.length, self.target, self.placed, own_measures=self.own_measures)
 
     def starts(self, count: int, seeds: Ints | None = None) -> Floats | None:
         """Voxel centres of so many robots at the start [m], with noise, shape (count, V, 3); None without noise.
@@ -356,7 +358,7 @@ class LatticeRobot(OutOfTheLab):
 
     def spoken(self, outcome: Outcome) -> str:
         """All measures of the outcome: a light and props of the terrain add some to its own."""
-        known = (*measures_of(targeted=True), *OF_PROPS)
+        known = (*measures_of(targeted=True), *OF_PROPS, *self.own_measures)
         return ", ".join(m.value(float(outcome.measures[m.name][0])) for m in known if m.name in outcome.measures)
 
     @property
@@ -371,8 +373,8 @@ class LatticeRobot(OutOfTheLab):
         return lattice_robot_motion(outcome.result, self, terrain_of(world), name=name)
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the robot of one point, for ``load_robot``."""
-        write_record(path, ROBOT_FORMAT, self.design(point).describe())
+        """Write the robot of one point, for ``load_robot``; without own measures, as a robot needs no package."""
+        write_record(path, ROBOT_FORMAT, description_of(dataclasses.replace(self.design(point), own_measures=())))
 
     @property
     def fixed(self) -> "LatticeRobot":

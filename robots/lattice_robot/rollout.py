@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from robots.control.cyclic import FRAMES_FROM, SEGMENTS, Cycle, build_cyclic_program, cycle_events, surroundings
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
+from robots.lattice_robot.own_measures import OwnMeasure
 from robots.lattice_robot.props import Placed
 from robots.lattice_robot.reflexes import Feeling, ReflexLoop
 from robots.lattice_robot.senses import Anatomy
@@ -57,6 +58,7 @@ class Aim:
             of a batch, shape (B, 2); None for none.
         placed: the robot among props, of which its motion is measured; None without.
         is_light: whether the target is a light, which lies from where the middle of the voxels starts.
+        own_measures: of the user.
     """
 
     heading: float
@@ -64,6 +66,7 @@ class Aim:
     target: tuple[float, float] | Floats | None = None
     placed: Placed | None = None
     is_light: bool = False
+    own_measures: tuple[OwnMeasure, ...] = ()
 
     @property
     def direction(self) -> Floats:
@@ -227,7 +230,8 @@ class Rollout:
         if driven is None:
             driven = self.channels.driven(np.asarray(first.regions), expansions)
         about = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
-        return Constants(densities, moduli, driven, first, *about, raised, aim.is_light, ratios, self._pulled)
+        laws = {each.name: each.told for each in aim.own_measures}
+        return Constants(densities, moduli, driven, first, *about, raised, aim.is_light, ratios, self._pulled, laws)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""

@@ -4,54 +4,30 @@ import dataclasses
 
 import numpy as np
 import pytest
+from made_records import BAR, EDGE, MODULUS, RUBBER, recorded
 
 from optim.problems.robot import RobotProblem
-from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
+from robots.control.cyclic import LAST_CYCLE
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot
-from robots.lattice_robot.measures import Constants, Record, measure
+from robots.lattice_robot.measures import measure
 from robots.lattice_robot.robustness import STARTS, Trust, trust_in
 from robots.lattice_robot.simulation import simulate
 from robots.lattice_robot.squeeze import squeezed_forces
 from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
-from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity, body_from_array
-
-EDGE, MODULUS = 0.01, 1e5
-RUBBER = Material(MODULUS, 1e3, static_friction=1.0, kinetic_friction=0.8, name="rubber")
-BAR = LatticeBody(np.argwhere(np.ones((3, 1, 1))), (RUBBER,), np.zeros(3, int), EDGE)
-
-
-def made(body=BAR, density=None, driven=None, **changes):
-    """Constants and a record in which nothing moves, of one robot."""
-    count = body.voxel_count
-    constants = Constants(
-        np.full((1, count), 1e3) if density is None else np.array([density]),
-        np.full((1, count), MODULUS),
-        np.ones((1, count)) if driven is None else np.array([driven]),
-        body,
-        np.array([1.0, 0.0, 0.0]),
-        0.03,
-        0.5,
-        4.0,
-        changes.pop("target", None),
-        is_light=changes.pop("is_light", False),
-    )
-    positions = np.tile(body.start_positions, (1, FRAMES_FROM, 1, 1))
-    strains = np.zeros((1, FRAMES_FROM, len(body.topology.links)))
-    sizes = np.full((1, FRAMES_FROM, count, 3), EDGE)
-    return constants, Record(positions, strains, sizes)
+from taichi_sim.lattice import LatticeBody, LatticeEngine, ProgramBuilder, Quantity, body_from_array
 
 
 def test_speed_is_that_of_the_centre_of_mass():
-    constants, record = made(density=[1e3, 1e3, 2e3])
+    constants, record = recorded(density=[1e3, 1e3, 2e3])
     record.positions[0, 1] += [[0.01, 0.5, 0.0], [0.01, 0.0, 0.2], [0.03, 0.0, 0.0]]
     assert measure("distance", record, constants)[0] == pytest.approx(0.02)
     assert measure("speed", record, constants)[0] == pytest.approx(0.02 / 0.03 / 0.5)
 
 
 def test_a_jump_is_the_highest_centre_of_mass_in_the_last_cycle():
-    constants, record = made()
+    constants, record = recorded()
     record.positions[0, 0, :, 2] += 9.0  # before the last cycle
     record.positions[0, LAST_CYCLE.start + 5, :, 2] += 0.02
     record.positions[0, LAST_CYCLE.start + 6, 0, 2] += 0.03
@@ -60,7 +36,7 @@ def test_a_jump_is_the_highest_centre_of_mass_in_the_last_cycle():
 
 @pytest.mark.parametrize("degrees", [-170.0, -20.0, 0.0, 35.0])
 def test_turning_is_the_angle_of_a_rigid_motion(degrees):
-    constants, record = made(density=[1e3, 2e3, 1e3])
+    constants, record = recorded(density=[1e3, 2e3, 1e3])
     cosine, sine = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
     turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     record.positions[0, LAST_CYCLE.stop - 1] = BAR.start_positions @ turn.T + [0.3, -0.1, 0.2]
@@ -68,7 +44,7 @@ def test_turning_is_the_angle_of_a_rigid_motion(degrees):
 
 
 def test_energy_is_the_positive_work_against_the_links():
-    constants, record = made()
+    constants, record = recorded()
     stiffness, squeeze, growth = MODULUS * EDGE**2, 0.1, 0.002
     record.strains[0, LAST_CYCLE, 0] = -squeeze  # a link under pressure lengthens, then shortens again
     record.sizes[0, LAST_CYCLE.start + 4 : LAST_CYCLE.start + 9, :2, 0] += growth
@@ -95,13 +71,13 @@ def test_energy_is_a_measure_of_robots_with_muscles():
 
 
 def test_payload_is_what_nothing_drives():
-    constants, record = made(density=[1e3, 2e3, 4e3], driven=[1.0, 0.5, 0.0])
+    constants, record = recorded(density=[1e3, 2e3, 4e3], driven=[1.0, 0.5, 0.0])
     assert measure("mass", record, constants)[0] == pytest.approx(7e3 * EDGE**3)
     assert measure("payload", record, constants)[0] == pytest.approx(5e3 * EDGE**3)
 
 
 def test_remaining_is_the_way_to_the_target():
-    constants, record = made(target=(0.05, 0.02))
+    constants, record = recorded(target=(0.05, 0.02))
     assert "remaining" in constants.names
     record.positions[0, 1] += [0.01, 0.05, 0.0]
     assert measure("remaining", record, constants)[0] == pytest.approx(np.hypot(0.04, 0.03))
@@ -109,13 +85,13 @@ def test_remaining_is_the_way_to_the_target():
 
 def test_remaining_to_a_light_counts_from_the_middle_of_the_voxels():
     """A light lies from there, so an uneven robot whose centre of mass is on it has nothing left."""
-    constants, record = made(density=[1e3, 2e3, 3e3], target=(0.02, 0.0), is_light=True)
+    constants, record = recorded(density=[1e3, 2e3, 3e3], target=(0.02, 0.0), is_light=True)
     centre = (np.array([1.0, 2.0, 3.0]) / 6) @ BAR.start_positions[:, 0]
     record.positions[0, 1, :, 0] += BAR.start_positions[:, 0].mean() + 0.02 - centre
     assert measure("remaining", record, constants)[0] == pytest.approx(0.0, abs=1e-15)
     counted_from_mass = dataclasses.replace(constants, is_light=False)
     assert measure("remaining", record, counted_from_mass)[0] == pytest.approx(centre - 0.01)
-    even, record = made(density=[600.1] * 3, target=(0.0217, 0.01), is_light=True)
+    even, record = recorded(density=[600.1] * 3, target=(0.0217, 0.01), is_light=True)
     same = dataclasses.replace(even, is_light=False)
     assert measure("remaining", record, even)[0] == measure("remaining", record, same)[0]
 
