@@ -50,9 +50,11 @@ class Command:
     kinds: Callable[[Sequence[str]], Iterable[RobotKind]] | None = None
     options_of: OptionsOf | None = None
 
-    def declare(self, commands: Any, run: Callable[[argparse.Namespace], Any]) -> None:
-        """Add the parser of the command to those of a command line."""
+    def declare(self, commands: Any, run: Callable[[argparse.Namespace], Any], whole: bool = True) -> None:
+        """Add the parser of the command to those of a command line, ``whole`` or without what it takes."""
         parser: RobotOptions = commands.add_parser(self.name, help=self.help, description=self.description)
+        if not whole:
+            return
         for option in (*self.options, JSON):
             option.add(parser)
         for title, options in self.groups.items():
