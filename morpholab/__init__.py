@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from robots.lattice_robot import Drive as Drive
     from robots.lattice_robot import Free as Free
     from robots.lattice_robot import LatticeRobot as LatticeRobot
-    from robots.lattice_robot import OwnMeasure as OwnMeasure
+    from robots.own_measures import OwnMeasure as OwnMeasure
     from robots.quadruped import LEGGED as LEGGED
     from robots.quadruped import WHEELED as WHEELED
     from robots.quadruped import WHEGGED as WHEGGED

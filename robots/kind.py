@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 Choices = Mapping[str, tuple[float, float] | list[Any]]
 
 
+OWN_MEASURES_OPTION = Option(
+    "own_measures", "measure of an installed package, to be told and searched, too", str, "NAME", several=True
+)
+
+
 def choices(**given: tuple[float, float] | list[Any]) -> Choices:
     """Values of a robot that are worth trying, by name: pairs of lowest and highest, or lists."""
     return MappingProxyType(given)

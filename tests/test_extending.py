@@ -16,7 +16,7 @@ from optim.problems.objectives import OBJECTIVES
 from optim.problems.robot import RobotProblem
 from optim.search import METHODS, check_objectives
 from optim.studies.catalogue import STUDIES
-from robots.lattice_robot.own_measures import OWN_MEASURES
+from robots.own_measures import OWN_MEASURES
 from robots.robot import KINDS, Parameter, load_design
 
 PAGE = (Path(__file__).parents[1] / "docs" / "extending.md").read_text()

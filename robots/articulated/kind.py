@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robots.kind import OWN_MEASURES_OPTION
 from robots.robot import Option, Robot, RobotKind, World
 from robots.world import Terrain
 from taichi_sim.base.options import checked, flag, number, numbers
@@ -63,6 +64,7 @@ class ArticulatedKind(RobotKind):
             "HZ",
         ),
         Option("time_step", "of the simulation, in seconds (default: the file's, or 0.002)", number(1e-6), "S"),
+        OWN_MEASURES_OPTION,
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:

@@ -14,6 +14,7 @@ import numpy as np
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
+from robots.own_measures import OwnMeasure, checked_own_measures, names_of
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from robots.world import Terrain
 from taichi_sim import rigid
@@ -31,6 +32,10 @@ if TYPE_CHECKING:
 
 Controller = Literal["rhythm", "network"]
 LONGEST = 3600.0  # s
+MEASURES = (
+    Measure("speed", "m/s", "speed along its heading"),
+    Measure("distance", "m", "distance along its heading"),
+)
 USUAL_RATE = 50.0  # of commands [Hz]
 FORMER_SLIP = 0.01  # m/(N s), of earlier versions, whose records do not tell it
 READING = ("angles", "fixed", "speed", "fastest", "time_step")  # settings that say how the file is read
@@ -68,6 +73,7 @@ class ArticulatedRobot(Robot):
         time_step: of the simulation [s]; None: that of the file, or 2 ms.
         reflexes: what it feels, and how that changes its rhythm; None for a robot that feels nothing.
         seed: of the noise of its senses.
+        own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
         model: what the file describes; made of the text.
 
     Raises:
@@ -92,13 +98,10 @@ class ArticulatedRobot(Robot):
     time_step: float | None = None
     slip: float | None = None
     seed: int = 0
+    own_measures: tuple[OwnMeasure, ...] = ()
     model: Model = field(init=False, repr=False)
 
     kind = "articulated"
-    measures = (
-        Measure("speed", "m/s", "speed along its heading"),
-        Measure("distance", "m", "distance along its heading"),
-    )
     worlds = (GROUND,)
     differentiable = True
     horizons = (1, 2, 4)
@@ -113,6 +116,8 @@ class ArticulatedRobot(Robot):
             checks.number("command_rate", self.command_rate, 1e-3, unit="Hz")
         checks.flag("fixed", self.fixed)
         checks.whole_number("seed", self.seed, 0)
+        names = [measure.name for measure in MEASURES]
+        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures, names))
         if self.quickest <= self.slowest:
             raise ValueError(f"quickest: {self.quickest:g} Hz is not allowed; give more than slowest, {self.slowest:g}")
         if self.friction is not None and self.friction != math.inf:
@@ -218,6 +223,11 @@ class ArticulatedRobot(Robot):
             found += [Parameter(f"reflex_{n + 1}", -most, most, step=0.1 * most, start=0.0) for n in range(count)]
         return tuple(found)
 
+    @property
+    def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
+        """Speed, distance, and the user's own."""
+        return *MEASURES, *self.own_measures
+
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as JSON values; :func:`robot_of_record` gives it back."""
         found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
@@ -227,6 +237,9 @@ class ArticulatedRobot(Robot):
         found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
         if self.reflexes is None:  # a record is as before there were any
             del found["reflexes"]
+        found["own_measures"] = names_of(self.own_measures)
+        if not self.own_measures:  # as before there were any
+            del found["own_measures"]
         if self.seed == 0:  # as before there was any
             del found["seed"]
         if self.slip == FORMER_SLIP:  # as a record of those versions is
@@ -237,10 +250,10 @@ class ArticulatedRobot(Robot):
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
         found = try_points(self, points, trial)
         seconds = self.steps * self.physics.time_step
-        slopes = {}
+        slopes = dict(found.gradients)
         if found.gradient is not None:
-            slopes = {"speed": found.gradient / seconds, "distance": found.gradient}
-        measures = {"speed": found.distance / seconds, "distance": found.distance}
+            slopes["speed"] = found.gradient / seconds
+        measures = {"speed": found.distance / seconds, "distance": found.distance, **found.own}
         frames = recorded(found.runs[0].frames)
         return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
 

@@ -1,13 +1,15 @@
 """Articulated robots at work: how far they come, and the derivatives of that by what is free."""
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robots.articulated.reflexes import PARTS, ReflexLoop, Rhythms
+from robots.articulated.rigid_motion import ENDED, slopes_of, told
 from robots.articulated.senses import Sensed
 from robots.robot import Place, Progress, Trial, World
 from robots.terrain_fields import not_taken
@@ -41,7 +43,8 @@ class ArticulatedResult(ShortText):
         status: ``"ok"`` or ``"diverged"``, (N,).
         steps: time steps simulated, (N,).
         runs: everything about the rollouts, with frames if asked for; several where N is large.
-        gradient: derivatives of the distance by the parameters, (N, P), if asked for.
+        own: measures of the user, by name, (N,) each; NaN of those that diverged.
+        gradients: derivatives of the distance and of own measures by the parameters, (N, P), where asked for.
     """
 
     distance: Floats
@@ -49,7 +52,13 @@ class ArticulatedResult(ShortText):
     status: NDArray[np.str_]
     steps: Ints
     runs: tuple[RigidResult, ...]
-    gradient: Floats | None = None
+    own: Mapping[str, Floats] = field(default_factory=dict)
+    gradients: Mapping[str, Floats] = field(default_factory=dict)
+
+    @property
+    def gradient(self) -> Floats | None:
+        """Derivatives of the distance, if asked for."""
+        return self.gradients.get("distance")
 
 
 def simulate(
@@ -102,23 +111,32 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     engine, start = _engine(robot, trial.world, trial.compute)
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
-    runs, slopes = [], []
+    wanted = dict.fromkeys("distance" if name == "speed" else name for name in trial.gradients)
+    runs, slopes = [], {name: list[Floats]() for name in wanted}
     for first in range(0, len(points), at_once):
         some = points[first : first + at_once]
         loop = _loop(robot, some, engine.rest() if start is None else start)
         driven = {**_driven(robot, some), "start": start, "feedback": loop}
         if trial.gradients:
             tape = engine.record(robot.steps, **driven)
-            of_position, of_orientation, of_angles = centre_slopes(tree, tape.result, robot.direction)
-            found = tape.pull_back(position=of_position, orientation=of_orientation, angles=of_angles)
-            given = found.weights if robot.controller == "network" else _slopes(robot, some, found.commands, loop)
             runs.append(tape.result)
-            slopes.append(given.reshape(len(some), -1))
+            for name, found in slopes.items():
+                back = tape.pull_back(**_end_slopes(robot, name, tape.result))
+                given = back.weights if robot.controller == "network" else _slopes(robot, some, back.commands, loop)
+                found.append(given.reshape(len(some), -1))
         else:
             runs.append(engine.run(robot.steps, **driven, record_every=trial.record_every))
         if trial.progress:
             trial.progress((first + len(some)) / len(points))
-    return _result(robot, runs, np.concatenate(slopes) if slopes else None)
+    return _result(robot, runs, {name: np.concatenate(found) for name, found in slopes.items()})
+
+
+def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult) -> dict[str, Floats]:
+    """Derivatives of a measure by places, orientations and angles at the end."""
+    for own in robot.own_measures:
+        if own.name == name:
+            return slopes_of(robot, own, result)
+    return dict(zip(ENDED, centre_slopes(robot.model.tree, result, robot.direction), strict=True))
 
 
 def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute) -> Floats:
@@ -298,10 +316,11 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
     return np.tile(direction, (len(places), 1)), of_orientation, of_angles
 
 
-def _result(robot: "ArticulatedRobot", runs: list[RigidResult], gradient: Floats | None = None) -> ArticulatedResult:
+def _result(robot: "ArticulatedRobot", runs: list[RigidResult], gradients: Mapping[str, Floats]) -> ArticulatedResult:
     tree, still = robot.model.tree, np.array([[1.0, 0.0, 0.0, 0.0]])
     begin = np.array([tree.ordered[0][0].position], float)
     start = centres(tree, begin, still, np.zeros((1, len(tree.hinges))))
     centre = np.concatenate([centres(tree, run.position, run.orientation, run.angles) for run in runs])
     status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
-    return ArticulatedResult((centre - start) @ robot.direction, centre, status, steps, tuple(runs), gradient)
+    own = {each.name: np.concatenate([told(robot, each, run) for run in runs]) for each in robot.own_measures}
+    return ArticulatedResult((centre - start) @ robot.direction, centre, status, steps, tuple(runs), own, gradients)

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robots.kind import choices
+from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.ground import LatticeGroundKind
-from robots.lattice_robot.kind import OWN_MEASURES
 from robots.lattice_robot.walker_kind import shape_of
 from robots.robot import Option, Robot, counted
 from taichi_sim.base.files import read_text
@@ -42,7 +41,7 @@ class FreeformKind(LatticeGroundKind):
         Option("target", "point that it should come near, in metres from its start", numbers(2), "X,Y"),
         Option("perturbation", "noise on start positions, in metres (default: 1e-5)", number(0), "M"),
         Option("seed", "of that noise (default: 0)", whole(0), "N"),
-        OWN_MEASURES,
+        OWN_MEASURES_OPTION,
     )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:

@@ -18,11 +18,12 @@ from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
 from robots.freeform.trials import try_variants
 from robots.lattice_robot.measures import checked_target, measures_among, measures_of
-from robots.lattice_robot.own_measures import OwnMeasure, checked_own_measures, names_of
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
+from robots.lattice_robot.soft_motion import TOLD_ANYWAY
+from robots.own_measures import OwnMeasure, checked_own_measures, names_of
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
@@ -84,7 +85,7 @@ class FreeformRobot(Robot):
         perturbation: standard deviation of noise on the start positions of robots that can be built [m].
         seed: of the noise.
         gains: factors of the amplitudes of its muscles, where these are uncertain; no part of a description.
-        own_measures: of the user, see ``robots.lattice_robot.own_measures``; installed ones may be given by name.
+        own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -122,7 +123,7 @@ class FreeformRobot(Robot):
         whole_number("seed", self.seed, 0)
         if self.target is not None:
             object.__setattr__(self, "target", checked_target(self.target))
-        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures))
+        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures, TOLD_ANYWAY))
         _ = self.parametrisation
 
     @cached_property

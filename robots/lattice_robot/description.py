@@ -4,7 +4,7 @@ import dataclasses
 import json
 from typing import TYPE_CHECKING, Any
 
-from robots.lattice_robot.own_measures import names_of
+from robots.own_measures import names_of
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
 
 if TYPE_CHECKING:

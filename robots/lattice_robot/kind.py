@@ -4,16 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from robots.kind import choices
+from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.formats import MESH_SUFFIXES, ROBOT_FORMAT, VOXEL_SUFFIXES
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.robot import Option, Robot
 from taichi_sim.base.checks import MOST_FRICTION
 from taichi_sim.base.options import checked, file_path, number, whole
-
-OWN_MEASURES = Option(
-    "own_measures", "measure of an installed package, to be told and searched, too", str, "NAME", several=True
-)
 
 
 def _region(text: str) -> Any:
@@ -61,7 +57,7 @@ class LatticeRobotKind(LatticeGroundKind):
             commands=("simulate", "view"),
         ),
         Option("heading", "of a mesh, in which it shall travel, from x towards y (default: 0)", number(), "DEGREES"),
-        OWN_MEASURES,
+        OWN_MEASURES_OPTION,
     )
 
     fading_gradients = True

@@ -123,7 +123,7 @@ class Constants:
     is_light: bool = False
     poissons_ratio: Any = 0.0
     pulled: Any = False
-    laws: Mapping[str, Callable[[Record, "Constants"], Any]] = field(default_factory=dict)
+    laws: Mapping[str, "Law"] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -153,6 +153,9 @@ class Constants:
     def centres(self, positions: Any) -> Any:
         """Coordinates of centres of mass, shape (B, ...), of those of voxels, shape (B, ..., V)."""
         return np.stack([row @ share for row, share in zip(positions, self.shares(), strict=True)])
+
+
+Law = Callable[[Record, Constants], Any]  # gives a measure, shape (B,)
 
 
 def measures_of(targeted: bool, muscled: bool = True) -> tuple[Measure, ...]:
@@ -275,7 +278,7 @@ def _prop_height(record: Record, constants: Constants) -> Any:
     return _prop_middles(record, constants, UP)[:, 1] - ground + 0.5 * constants.body.voxel_size
 
 
-_LAWS: dict[str, Callable[[Record, Constants], Any]] = {
+_LAWS: dict[str, Law] = {
     "speed": _speed,
     "distance": _distance,
     "jump": _jump,

@@ -20,12 +20,13 @@ from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
 from robots.lattice_robot.out_of_the_lab import OutOfTheLab
-from robots.lattice_robot.own_measures import OwnMeasure, checked_own_measures
 from robots.lattice_robot.props import FRICTION, Placed, placed
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.robustness import perturbed_robot
 from robots.lattice_robot.rollout import Aim, ahead, footprint_of, turned
 from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_variants
+from robots.lattice_robot.soft_motion import TOLD_ANYWAY
+from robots.own_measures import OwnMeasure, checked_own_measures
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
@@ -52,8 +53,7 @@ class LatticeRobot(OutOfTheLab):
         moduli: Young's moduli of materials that are free [Pa], by the materials' names or numbers from 0.
         frequency: cycles per second [Hz], 0.1 to 100.
         cycles: that count, 1 to 10,000; another one comes before them.
-        settling: time on the ground before they begin, in which driven regions go to where the cycle begins [s], up to
-            1000.
+        settling: time before they begin, in which driven regions go to where the cycle begins [s], up to 1000.
         heading: direction of travel [degrees] from x towards y; on a slope it is uphill.
         time_step_safety: the largest stable time step is divided by this.
         name: for people.
@@ -70,7 +70,7 @@ class LatticeRobot(OutOfTheLab):
         is_afloat: whether it is in water, whose time steps are shorter, see :meth:`on`.
         origin: place (x, y, z) that the first place of the body's grid had in the file that it was made of [m]: what is
             exported for printers lies there again. Motions are counted from the grid.
-        own_measures: of the user, see ``robots.lattice_robot.own_measures``; installed ones may be given by name.
+        own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.
@@ -117,7 +117,7 @@ class LatticeRobot(OutOfTheLab):
             object.__setattr__(self, "target", checked_target(self.target))
         object.__setattr__(self, "origin", tuple(numbers("origin", self.origin, 3).tolist()))
         object.__setattr__(self, "drives", tuple(self.drives))
-        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures))
+        object.__setattr__(self, "own_measures", checked_own_measures(self.own_measures, TOLD_ANYWAY))
         check_drives(self.drives, self.body)
         if lowest := int(self.body.voxels[:, 2].min()):
             grounded = dataclasses.replace(self.body, voxels=self.body.voxels - [0, 0, lowest])

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 from robots.control.cyclic import FRAMES_FROM, SEGMENTS, Cycle, build_cyclic_program, cycle_events, surroundings
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
-from robots.lattice_robot.own_measures import OwnMeasure
 from robots.lattice_robot.props import Placed
 from robots.lattice_robot.reflexes import Feeling, ReflexLoop
 from robots.lattice_robot.senses import Anatomy
+from robots.lattice_robot.soft_motion import law_of
+from robots.own_measures import OwnMeasure
 from robots.robot import Progress
 from robots.world import Medium, Terrain, medium_of, one_each, standing
 from taichi_sim.autodiff.arrays import trace
@@ -230,7 +231,7 @@ class Rollout:
         if driven is None:
             driven = self.channels.driven(np.asarray(first.regions), expansions)
         about = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
-        laws = {each.name: each.told for each in aim.own_measures}
+        laws = {each.name: law_of(each) for each in aim.own_measures}
         return Constants(densities, moduli, driven, first, *about, raised, aim.is_light, ratios, self._pulled, laws)
 
     def run(self, progress: Progress | None = None) -> "Moved":

@@ -1,16 +1,26 @@
-"""Poses and velocities of all bodies from those of the base and the hinges, on NumPy arrays."""
+"""Poses and velocities of all bodies from those of the base and the hinges, on NumPy arrays.
+
+Those of poses may be traced (``taichi_sim.autodiff.arrays``).
+"""
+
+from typing import Any
 
 import numpy as np
 
 from taichi_sim.autodiff import rotations
+from taichi_sim.autodiff.tracing import Traced
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.tree import Hinge, Tree
 
 
 def rotation_matrix(quaternion: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4)."""
-    entries = np.broadcast_arrays(*rotations.matrix(*np.moveaxis(quaternion, -1, 0)))
-    return np.stack(entries, -1).reshape(*quaternion.shape[:-1], 3, 3)
+    return np.stack(rotations.matrix(*np.moveaxis(quaternion, -1, 0)), -1).reshape(*quaternion.shape[:-1], 3, 3)
+
+
+def _array(given: Any) -> Any:
+    """An array of what is given, unless it is traced."""
+    return given if isinstance(given, Traced) else np.asarray(given, float)
 
 
 def _about(axis: Floats, angle: Floats) -> Floats:
@@ -35,7 +45,7 @@ def poses(tree: Tree, position: Floats, orientation: Floats, angles: Floats) -> 
     Returns:
         Centres (..., bodies, 3) [m] and unit quaternions (..., bodies, 4).
     """
-    places, turns = [np.asarray(position, float)], [np.asarray(orientation, float)]
+    places, turns = [_array(position)], [_array(orientation)]
     hinge = 0
     for n, (body, joint) in enumerate(tree.ordered[1:], 1):
         parent = tree.parents[n]
@@ -44,7 +54,7 @@ def poses(tree: Tree, position: Floats, orientation: Floats, angles: Floats) -> 
         if isinstance(joint, Hinge):
             anchor = np.array(joint.anchor, float)
             axis = of_parent @ (np.array(joint.axis, float) / np.linalg.norm(joint.axis))
-            turns.append(_product(_about(axis, np.asarray(angles[..., hinge])), turns[parent]))
+            turns.append(_product(_about(axis, _array(angles)[..., hinge]), turns[parent]))
             places.append(
                 places[parent] + of_parent @ (anchor - before) + rotation_matrix(turns[n]) @ (centre - anchor)
             )

@@ -7,11 +7,13 @@ import pytest
 from made_records import recorded
 from plug_in import install
 
+from morpholab import OwnMeasure
 from optim import maximise
 from optim.problems.robot import RobotProblem
 from robots.freeform import FreeformActuation, FreeformRobot, Grid
-from robots.lattice_robot import Drive, Free, LatticeRobot, OwnMeasure, load_robot, save_robot
-from robots.lattice_robot.own_measures import OWN_MEASURES, SoftMotion
+from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, save_robot
+from robots.lattice_robot.soft_motion import SoftMotion, law_of
+from robots.own_measures import OWN_MEASURES
 from robots.robot import KINDS
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -21,7 +23,7 @@ FINE = Compute(precision="f64")
 RUBBER = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8, internal_damping=1.0, name="rubber")
 BODY = body_from_array(np.ones((4, 2, 1), int), RUBBER, 0.01, regions=np.indices((4, 2, 1)).sum(0) % 3)
 PACKAGE = """
-from robots.lattice_robot import OwnMeasure
+from morpholab import OwnMeasure
 
 
 def side(motion):
@@ -139,12 +141,10 @@ def test_moments_begin_with_the_robot_where_it_stands():
 def test_what_a_law_gets_wrong_is_told_in_one_line(law, told):
     constants, record = recorded()
     with pytest.raises(ValueError, match=rf"^own_measures: wrong {told}"):
-        OwnMeasure("wrong", law=law).told(record, constants)
+        law_of(OwnMeasure("wrong", law=law))(record, constants)
 
 
 def test_what_is_no_measure_is_refused(bar):
-    with pytest.raises(ValueError, match=r"^name: 'speed' is a measure of every soft robot; give another one$"):
-        OwnMeasure("speed", law=speed)
     with pytest.raises(ValueError, match=r"^name: 'My speed' is not allowed; give lower-case letters, digits"):
         OwnMeasure("My speed", law=speed)
     with pytest.raises(ValueError, match=r"^law: 3 is no function"):
@@ -153,6 +153,7 @@ def test_what_is_no_measure_is_refused(bar):
         ("side", "'side' is not allowed; give several, such as"),
         (("side",), "'side' is unknown; no installed package has measures"),
         ((OWN[0], OWN[0]), "own_speed is given twice; give each once"),
+        ((OwnMeasure("speed", law=speed),), "speed is a measure that the robot has anyway; call yours otherwise"),
         ((speed,), "<function speed at .*> is not allowed; give an OwnMeasure, or the name"),
     ):
         with pytest.raises(ValueError, match=f"^own_measures: {told}"):

@@ -1,0 +1,81 @@
+"""What articulated robots came to, as measures of a user's own see it."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robots.own_measures import OwnMeasure
+from taichi_sim.autodiff.arrays import trace
+from taichi_sim.base.arrays import Floats
+from taichi_sim.rigid import RigidResult, poses
+
+if TYPE_CHECKING:
+    from robots.articulated.robot import ArticulatedRobot
+
+ENDED = "position", "orientation", "angles"  # what is known of the end of a run: of bases, and of hinges
+
+
+@dataclass(frozen=True, eq=False)
+class RigidMotion:
+    """Where B articulated robots of N bodies and H hinges came to, as a law of a user's own sees it.
+
+    Bodies and hinges are in the order of their names. Arrays of the end may be traced for derivatives: a law computes
+    with operators and with the functions of NumPy that ``taichi_sim.autodiff.arrays`` knows, and takes plain arrays
+    just as well.
+
+    Attributes:
+        places: of the bodies' centres at the end [m], shape (B, N, 3).
+        turns: orientations of the bodies at the end, unit quaternions (w, x, y, z), shape (B, N, 4).
+        angles: of the hinges at the end [rad], shape (B, H).
+        start_places: of the bodies' centres as the model has them [m], shape (N, 3).
+        start_turns: their orientations, shape (N, 4).
+        masses: of the bodies [kg], shape (N,).
+        bodies: their names.
+        hinges: the names of the bodies that the hinges carry.
+        duration: of the trial [s].
+        heading: unit vector of the direction of travel, shape (3,).
+    """
+
+    places: Any
+    turns: Any
+    angles: Any
+    start_places: Floats
+    start_turns: Floats
+    masses: Floats
+    bodies: tuple[str, ...]
+    hinges: tuple[str, ...]
+    duration: float
+    heading: Floats
+
+    @classmethod
+    def of(cls, robot: "ArticulatedRobot", position: Any, orientation: Any, angles: Any) -> "RigidMotion":
+        """Where robots came to, by their bases' places (B, 3) and orientations (B, 4) and hinges' angles (B, H)."""
+        tree = robot.model.tree
+        names = tuple(body.name for body, _ in tree.ordered), tuple(hinge.child for hinge in tree.hinges)
+        places, turns = poses(tree, position, orientation, angles)
+        start, still = np.array(tree.ordered[0][0].position, float), np.array([1.0, 0.0, 0.0, 0.0])
+        begin = poses(tree, start, still, np.zeros(len(tree.hinges)))
+        masses = np.array([body.mass for body, _ in tree.ordered])
+        time = robot.steps * robot.physics.time_step
+        return cls(places, turns, angles, *begin, masses, *names, time, robot.direction)
+
+    def centres(self, places: Any) -> Any:
+        """Centres of mass, shape (..., 3), of bodies at some places, shape (..., N, 3)."""
+        return (places * (self.masses / self.masses.sum())[:, None]).sum(axis=-2)
+
+
+def told(robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult) -> Floats:
+    """A measure of a user's own of what robots came to, shape (B,); NaN of those that diverged."""
+    found = own.told(RigidMotion.of(robot, run.position, run.orientation, run.angles), len(run.status))
+    return np.where(run.status == "ok", found, np.nan)
+
+
+def slopes_of(robot: "ArticulatedRobot", own: OwnMeasure, run: RigidResult) -> dict[str, Floats]:
+    """Derivatives of a measure of a user's own by places and orientations of bases and by angles, as a tape takes."""
+
+    def measured(*ended: Any) -> Any:
+        return own.told(RigidMotion.of(robot, *ended), len(run.status))
+
+    _, pull = trace(measured, *(np.nan_to_num(getattr(run, name)) for name in ENDED))
+    return dict(zip(ENDED, pull((run.status == "ok").astype(float)), strict=True))

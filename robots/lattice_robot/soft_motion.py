@@ -1,0 +1,89 @@
+"""How soft robots moved, as measures of a user's own see it."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robots.control.cyclic import LAST_CYCLE, SEGMENTS
+from robots.lattice_robot.measures import MEASURES, OF_PROPS, TARGETED, Constants, Law, Record
+from robots.own_measures import OwnMeasure
+from taichi_sim.base.arrays import Floats
+from taichi_sim.lattice import LatticeBody
+
+TOLD_ANYWAY = frozenset(each.name for each in (*MEASURES, TARGETED, *OF_PROPS)) | {"cells", "channels"}
+
+
+@dataclass(frozen=True, eq=False)
+class SoftMotion:
+    """How B soft robots of V voxels moved, without the props around them, as a law of a user's own sees it.
+
+    Arrays may be traced for derivatives: a law computes with operators and with the functions of NumPy that
+    ``taichi_sim.autodiff.arrays`` knows, and takes plain arrays just as well.
+
+    Attributes:
+        times: of the 17 moments of the last cycle, from where it begins [s], shape (17,).
+        positions: of voxel centres in these moments [m], shape (B, 17, V, 3).
+        sizes: rest size of every voxel along its own axes in these moments [m], shape (B, 17, V, 3).
+        strains: of every link in these moments, shape (B, 17, L).
+        start: voxel centres before anything moved [m], shape (B, V, 3).
+        began: voxel centres where cycles begin to count, after the first one [m], shape (B, V, 3).
+        ended: voxel centres after the last cycle [m], shape (B, V, 3).
+        masses: of voxels [kg], shape (B, V).
+        duration: of the cycles that count [s].
+        heading: unit vector of the direction of travel, shape (3,).
+        length: in which speeds are told [m].
+        body: the first robot's, whose voxels and links are those of all.
+    """
+
+    times: Floats
+    positions: Any
+    sizes: Any
+    strains: Any
+    start: Floats
+    began: Any
+    ended: Any
+    masses: Any
+    duration: float
+    heading: Floats
+    length: float
+    body: LatticeBody
+
+    @classmethod
+    def of(cls, record: Record, constants: Constants) -> "SoftMotion":
+        """What a robot without props did."""
+        body = constants.body
+        start = np.tile(body.start_positions, (len(constants.density), 1, 1))
+        start[:, :, 2] += constants.raised
+        return cls(
+            np.arange(SEGMENTS + 1) / (SEGMENTS * constants.frequency),
+            record.positions[:, LAST_CYCLE],
+            record.sizes[:, LAST_CYCLE],
+            record.strains[:, LAST_CYCLE],
+            start,
+            record.positions[:, 0],
+            record.positions[:, 1],
+            constants.density * body.voxel_size**3,
+            constants.duration,
+            constants.direction,
+            constants.length,
+            body,
+        )
+
+    def centres(self, positions: Any) -> Any:
+        """Centres of mass, shape (B, ..., 3), of voxel centres, shape (B, ..., V, 3)."""
+        shares = [masses / masses.sum() for masses in self.masses]
+        along = [
+            np.stack([row @ share for row, share in zip(positions[..., axis], shares, strict=True)])
+            for axis in range(3)
+        ]
+        return np.stack(along, axis=-1)
+
+
+def law_of(own: OwnMeasure) -> Law:
+    """The law of a measure of a user's own, as those of the lab's are called."""
+
+    def law(record: Record, constants: Constants) -> Any:
+        return own.told(SoftMotion.of(record, constants), len(constants.density))
+
+    return law
