@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
@@ -227,6 +228,10 @@ class ArticulatedRobot(Robot):
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
         """Speed, distance, and the user's own."""
         return *MEASURES, *self.own_measures
+
+    def save(self, point: ArrayLike, path: Path) -> None:
+        """Write the design of one point, without own measures, as a robot needs no package."""
+        Robot.save(replace(self, own_measures=()), point, path)
 
     def describe(self) -> dict[str, Any]:
         """All that results depend on, as JSON values; :func:`robot_of_record` gives it back."""

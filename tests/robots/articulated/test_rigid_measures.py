@@ -81,7 +81,7 @@ def test_reflexes_have_the_gradients_of_several_measures_at_once():
         np.testing.assert_array_equal(both[name], alone)
 
 
-def test_they_are_searched_and_kept_by_name():
+def test_they_are_searched_and_kept_by_name(tmp_path):
     problem = RobotProblem(crawler(), objective=("distance", "minimise:0.1*pose"), summed=True)
     assert problem.objective_names == ("distance minus 0.1*pose",)
     with pytest.raises(ValueError, match=r"^own_measures: way is not kept in files, which hold no code; name it"):
@@ -89,4 +89,7 @@ def test_they_are_searched_and_kept_by_name():
     with pytest.raises(ValueError, match=r"^own_measures: distance is a measure that the robot has anyway"):
         crawler(own_measures=(OwnMeasure("distance", law=way),))
     plain = crawler(own_measures=())
+    crawler().save(crawler().start, tmp_path / "design.json")
+    plain.save(plain.start, tmp_path / "plain.json")
+    assert (tmp_path / "design.json").read_bytes() == (tmp_path / "plain.json").read_bytes()
     assert "own_measures" not in plain.describe() and robot_of_record(plain.describe()).describe() == plain.describe()
