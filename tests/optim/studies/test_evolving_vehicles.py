@@ -1,6 +1,8 @@
 """Vehicles that evolve for metrics of learning, and while they learn."""
 
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,6 +32,7 @@ from robots.braitenberg.offered import VehicleRobot
 from robots.tasks import Success
 from taichi_sim.base.results_folder import ResultsFolder
 
+DATA = Path(__file__).parents[3] / "docs" / "data" / NAME
 CANONICAL = np.array([8.0, 8.0, 8.0, 0.0])
 
 
@@ -123,6 +126,14 @@ def test_a_course_that_no_loop_can_take_is_taken_again(tmp_path, monkeypatch, ch
     with pytest.warns(UserWarning, match=rf"loop_flat-.*: is damaged, and as good as missing \({why}"):
         _, again = Part(tmp_path, settings, 0)({}, None)
     assert [row["best"] for row in again] == [row["best"] for row in rows] == [None] * MARKS * len(LOOPS)
+
+
+def test_a_loop_that_has_found_nothing_at_first_is_told_from_its_table(morpholab, tmp_path):
+    shutil.copytree(DATA, tmp_path / "found")
+    header, first, *rows = (DATA / "loops.csv").read_text().splitlines()
+    arm, seed, cost, _, seconds = first.split(",")
+    (tmp_path / "found" / "loops.csv").write_text("\n".join([header, f"{arm},{seed},{cost},,{seconds}", *rows]))
+    assert morpholab(f"reproduce {NAME} --from-data found --quiet --out told")[::2] == (0, "")
 
 
 @pytest.mark.slow

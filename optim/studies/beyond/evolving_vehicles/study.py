@@ -151,7 +151,7 @@ def tell(data: Data, folder: Path) -> None:
     """Write tables and the picture from the rows of bodies and loops."""
     counts = dict.fromkeys(("seed", *(f"{name}_solved" for name in LEARNED)), int)
     bodies = data.records(BODIES, {"arm": tuple(ARMS), **counts, **dict.fromkeys(COLUMNS, float)}, "arm")
-    numbers = dict.fromkeys(("evaluations", "best", "seconds"), float)
+    numbers = {"evaluations": float, "best": float | None, "seconds": float}  # at first there is no best
     loops = data.records(LOOPED, {"arm": tuple(LOOPS), "seed": int, **numbers}, "arm")
     write_report(folder, bodies, loops, data.settings(EvolvingVehicles).describe())
 
