@@ -187,7 +187,7 @@ def _on_the_hill() -> list[Row]:
             " and ".join(f"{seed['speed']:.4f}" for seed in seeds) + ", no interval",
             f"{len(seeds)} runs of 5",
             f"{percent(len(seeds) / 5)} of what the study plans",
-            reproduced("gait-climb", "medium") + f" --set 'seeds=[{', '.join(str(seed['seed']) for seed in seeds)}]'",
+            reproduced("gait-climb", "medium") + f" --set 'seeds=[{','.join(str(seed['seed']) for seed in seeds)}]'",
             " and ".join(str(seed["seed"]) for seed in seeds),
             "steps that begin with what flat ground taught; planned on seed 0 ([how](hill-gait.md))",
         )
