@@ -10,15 +10,17 @@
 
 Values come out with the same bits as without tracing. Laws (see ``tracing``) run on traced arrays too.
 Known are: arithmetic and elementary functions with broadcasting (``_RULES``), comparisons and roundings (constants to
-derivatives), ``where``, ``sum``, ``mean``, ``cumsum``, ``diff``, ``cross``, every index, and all that moves elements
-(``_MOVES``). What is not known raises a TypeError of NumPy's. Instead of assigning to parts of an array, which would
-not be traced, use :func:`placed`; number-by-number functions of ``math`` are :func:`sine` and :func:`cosine`.
+derivatives), reductions and others (``_FUNCTIONS``), every index, and all that moves elements (``_MOVES``). What is not
+known raises a TypeError of NumPy's. Of equal extremes the first has the derivative. Instead of assigning to parts of an
+array, which would not be traced, use :func:`placed`; number-by-number functions of ``math`` are :func:`sine` and
+:func:`cosine`.
 
 Source: Griewank & Walther, Evaluating Derivatives, 2nd ed., 2008, ch. 3.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, Union
 
 import numpy as np
@@ -108,6 +110,18 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
     def mean(self, axis: Any = None, keepdims: bool = False) -> Any:  # noqa: D102
         return _mean(self, axis, keepdims=keepdims)
 
+    def max(self, axis: Any = None, keepdims: bool = False) -> Any:  # noqa: D102
+        return _extreme(np.argmax, self, axis, keepdims)
+
+    def min(self, axis: Any = None, keepdims: bool = False) -> Any:  # noqa: D102
+        return _extreme(np.argmin, self, axis, keepdims)
+
+    def var(self, axis: Any = None, ddof: float = 0, keepdims: bool = False) -> Any:  # noqa: D102
+        return _var(self, axis, ddof=ddof, keepdims=keepdims)
+
+    def std(self, axis: Any = None, ddof: float = 0, keepdims: bool = False) -> Any:  # noqa: D102
+        return _std(self, axis, ddof=ddof, keepdims=keepdims)
+
 
 def trace(function: Callable[..., Any], *inputs: Any) -> tuple[Any, Callable[..., Cotangents]]:
     """Run a function of arrays and remember how its results came about.
@@ -168,12 +182,6 @@ def _row_by_row(matrix: Any, values: Any) -> Any:
     rows = values.reshape(-1, matrix.shape[1])
     found = matrix @ rows[0] if len(rows) == 1 else np.array([matrix @ row for row in rows])
     return found.reshape(shape)
-
-
-def _vector(array: Any) -> Any:
-    if np.ndim(array) != 1:
-        raise TypeError(f"matmul: an array of shape {np.shape(array)} on the right is not traced; give a vector")
-    return array
 
 
 def sine(angle: Any) -> Any:
@@ -261,6 +269,41 @@ def _mean(x: TracedArray, axis: Any = None, keepdims: bool = False) -> Any:
     return _derived(value, (x, lambda g: np.broadcast_to(np.reshape(g, kept.shape) * weight, x.shape)))
 
 
+def _extreme(best: Callable[..., Any], x: TracedArray, axis: Any = None, keepdims: bool = False) -> Any:
+    """The largest or smallest elements, where ``best`` says which it is along the last axis."""
+    axes = tuple(range(x.ndim)) if axis is None else tuple(n % x.ndim for n in np.atleast_1d(axis))
+    rest = [n for n in range(x.ndim) if n not in axes]
+    rows: Any = _moved(np.transpose, x, (*rest, *axes)).reshape(*(x.shape[n] for n in rest), -1)
+    found: Any = np.take_along_axis(rows, best(value_of(rows), axis=-1)[..., None], axis=-1)[..., 0]
+    return found.reshape([1 if n in axes else length for n, length in enumerate(x.shape)]) if keepdims else found
+
+
+def _var(x: TracedArray, axis: Any = None, ddof: float = 0, keepdims: bool = False) -> Any:
+    middle = np.mean(x.value, axis=axis, keepdims=True)
+    weight = 2.0 / (x.value.size / middle.size - ddof)
+    value = np.var(x.value, axis=axis, ddof=ddof, keepdims=keepdims)
+    return _derived(value, (x, lambda g: np.reshape(g, middle.shape) * (x.value - middle) * weight))
+
+
+def _std(x: TracedArray, axis: Any = None, ddof: float = 0, keepdims: bool = False) -> Any:
+    value = np.std(x.value, axis=axis, ddof=ddof, keepdims=keepdims)
+    twice = np.where(value > 0, 2.0 * value, np.inf)  # where all are equal it has no derivative: 0
+    return _derived(value, (_var(x, axis, ddof=ddof, keepdims=keepdims), lambda g: g / twice))
+
+
+def _norm(x: TracedArray, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    if ord not in (None, 2) or np.size(axis) > 1 or (ord == 2 and axis is None and x.ndim > 1):
+        raise TypeError(f"norm: ord {ord!r} along {axis!r} is not traced; give lengths of vectors")
+    length: Any = np.linalg.norm(x.value, axis=axis, keepdims=True)
+    slope = x.value / np.where(length > 0, length, np.inf)  # at 0 it has no derivative: 0
+    value = length if keepdims else np.squeeze(length, axis)
+    return _derived(value, (x, lambda g: np.reshape(g, length.shape) * slope))
+
+
+def _clip(x: Any, low: Any = None, high: Any = None) -> Any:
+    return np.minimum(np.maximum(x, -np.inf if low is None else low), np.inf if high is None else high)
+
+
 def _cumsum(x: TracedArray, axis: int) -> Any:
     return _derived(np.cumsum(x.value, axis=axis), (x, lambda g: np.flip(np.cumsum(np.flip(g, axis), axis=axis), axis)))
 
@@ -284,6 +327,20 @@ def _cross(a: Any, b: Any) -> Any:
     return _derived(np.cross(u, v), (a, lambda g: np.cross(v, g)), (b, lambda g: np.cross(g, u)))
 
 
+def _of_left(g: Any, out: Any, x: Any, y: Any) -> Any:
+    """Cotangent of the left factor of a matrix product; vectors are one row, and one column."""
+    if np.ndim(y) == 1:
+        return g[..., None] * y
+    return np.matmul(g, np.swapaxes(y, -1, -2)) if np.ndim(x) > 1 else np.matmul(y, g[..., None])[..., 0]
+
+
+def _of_right(g: Any, out: Any, x: Any, y: Any) -> Any:
+    """Cotangent of the right factor."""
+    if np.ndim(y) == 1:
+        return g[..., None] * x
+    return np.matmul(np.swapaxes(x, -1, -2), g) if np.ndim(x) > 1 else x[:, None] * g[..., None, :]
+
+
 # Cotangents of the operands from that of the result g, the result, and the operands.
 _RULES: dict[Any, tuple[Callable[..., Any], ...]] = {
     np.add: (lambda g, out, x, y: g, lambda g, out, x, y: g),
@@ -304,10 +361,21 @@ _RULES: dict[Any, tuple[Callable[..., Any], ...]] = {
     np.log: (lambda g, out, x: g / x,),
     np.sin: (lambda g, out, x: g * np.cos(x),),
     np.cos: (lambda g, out, x: -g * np.sin(x),),
+    np.tan: (lambda g, out, x: g * (1.0 + out * out),),
+    np.arcsin: (lambda g, out, x: g / np.sqrt(1.0 - x * x),),
+    np.arccos: (lambda g, out, x: -g / np.sqrt(1.0 - x * x),),
+    np.arctan: (lambda g, out, x: g / (1.0 + x * x),),
+    np.sinh: (lambda g, out, x: g * np.cosh(x),),
+    np.cosh: (lambda g, out, x: g * np.sinh(x),),
     np.tanh: (lambda g, out, x: g * (1.0 - out * out),),
-    np.deg2rad: (lambda g, out, x: g * (np.pi / 180.0),),
+    np.expm1: (lambda g, out, x: g * (out + 1.0),),
+    np.log1p: (lambda g, out, x: g / (1.0 + x),),
+    np.logaddexp: (lambda g, out, x, y: g * np.exp(x - out), lambda g, out, x, y: g * np.exp(y - out)),
+    np.hypot: (lambda g, out, x, y: g * x / out, lambda g, out, x, y: g * y / out),
+    **dict.fromkeys((np.deg2rad, np.radians), (lambda g, out, x: g * (np.pi / 180.0),)),
+    **dict.fromkeys((np.rad2deg, np.degrees), (lambda g, out, x: g * (180.0 / np.pi),)),
     np.arctan2: (lambda g, out, y, x: g * x / (x * x + y * y), lambda g, out, y, x: -g * y / (x * x + y * y)),
-    np.matmul: (lambda g, out, x, y: g[..., None] * _vector(y), lambda g, out, x, y: g[..., None] * x),  # y a vector
+    np.matmul: (_of_left, _of_right),
 }
 _CONSTANTS = {np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal, np.isfinite, np.isnan}
 _CONSTANTS |= {np.floor, np.ceil, np.rint, np.sign}
@@ -315,6 +383,12 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where,
     np.sum: _sum,
     np.mean: _mean,
+    np.max: partial(_extreme, np.argmax),
+    np.min: partial(_extreme, np.argmin),
+    np.var: _var,
+    np.std: _std,
+    np.linalg.norm: _norm,
+    np.clip: _clip,
     np.cumsum: _cumsum,
     np.diff: _diff,
     np.cross: _cross,

@@ -23,6 +23,15 @@ FUNCTIONS = {
     "choice of a plain number": lambda x, y: np.where(x > y, 0.0, y),
     "sums": lambda x, y: x.sum(axis=0) * y + np.mean(x, axis=(0, 1)) + x.sum(axis=1, keepdims=True).mean(),
     "running sums": lambda x, y: np.cumsum(x, axis=1) + np.diff(np.cumsum(x, axis=0), axis=0) * y,
+    "largest and smallest": lambda x, y: (
+        x.max(axis=1)[:, None] * y - np.min(x) + np.max(x, axis=(0, -1), keepdims=True)
+    ),
+    "spread": lambda x, y: x.var(axis=0, ddof=1) * np.std(x, axis=-1, keepdims=True) + np.std(y) + y.var(),
+    "lengths": lambda x, y: np.linalg.norm(x, axis=-1, keepdims=True) * y + np.linalg.norm(x) + np.hypot(x, y),
+    "bounds": lambda x, y: np.clip(x, 0.8, y) * np.clip(y, None, 1.5) + np.clip(x, 1.0, None),
+    "angles": lambda x, y: np.tan(x / 2) + np.arcsin(x / 3) * np.arccos(y / 3) + np.degrees(np.radians(np.arctan(x))),
+    "growth": lambda x, y: np.sinh(x) + np.cosh(y) * np.expm1(x) + np.logaddexp(x, y) + np.rad2deg(np.log1p(y)),
+    "matrices": lambda x, y: (x @ x.T) @ x + x @ np.diag(np.arange(3.0)) + y @ (x.T @ x) + (x[:, None] @ x.T)[0] @ x,
     "cross products": lambda x, y: np.cross(x, y) * np.cross(np.ones(3), x),
     "indices": lambda x, y: x[:, CHOSEN] * y[::-1] + x[0] + x[..., 1:2] + y[None, CHOSEN],
     "shapes": lambda x, y: np.moveaxis(x, 0, 1).reshape(3, 2) * y[:, None] + x.T + np.swapaxes(x, 0, 1),
@@ -111,6 +120,14 @@ def test_other_values_keep_the_derivatives():
 
 def test_what_is_not_known_is_refused():
     with pytest.raises(TypeError):
-        trace(np.arctan, np.ones(2))
+        trace(np.arctanh, np.ones(2) / 2)
     with pytest.raises(TypeError):
-        trace(lambda x: np.linalg.norm(x), np.ones(2))
+        trace(np.median, np.ones(2))
+    with pytest.raises(TypeError, match=r"^norm: ord 1 along None is not traced; give lengths of vectors$"):
+        trace(lambda x: np.linalg.norm(x, 1), np.ones(2))
+
+
+def test_where_there_is_no_derivative_it_is_zero():
+    for function in (np.std, np.linalg.norm):
+        assert trace(function, np.zeros(3))[1](1.0)[0].tolist() == [0.0, 0.0, 0.0]
+    assert trace(np.max, np.array([1.0, 2.0, 2.0]))[1](1.0)[0].tolist() == [0.0, 1.0, 0.0]
