@@ -69,12 +69,14 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
                 raise ValueError(f"run: {path} is a study; report it alone")
             if settings.rig:
                 raise ValueError(f"rig: {path} is a study, in which a rig plays no gait; leave it out")
+            _check_compared(path, settings)
             told = read(path)
             return Built(study_page(told, path, FOOT), {"kind": told.kind, **told.counts, **told.document})
     runs, damaged = read_histories(_runs(paths), OneRun.of)
     if settings.rig and not runs[0].subject.plays_on_rigs:
         raise ValueError(f"rig: no rig plays designs of {runs[0].history.path}; leave it out")
     if len(runs) == 1:
+        _check_compared(runs[0].history.path, settings)
         built = _page(runs[0], runs[0].title, [*runs[0].lead, *map(_left_out, damaged)], ([], {}), settings, progress)
         return replace(built, left_out=damaged)
     check_comparable([run.history for run in runs])
@@ -84,6 +86,12 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
     lead = [paragraph(f"The best design is that of {best.history.path}, and the numbers here are that run's.", "lead")]
     lead += [*best.lead[1:], *map(_left_out, damaged)]
     return replace(_page(best, title, lead, (sections, {"comparison": document}), settings, progress), left_out=damaged)
+
+
+def _check_compared(path: Path, settings: Settings) -> None:
+    """Refuse an axis by which nothing is compared."""
+    if settings.axis != Settings.axis:
+        raise ValueError(f"by: {path} is not compared with others; leave it out")
 
 
 def _left_out(reason: str) -> Html:

@@ -265,6 +265,7 @@ def test_fronts_and_elites(morpholab, reported, tmp_path):
         ("a --no-player --frames 9 --out b.html", "frames: there are none without a player"),
         ("a --frames 1 --out b.html", "argument --frames: 1 is not allowed"),
         ("a --rig a/best.json --out b.html", "rig: 'a/best.json' is neither a preset"),
+        ("a --by seconds --out b.html", "by: a is not compared with others; leave it out"),
         ("broken --out b.html", "config.toml: is not as it was written"),
         (
             "unknown --out b.html",
