@@ -3,8 +3,8 @@
 All have ``at``, where they were measured, in the quantity and unit that ``axis`` names; ``values``, in those of
 ``quantity``; and ``deviations``, the standard deviations of the values, or None where they are not known: shape (N,)
 each. ``title`` is for tables and plots. ``informs`` names the properties that the values may depend on, the one that
-they tell best first. ``predict`` simulates T trials, and returns what they say of the points, shape (T, N); NaN where a
-simulation diverges.
+they tell best first. ``predict`` returns what T trials say of the points, shape (T, N); NaN where a simulation
+diverges.
 """
 
 from collections.abc import Sequence
@@ -13,19 +13,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robots.calibration.laboratory import Laboratory, Trial
-from robots.calibration.properties import Properties
 from robots.inflatable.body import FIRST_BLADDER, SKIN_REGIONS, kinds_of
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.program import RobotEvents, write_gait
 from robots.inflatable.simulation import travel_directions
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
-from taichi_sim.lattice import LatticeBody, LatticeEngine, LatticeProgram, Material, ProgramBuilder, Quantity
+from taichi_sim.lattice import LatticeProgram, ProgramBuilder, Quantity
 from taichi_sim.lattice.faces import corners, half_extents, mean_of_face_corners
 
 LENGTH, WIDTH = 6, 3  # of the strip of skin that is dragged, in voxels
-_SETTLING, _DRAGGING = 500, 10_000  # steps
-_DRAG_DAMPING = 1e-4  # ratio against the world: less than a thousandth of usual forces
 SIDES = {"width": 0, "height": 2}  # axis of each
 _RAMP, _HOLD = 10e3, 0.1  # of the core [Pa/s], [s]: slow enough for the robot to follow
 _IDLE_DAMPING = 0.05  # ratio against the world, so that an idle robot is at rest when it is measured
@@ -66,46 +63,20 @@ class Drag:
         return ("friction" if self.grips else "low_friction", "modulus")
 
     def predict(self, trials: Sequence[Trial], laboratory: Laboratory) -> Floats:
-        """Forces in the links to the held end [N], shape (T, N)."""
-        bodies = [self._strip(trial.properties, laboratory) for trial in trials]
-        body, edge = bodies[0], laboratory.geometry.voxel_size
-        engine = LatticeEngine(
-            bodies,
-            time_step=laboratory.time_step,
-            floor=True,
-            self_contact=False,
-            precision="f64",
-            threads=laboratory.threads,
-        )
-        builder, rate = ProgramBuilder(len(trials)), float(self.at.max()) / _DRAGGING
-        dragged = LENGTH * WIDTH * laboratory.geometry.voxel_mass
-        builder.set(Quantity.ACCELERATION + 2, -self.load / dragged, regions=[0])
-        builder.set(Quantity.TRANSLATION, 0.0, regions=[0], step=_SETTLING, rate=rate)
-        steps = _SETTLING + np.rint(self.at / rate).astype(int)
-        order = np.argsort(steps, kind="stable")
-        run = engine.run(builder.build(_SETTLING + _DRAGGING, np.tile(steps[order], (len(trials), 1))))
-        held = np.isin(body.topology.links, np.flatnonzero(body.voxels[:, 0] == LENGTH)).sum(axis=1) == 1
-        strains = run.strains[:, np.argsort(order)][:, :, held].sum(axis=2)
-        moduli = np.array([[trial.properties.modulus] for trial in trials])
-        return np.where((run.status == "ok")[:, None], moduli * edge**2 * strains, np.nan)
+        """Forces on the held end [N], shape (T, N), in closed form: pulled slowly, the strip is at rest at all times.
 
-    def _strip(self, properties: Properties, laboratory: Laboratory) -> LatticeBody:
-        """The voxels of the held end follow along x only, so that the floor carries them too."""
-        friction = properties.friction if self.grips else properties.low_friction
-        geometry = laboratory.geometry
-        skin = Material(
-            properties.modulus,
-            geometry.density,
-            static_friction=friction,
-            kinetic_friction=friction,
-            internal_damping=geometry.internal_damping,
-            global_damping=_DRAG_DAMPING,
-            collision_damping=geometry.collision_damping,
-        )
-        voxels = np.array([(x, y, 0) for x in range(LENGTH + 1) for y in range(WIDTH)])
-        fixed = np.zeros((len(voxels), 6))
-        fixed[voxels[:, 0] == LENGTH, 0] = 1
-        return LatticeBody(voxels, (skin,), np.zeros(len(voxels)), geometry.voxel_size, fixed=fixed)
+        It is a chain of ``LENGTH`` columns. From the held end on one after the other begins to slide, when what pulls
+        at it exceeds its friction F; a column that slides takes F off the pull on the next one. So s columns slide
+        from a pull of s F on, at which the links of stiffness k are stretched by F/k (1 + 2 + ... + s) in all.
+        """
+        edge, sliding = laboratory.geometry.voxel_size, np.arange(LENGTH + 1)
+        forces = np.empty((len(trials), len(self.at)))
+        for row, trial in enumerate(trials):
+            coefficient = trial.properties.friction if self.grips else trial.properties.low_friction
+            friction, stiffness = coefficient * self.load / LENGTH, WIDTH * trial.properties.modulus * edge
+            stretched = friction / stiffness * sliding * (sliding + 1) / 2
+            forces[row] = np.interp(self.at, stretched, friction * sliding)
+        return forces
 
 
 @dataclass(frozen=True, eq=False)
