@@ -64,27 +64,52 @@ def _lines(
     """Progress as lines: every new text, and between them, ever more seldom, how far the work is."""
     begun = told_at = clock()
     pause, current = FIRST_LINE, text
-    since: tuple[float, float] | None = None  # time and share from which the speed is taken
+    whole: _Pace | None = None  # since what was kept has been counted
+    lately: _Pace | None = None  # since the last line
 
     def say(line: str) -> None:
         console.print(plain(line), highlight=False, soft_wrap=True, markup=False)
 
     def show(done: float, text: str | None = None) -> None:
-        nonlocal told_at, pause, current, since
+        nonlocal told_at, pause, current, whole, lately
         now, share = clock(), min(done / total, 1.0) if total else 1.0
-        if since is None or now - begun < COUNTING:
-            since = (now, share)
+        if whole is None or lately is None or now - begun < COUNTING:
+            whole, lately = _Pace(now, share), _Pace(now, share)
+        whole.went(now, share)
+        lately.went(now, share)
         if text is not None:
             current, told_at = text, now
             say(text)
         elif now - told_at >= pause and share < 1:
             told_at, pause = now, min(pause * PAUSE_GROWS, LONGEST_PAUSE)
-            gone = share - since[1]
-            left = f", about {span((now - since[0]) * (1 - share) / gone)} left" if gone > 0 else ""
-            since = (now, share) if gone > 0 else since
+            speed = lately.speed or whole.speed
+            left = f", about {span((1 - share) / speed)} left" if speed else ""
+            lately = _Pace(now, share) if lately.speed else lately
             say(f"{current}: {share:.0%} after {span(now - begun)}{left}")
 
     yield show
+
+
+class _Pace:
+    """How fast work goes, but for its longest pause, in which kernels may have been compiled."""
+
+    def __init__(self, time: float, share: float) -> None:
+        """Begin to count at a time [s], when a share of the work is done."""
+        self._begun = self._last = time, share
+        self._pause = 0.0, 0.0  # its length, and what was done in it
+
+    def went(self, time: float, share: float) -> None:
+        """Count what is done by a time."""
+        self._pause = max(self._pause, (time - self._last[0], share - self._last[1]))
+        self._last = time, share
+
+    @property
+    def speed(self) -> float:
+        """Share of the work that is done in a second; 0 if that is not known yet."""
+        time, share = (
+            now - then - paused for now, then, paused in zip(self._last, self._begun, self._pause, strict=True)
+        )
+        return share / time if time > 0 and share > 1e-9 else 0.0
 
 
 def span(seconds: float) -> str:
