@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from optim.space import Space
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.files import write_text
+from taichi_sim.base.short_text import decimal
 
 OK = "ok"
 FAILED = "failed"
@@ -90,9 +91,9 @@ class Objective:
         """Name and unit for an axis or a table, such as ``speed [m/s]``."""
         return self.name.replace("_", " ") + (f" [{self.unit}]" if self.unit else "")
 
-    def value(self, number: float | None, digits: int = 4) -> str:
+    def value(self, number: float | None) -> str:
         """A value with its unit, such as ``0.1234 m/s``; ``none`` for None."""
-        return "none" if number is None else f"{number:z.{digits}f} {self.unit}".rstrip()
+        return "none" if number is None else f"{decimal(number)} {self.unit}".rstrip()
 
 
 class Problem(Protocol):

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats, Ints
-from taichi_sim.base.short_text import ShortText
+from taichi_sim.base.short_text import ShortText, decimal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +51,7 @@ class Measure:
 
     def value(self, number: float) -> str:
         """A value with its unit, such as ``speed 0.1234 m/s``."""
-        return f"{self.name.replace('_', ' ')} {number:z.4f} {self.unit}".rstrip()
+        return f"{self.name.replace('_', ' ')} {decimal(number)} {self.unit}".rstrip()
 
 
 class World(Protocol):

@@ -13,7 +13,7 @@ from robots.robot import HERE, OK, Judgement, Outcome, Progress, Robot, World
 from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.short_text import shortest
+from taichi_sim.base.short_text import decimal, shortest
 
 if TYPE_CHECKING:
     from taichi_sim.lattice import Material
@@ -318,13 +318,13 @@ def spoken(document: Mapping[str, Any]) -> str:
     names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
     first = document["risk"].partition(":")[0]
     parts = [
-        f"{names[name]} {document[name]:z.4f} (95 % interval {document[f'{name}_low']:z.4f} to "
-        f"{document[f'{name}_high']:z.4f})"
+        f"{names[name]} {decimal(document[name])} (95 % interval {decimal(document[f'{name}_low'])} to "
+        f"{decimal(document[f'{name}_high'])})"
         for name in sorted(names, key=lambda name: name != first)
     ]
     measure = document["measure"] + (", the first measure," if document.get("stands_in") else "")
     draws = document["draws"]
-    told = f"{', '.join(parts)}, standard deviation {document['sd']:z.4f} {document['unit']}".rstrip()
+    told = f"{', '.join(parts)}, standard deviation {decimal(document['sd'])} {document['unit']}".rstrip()
     return f"{measure} over {draws} held-out draws: {told}"
 
 

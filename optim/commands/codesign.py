@@ -24,6 +24,7 @@ from optim.progress import shown_progress
 from optim.wording import counted, spoken_duration
 from robots.tasks import find_task
 from taichi_sim.base.results_folder import BEST_DESIGN
+from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -219,7 +220,7 @@ def _told_by_world(numbers: Mapping[str, float], worlds: Sequence[str], score: s
         fitting = [w for w in worlds if name.endswith(f"_{w}")] if len(worlds) > 1 else []
         world = max(fitting, key=len, default="")  # the name of a world may end as another one does
         parts[world].append(
-            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {value:z.4f}"
+            f"{name.removesuffix(f'_{world}') if world else name.removeprefix(f'{score}_')} {decimal(value)}"
         )
     return [", ".join(parts.pop("")), *(f"  {world}: {', '.join(found)}" for world, found in parts.items() if found)]
 

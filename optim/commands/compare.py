@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, path_to
 from optim.wording import counted
+from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
     from optim.runs.comparison import Curve, Difference
@@ -129,26 +130,28 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         if group["mean"] is None:
             lines.append(f"  {group['label']} ({number}): nothing succeeded")
             continue
-        interval = "" if group["low"] is None else f" [{group['low']:z.4f}, {group['high']:z.4f}]"
-        lines.append(f"  {group['label']} ({number}): {group['mean']:z.4f}{interval}, best {group['best']:z.4f}")
+        interval = "" if group["low"] is None else f" [{decimal(group['low'])}, {decimal(group['high'])}]"
+        mean, best = decimal(group["mean"]), decimal(group["best"])
+        lines.append(f"  {group['label']} ({number}): {mean}{interval}, best {best}")
     for difference in differences:
         found = difference.effect
+        by, low, high = (decimal(each, "+") for each in (found.difference, found.low, found.high))
         d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
         lines.append(
-            f"  {difference.second} minus {difference.first}: {found.difference:+z.4f} [{found.low:+z.4f}, "
-            f"{found.high:+z.4f}], A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
+            f"  {difference.second} minus {difference.first}: {by} [{low}, {high}], "
+            f"A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
         )
     if not differences and len(document["groups"]) > 1:
         lines.append("  no effect sizes: that takes at least two runs a group, with other seeds")
     if document["maps"]:
         lines.append(f"maps of elites after {end}: mean over runs, 95 % interval")
     for one in document["maps"]:
-        interval = "" if one["low"] is None else f" [{one['low']:z.4f}, {one['high']:z.4f}]"
+        interval = "" if one["low"] is None else f" [{decimal(one['low'])}, {decimal(one['high'])}]"
         what = one["name"].replace("qd_score", "QD score")
-        lines.append(f"  {one['label']}, {what} ({counted(one['runs'], 'run')}): {one['mean']:z.4f}{interval}")
+        lines.append(f"  {one['label']}, {what} ({counted(one['runs'], 'run')}): {decimal(one['mean'])}{interval}")
     if document["held_out"]:
         lines.append("best designs over held-out draws: each number of a run, or its mean over runs, 95 % interval")
     for one in document["held_out"]:
         what = f"{one['label']}, {one['world']}, {one['name']} ({counted(one['runs'], 'run')})"
-        lines.append(f"  {what}: {one['value']:z.4f} [{one['low']:z.4f}, {one['high']:z.4f}]")
+        lines.append(f"  {what}: {decimal(one['value'])} [{decimal(one['low'])}, {decimal(one['high'])}]")
     return lines

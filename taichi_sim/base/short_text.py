@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 LONGEST = 80  # characters of a field
+NOTHING = 1e-12  # is told as 0
 FEW = 4  # entries of an array or a sequence that are written out
 
 
@@ -14,6 +15,11 @@ def shortest(number: float) -> str:
     """A number in as few digits as say it exactly: six, if they do, or all."""
     short = f"{number:g}"
     return short if float(short) == number else repr(float(number))
+
+
+def decimal(number: float, sign: str = "") -> str:
+    """A number with four decimals, or in three digits where these would not show it; ``sign`` may be ``"+"``."""
+    return f"{number:{sign}.3g}" if NOTHING < abs(number) < 1e-3 else f"{number:{sign}z.4f}"
 
 
 def printable(text: str) -> str:

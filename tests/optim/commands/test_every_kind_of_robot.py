@@ -6,6 +6,8 @@ import shlex
 import pytest
 from articulated_files import CART, CRAWLER
 
+from taichi_sim.base.short_text import decimal
+
 pytestmark = [pytest.mark.kernels, pytest.mark.filterwarnings("ignore:model. ignored")]
 
 QUICK = "--threads 1 --quiet"
@@ -41,7 +43,7 @@ def test_a_robot_is_designed_compared_seen_and_told(morpholab, tmp_path, kind):
     assert found["generation"] == 1 and found["evaluations"] == 4 and found["files"] == ["best.json"]
 
     told = ask("status a b")
-    assert told.count("finished") == 2 and f"best {objective} {found['best']:.4f} {unit}, 4 evaluations" in told
+    assert told.count("finished") == 2 and f"best {objective} {decimal(found['best'])} {unit}, 4 evaluations" in told
     assert f"best {objective} [{unit}] after 2 evaluations" in ask("compare a b --out curves.svg")
     assert f"best {objective} [{unit}] so far" in (tmp_path / "curves.svg").read_text()
     assert json.loads(ask("compare a b --json"))["score"] == {"name": objective, "unit": unit}

@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
 import morpholab as ml
 from robots.frames import Frames
 from robots.hardware import read_csv
 from robots.robot import Outcome, Robot
-from taichi_sim.base.short_text import ShortText, printable
+from taichi_sim.base.short_text import ShortText, decimal, printable
 
 
 @dataclass(frozen=True, repr=False)
@@ -57,3 +58,19 @@ def test_robots_that_are_no_dataclasses_have_texts_too():
 
 def test_what_is_no_utf_8_is_told_as_escapes():
     assert printable("a\udcff \N{BLACK STAR}") == "a\\udcff \N{BLACK STAR}"
+
+
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [
+        (0.12345, "0.1235"),
+        (0.0012, "0.0012"),
+        (1.2e-5, "1.2e-05"),
+        (-0.0004321, "-0.000432"),
+        (0.0, "0.0000"),
+        (-0.0, "0.0000"),
+        (1e-14, "0.0000"),
+    ],
+)
+def test_numbers_that_four_decimals_would_hide_have_three_digits(number, told):
+    assert decimal(number) == told and decimal(1.0, "+") == "+1.0000"
