@@ -215,7 +215,7 @@ def differentiate(
     designs: Designs = None,
     where: "str | int | World | None" = None,
     *,
-    measures: Sequence[str] | None = None,
+    measures: Sequence[str] | str | None = None,
     **how: Unpack[ComputeOptions],
 ) -> Trials:
     """Try designs as :func:`simulate` does, with exact derivatives of measures, the first by default, by parameters.

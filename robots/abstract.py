@@ -189,7 +189,7 @@ class Robot(Abilities, ShortText):
         points: ArrayLike,
         world: World,
         *,
-        measures: Sequence[str] | None = None,
+        measures: Sequence[str] | str | None = None,
         compute: Compute = HERE,
         progress: Progress | None = None,
         sharpness: float = math.inf,
@@ -202,7 +202,8 @@ class Robot(Abilities, ShortText):
         if not self.differentiable:
             told = "choose a method that needs none" if self.parameters else "nothing of it is free"
             raise ValueError(f"robot: {KINDS.of(self).title} has no gradients; {told}")
-        names = tuple(measures) if measures is not None else (self.measures[0].name,)
+        given = (measures,) if isinstance(measures, str) else measures
+        names = tuple(given) if given is not None else (self.measures[0].name,)
         known = [measure.name for measure in self.measures_in([world])]
         if unknown := [name for name in names if name not in known]:
             raise ValueError(f"measures: {unknown[0]!r} is unknown; there are {', '.join(known)}")

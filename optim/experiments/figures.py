@@ -107,8 +107,12 @@ def headroom(axes: "Axes", share: float = 0.15) -> None:
 
 
 def legend_above(drawn: "Figure", handles: "Sequence[Artist]") -> None:
-    """Add a legend in one row above all panels, where it hides nothing."""
-    drawn.legend(handles=handles, loc="outside upper center", ncols=len(handles))
+    """Add a legend above all panels, where it hides nothing, in as few rows as fit."""
+    for columns in range(len(handles), 0, -1):
+        legend = drawn.legend(handles=handles, loc="outside upper center", ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= drawn.bbox.width:
+            return
+        legend.remove()
 
 
 def logarithmic(axes: "Axes", name: Literal["x", "y"], marks: "Sequence[float] | None" = None) -> None:

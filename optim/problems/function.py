@@ -136,6 +136,8 @@ def problem_of(
         raise ValueError(f"unit: {len(units)} given for {len(names)} objectives; give one, or one for each")
     if gradient is not None and len(names) > 1:
         raise ValueError("gradient: not allowed with several objectives")
+    if not isinstance(bounds, Space | Mapping):
+        raise ValueError(f"bounds: {bounds!r} is not allowed; give (low, high) by name, such as {{'x': (0, 1)}}")
     space = bounds if isinstance(bounds, Space) else Space(tuple(_variable(*item) for item in bounds.items()))
     return FunctionProblem(function, space, [Objective(*each) for each in zip(names, units, strict=True)], gradient)
 

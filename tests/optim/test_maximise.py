@@ -156,3 +156,8 @@ def test_infinite_sharpness_is_of_true_points():
     found = problem.evaluate_relaxed(np.array([[0.7, 0.25]]), np.inf, True)
     assert found.objectives[0, 0] == 1.25
     assert problem.evaluate_relaxed(np.array([[0.75, 0.25]]), 3.0, True).objectives[0, 0] == 1.0
+
+
+def test_bounds_without_names_are_refused():
+    with pytest.raises(ValueError, match=r"^bounds: \[\(0, 1\)\] is not allowed; give \(low, high\) by name"):
+        problem_of(lambda points: points[:, 0], [(0, 1)])

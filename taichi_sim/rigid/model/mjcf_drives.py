@@ -62,7 +62,7 @@ def drive(
         return Motor(torque, float(np.sign(gear)) * fastest), ["torques of motors, which are driven by rate", *also]
     low, high = _range(actuator, span, gear)
     middle, half = (low + high) / 2 / gear, (high - low) / 2 / gear
-    also = ["gains of drives", *also]
+    also = ["how stiff drives are, but not kp / kv" if actuator.tag == "position" else "gains of drives", *also]
     if actuator.tag == "velocity":
         strongest = abs(gear) * _gain(actuator, "kv", "1") * (high - low)
         return Motor(min(torque, strongest), half, 0.0, middle), also

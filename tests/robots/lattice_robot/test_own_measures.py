@@ -176,3 +176,9 @@ def test_files_hold_names_and_no_code(bar, packaged, tmp_path):
     assert KINDS["freeform"].from_description(freeform.describe()).own_measures == (packaged,)
     with pytest.raises(ValueError, match=r"^own_measures: 'sides' is unknown; did you mean side\?"):
         dataclasses.replace(bar, own_measures=("sides",))
+
+
+@pytest.mark.kernels
+def test_one_measure_needs_no_list(bar):
+    found = bar.differentiate(far_from_ties(bar, 1), Terrain(), measures="own_speed", compute=FINE)
+    assert list(found.gradients) == ["own_speed"]

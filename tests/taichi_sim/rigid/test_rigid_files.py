@@ -97,6 +97,7 @@ def test_what_is_ignored_is_named_in_one_warning():
         "<jointpos> sensors",
         "damping of joints",
         "gains of drives",
+        "how stiff drives are, but not kp / kv",
         "torques of motors, which are driven by rate",
     }
     with warnings.catch_warnings():
