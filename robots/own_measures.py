@@ -25,7 +25,8 @@ class OwnMeasure(Measure):
     Attributes:
         name: lower-case letters, digits and underscores, beginning with a letter.
         law: gives the measure of B robots, shape (B,), of how they moved: a ``robots.lattice_robot.SoftMotion`` or a
-            ``robots.articulated.RigidMotion``. What it gives each robot depends on that robot's row alone.
+            ``robots.articulated.RigidMotion``. What it gives each robot depends on that robot's row alone; a robot for
+            which it is not finite counts as diverged.
 
     Raises:
         ValueError: for a name that is not allowed, or no function.
