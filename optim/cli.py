@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 CLOSED_PIPE = 141  # as shells report SIGPIPE
 BUG = 70  # EX_SOFTWARE of sysexits.h
+OWN_PACKAGES = "morpholab", "optim", "robots", "taichi_sim"
 LONGEST_SUMMARY = 300  # characters of an unexpected exception in a message
 
 
@@ -191,6 +192,8 @@ def _refuse(command: str, error: Exception) -> int:
     # A RecursionError is a RuntimeError of Python's own, which says nothing to a user.
     if isinstance(error, OSError | RuntimeError) and not isinstance(error, RecursionError):
         return _fail(command, f"failed: {error}", FAILED)
+    if isinstance(error, ModuleNotFoundError) and str(error.name).partition(".")[0] not in OWN_PACKAGES:
+        return _fail(command, f"failed: the module {error.name} is missing; install morpholab's dependencies", FAILED)
     story = "".join(traceback.format_exception(error))
     try:
         with tempfile.NamedTemporaryFile("w", prefix="morpholab-", suffix=".log", delete=False) as file:

@@ -1,10 +1,15 @@
 """The start of the command ``morpholab``, which Ctrl-C may meet while modules are still being imported."""
 
+import os
 import sys
 
 
 def start() -> int:
-    """Import and run the command; its exit code, see :func:`optim.cli.main`."""
+    """Import and run the command; its exit code, see :func:`optim.cli.main`.
+
+    Its pictures are the same for everybody: neither windows nor styles that a user has set up for matplotlib count.
+    """
+    os.environ |= {"MPLBACKEND": "agg", "MATPLOTLIBRC": os.devnull}
     try:
         from optim.cli import main
 

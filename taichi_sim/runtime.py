@@ -39,6 +39,7 @@ import numpy as np
 
 from taichi_sim.base.compiler import compiler
 from taichi_sim.base.compute import Compute
+from taichi_sim.base.deferring import ctrl_c_afterwards
 from taichi_sim.device_arrays import DeviceArrays
 from taichi_sim.launching import Relauncher, forget_all
 
@@ -55,7 +56,7 @@ def _imported() -> Any:
     """The compiler, without torch, which Quadrants would import for seconds, and without warnings of its sources."""
     hides_torch = sys.modules.setdefault("torch", None) is None  # type: ignore[arg-type]  # it then seems missing
     try:
-        with warnings.catch_warnings():
+        with ctrl_c_afterwards(), warnings.catch_warnings():  # its extension cannot be imported a second time
             warnings.simplefilter("ignore", SyntaxWarning)
             warnings.simplefilter("ignore", DeprecationWarning)
             return importlib.import_module(COMPILER)

@@ -200,3 +200,12 @@ def test_many_compile_at_once_into_one_cache(usual, tmp_path):
     with ThreadPoolExecutor(len(folders)) as pool:
         found = list(pool.map(lambda folder: told(folder, MORPHOLAB_CACHE=str(tmp_path / "cache")), folders))
     assert [(code, json.loads(out), error) for code, out, error in found] == [(0, usual[SIMULATE], "")] * len(folders)
+
+
+def test_pictures_are_the_same_whatever_a_user_has_set_up_for_matplotlib(tmp_path):
+    (tmp_path / "odd").write_text("savefig.bbox: tight\naxes.grid: True\ntext.usetex: True\nfont.size: 20\n")
+    odd = {"MPLBACKEND": "nonsense", "MATPLOTLIBRC": str(tmp_path / "odd")}
+    for name, environment in (("plain.png", {}), ("odd.png", odd)):
+        code, _, error = told(tmp_path, command=("view", "vehicle", "--picture", name, "--quiet"), **environment)
+        assert (code, error) == (0, "")
+    assert (tmp_path / "plain.png").read_bytes() == (tmp_path / "odd.png").read_bytes()

@@ -342,3 +342,34 @@ def test_archives_that_would_fill_the_memory_are_refused(tmp_path, monkeypatch):
     (tmp_path / "large").write_bytes(bytes(11))
     with pytest.raises(ValueError, match=r"large: cannot be read \(11 bytes are not allowed, give at most 10\)"):
         files.read_bytes(tmp_path / "large", 10)
+
+
+def test_a_missing_module_is_told_as_that(morpholab, monkeypatch):
+    def broken(*_):
+        raise ModuleNotFoundError("No module named 'rich.progress'", name="rich.progress")
+
+    monkeypatch.setattr("optim.commands.simulate.robot_to_try", broken)
+    told = "morpholab simulate: failed: the module rich.progress is missing; install morpholab's dependencies\n"
+    assert morpholab("simulate --gait rolling") == (1, "", told)
+
+
+def test_ctrl_c_during_the_import_of_the_compiler_lets_the_next_call_work():
+    interrupted = """
+import os, signal, sys
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == "taichi.lang.ast":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+signal.signal(signal.SIGINT, signal.default_int_handler)
+try:
+    import taichi_sim.runtime
+except KeyboardInterrupt:
+    print("interrupted")
+from taichi_sim.runtime import ti
+print(ti.lang.__name__)
+"""
+    process = run("-c", interrupted, stdout=subprocess.PIPE)
+    assert (process.returncode, process.stdout) == (0, "interrupted\ntaichi.lang\n"), process.stderr

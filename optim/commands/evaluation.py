@@ -4,12 +4,12 @@ import argparse
 import contextlib
 import dataclasses
 import functools
-import os
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TypeVar
 
 from optim.commands.options import Option, flag, number, path_to, whole
 from optim.notes import note
+from taichi_sim.base.compute import available_threads
 
 if TYPE_CHECKING:
     from optim.problem import Evaluate, Evaluation, Problem, Request
@@ -59,7 +59,7 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
     from optim.runs.workers import SILENCE, BackendName, open_workers
     from optim.runs.workers.folder_files import end_workers
 
-    cores = os.cpu_count() or 1
+    cores = available_threads()
     count = args.workers
     backend: BackendName = "ray" if args.ray is not None else "folder" if args.workers_dir is not None else "processes"
     threads = args.threads or (max(1, cores // count) if backend == "processes" else 1)

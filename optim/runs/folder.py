@@ -22,6 +22,7 @@ the logs grow in place; they are cut back to what the checkpoint knows when a ru
 import contextlib
 import hashlib
 import json
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -185,7 +186,9 @@ class RunFolder:
         """The error that tells why the folder cannot be written, and what is kept."""
         reason = error.strerror if isinstance(error, OSError) else str(error)
         kept = f"its {self.lines} complete generations are kept, go on with --resume"
-        return RuntimeError(f"{self.path}: cannot be written ({reason}); {kept}")
+        name = Path(os.fsdecode(getattr(error, "filename", None) or ""))
+        place = self.path if name.parent != self.path or name.name.startswith(files.ASIDE) else name
+        return RuntimeError(f"{place}: cannot be written ({reason}); {kept}")
 
 
 @contextlib.contextmanager
@@ -212,6 +215,8 @@ def open_run(
         RuntimeError: if the disk is full or broken.
     """
     path = Path(path)
+    if path.is_symlink() and not path.exists():
+        raise ValueError(f"out: {path} is a link to {os.readlink(path)}, which is not there; make that folder first")
     if not (resume and has_run(path)):
         check_free(path)
     with contextlib.ExitStack() as stack:

@@ -24,6 +24,7 @@ from optim.notes import notes
 from optim.problem import Problem, Request
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
+from taichi_sim.base.compute import available_threads
 
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of <linux/prctl.h>
 _LAST_BREATH = 1.0  # seconds for a process that has closed its pipe to end by itself and say how
@@ -69,8 +70,8 @@ class Processes:
 
     @property
     def cores(self) -> int:
-        """CPU cores of this machine."""
-        return os.cpu_count() or 1
+        """CPU cores that this process may use."""
+        return available_threads()
 
     def start(self) -> ProcessWorker:
         """Start a process and send it the problem."""

@@ -21,6 +21,7 @@ from optim.runs.plug_ins import packages_of
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Service, environment_set, pickled, thread_environment
 from taichi_sim.base.compiler import VARIABLE, compiler
+from taichi_sim.base.compute import available_threads
 from taichi_sim.base.foreign import needing
 
 NOTE_AFTER = 30.0  # seconds in which actors should have found a place
@@ -206,7 +207,7 @@ def open_cluster(
     handler = signal.getsignal(signal.SIGTERM)
     try:
         with environment_set(quiet):
-            _connect(ray, None if here else address, max((count or 1) * threads, os.cpu_count() or 1))
+            _connect(ray, None if here else address, max((count or 1) * threads, available_threads()))
         yield RayCluster(ray, problem, threads, variables, note)
     finally:
         ray.shutdown()

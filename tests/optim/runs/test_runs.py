@@ -486,3 +486,13 @@ def test_a_run_of_an_earlier_version_does_not_tell_where_its_robots_mesh_lay(tmp
     ):
         with pytest.raises(ValueError, match=r"^problem.robot: "):
             check_same(known, asked, tmp_path)
+
+
+def test_a_link_to_a_folder_that_is_not_there_is_told(tmp_path):
+    for name, target in (("link", "no/where"), ("loop", "loop")):
+        (tmp_path / name).symlink_to(target)
+        with (
+            pytest.raises(ValueError, match=rf"^out: .*{name} is a link to {target}, which is not there; make that"),
+            open_run(tmp_path / name, CONFIG),
+        ):
+            pass
