@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 FIRST_LINE, LONGEST_PAUSE = 10.0, 60.0  # seconds to the first line in a pipe, and at most between two
 COUNTING = 2.0  # seconds in which work that is resumed counts what it kept
 PAUSE_GROWS = 1.5  # from line to line
+REST = 0.25  # of the longest pause: time beside it that tells how fast work goes
 PAUSE_OF_A_BAR = 0.2  # seconds between pictures of a bar in a notebook
 
 
@@ -64,27 +65,23 @@ def _lines(
     """Progress as lines: every new text, and between them, ever more seldom, how far the work is."""
     begun = told_at = clock()
     pause, current = FIRST_LINE, text
-    whole: _Pace | None = None  # since what was kept has been counted
-    lately: _Pace | None = None  # since the last line
+    pace: _Pace | None = None  # since what was kept has been counted
 
     def say(line: str) -> None:
         console.print(plain(line), highlight=False, soft_wrap=True, markup=False)
 
     def show(done: float, text: str | None = None) -> None:
-        nonlocal told_at, pause, current, whole, lately
+        nonlocal told_at, pause, current, pace
         now, share = clock(), min(done / total, 1.0) if total else 1.0
-        if whole is None or lately is None or now - begun < COUNTING:
-            whole, lately = _Pace(now, share), _Pace(now, share)
-        whole.went(now, share)
-        lately.went(now, share)
+        if pace is None or now - begun < COUNTING:
+            pace = _Pace(now, share)
+        pace.went(now, share)
         if text is not None:
             current, told_at = text, now
             say(text)
         elif now - told_at >= pause and share < 1:
             told_at, pause = now, min(pause * PAUSE_GROWS, LONGEST_PAUSE)
-            speed = lately.speed or whole.speed
-            left = f", about {span((1 - share) / speed)} left" if speed else ""
-            lately = _Pace(now, share) if lately.speed else lately
+            left = f", about {span((1 - share) / pace.speed)} left" if pace.speed else ""
             say(f"{current}: {share:.0%} after {span(now - begun)}{left}")
 
     yield show
@@ -105,11 +102,10 @@ class _Pace:
 
     @property
     def speed(self) -> float:
-        """Share of the work that is done in a second; 0 if that is not known yet."""
-        time, share = (
-            now - then - paused for now, then, paused in zip(self._last, self._begun, self._pause, strict=True)
-        )
-        return share / time if time > 0 and share > 1e-9 else 0.0
+        """Share of the work that is done in a second; 0 until there is enough beside the longest pause to tell."""
+        ends = zip(self._last, self._begun, self._pause, strict=True)
+        time, share = (now - then - paused for now, then, paused in ends)
+        return share / time if share > 1e-9 and time >= REST * self._pause[0] else 0.0
 
 
 def span(seconds: float) -> str:

@@ -15,6 +15,7 @@ from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.autodiff.tracing import Traced
 from taichi_sim.base.registry import Registry
 
+OF_OBJECTIVES = ("mean", "each", "worst")  # words that say how worlds are combined
 _NAME = re.compile(r"[a-z][a-z0-9_]*", re.ASCII)
 
 
@@ -38,6 +39,8 @@ class OwnMeasure(Measure):
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
             raise ValueError(f"name: {self.name!r} is not allowed; give lower-case letters, digits and underscores")
+        if self.name in OF_OBJECTIVES:
+            raise ValueError(f"name: {self.name!r} is not allowed; it says how worlds are combined")
         if not callable(self.law):
             raise ValueError(f"law: {self.law!r} is no function; give one of how robots moved")
 
@@ -59,6 +62,15 @@ class OwnMeasure(Measure):
                 f"shape ({count},)"
             )
         return found if isinstance(found, Traced) else plain.astype(float)
+
+
+def sealed(array: Any) -> Any:
+    """An array that a law cannot change, as others see it too; one that is traced never can be."""
+    if isinstance(array, Traced):
+        return array
+    view = np.asarray(array).view()
+    view.flags.writeable = False
+    return view
 
 
 OWN_MEASURES: Registry[OwnMeasure] = Registry("morpholab.measures", "own_measures", {}, instances_of=OwnMeasure)

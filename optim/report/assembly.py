@@ -76,7 +76,8 @@ def build(paths: Sequence[Path], settings: Settings, progress: Progress) -> Buil
     if settings.rig and not runs[0].subject.plays_on_rigs:
         raise ValueError(f"rig: no rig plays designs of {runs[0].history.path}; leave it out")
     if len(runs) == 1:
-        _check_compared(runs[0].history.path, settings)
+        if paths == [runs[0].history.path] and not damaged:
+            _check_compared(paths[0], settings)
         built = _page(runs[0], runs[0].title, [*runs[0].lead, *map(_left_out, damaged)], ([], {}), settings, progress)
         return replace(built, left_out=damaged)
     check_comparable([run.history for run in runs])

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.own_measures import OwnMeasure
+from robots.own_measures import OwnMeasure, sealed
 from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid import RigidResult, poses
@@ -58,7 +58,7 @@ class RigidMotion:
         begin = poses(tree, start, still, np.zeros(len(tree.hinges)))
         masses = np.array([body.mass for body, _ in tree.ordered])
         time = robot.steps * robot.physics.time_step
-        return cls(places, turns, angles, *begin, masses, *names, time, robot.direction)
+        return cls(places, turns, sealed(angles), *begin, masses, *names, time, robot.direction)
 
     def centres(self, places: Any) -> Any:
         """Centres of mass, shape (..., 3), of bodies at some places, shape (..., N, 3)."""

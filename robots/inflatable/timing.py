@@ -147,7 +147,7 @@ def approach(
         counted &= value_of(pace) == 1
     for i in np.flatnonzero(counted):
         (moving[i], ends[i]), arrival[i] = stroke(actuation, float(now[i]), bool(wanted[i])), 0.0
-    last = revalued(np.where(stays, levels, target), ends)  # type: ignore[arg-type]
+    last = revalued(np.where(stays, levels, target), ends)
     return Motion(levels, last, direction, moving, revalued(time, arrival), ~stays, rate)
 
 

@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,10 +82,7 @@ class OutOfTheLab(Robot):
         from robots.hardware.channel_table import read_channels
         from robots.lattice_robot.on_rig import played_robot
 
-        super().changed({name: value for name, value in options.items() if name not in ("channels", "own_measures")})
-        robot = self
-        if "own_measures" in options:
-            robot = replace(self, own_measures=options["own_measures"])  # type: ignore[type-var]
+        robot: Any = super().changed({name: value for name, value in options.items() if name != "channels"})
         return played_robot(robot.fixed, read_channels(options["channels"])) if "channels" in options else robot
 
     def judge(

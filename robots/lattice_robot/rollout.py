@@ -278,7 +278,12 @@ class Rollout:
         ok = tape.result.status == "ok"
         fields = [np.where(np.isfinite(each), each, 0.0) for each in Record.of(tape.result).arrays]
         _, pull = trace(self._measured(name), *fields, *self._constants.materials)
-        *seeds, density, modulus, ratio, driven = pull(ok.astype(float))
+        with np.errstate(all="ignore"):  # of robots of which a user's own measure has no derivative
+            parts = pull(ok.astype(float))
+        ok = ok & np.all([np.isfinite(part).reshape(len(ok), -1).all(axis=1) for part in parts], axis=0)
+        *seeds, density, modulus, ratio, driven = (
+            np.where(ok.reshape(-1, *[1] * (part.ndim - 1)), part, 0.0) for part in parts
+        )
         zeros = [np.zeros(each.shape) for each in (tape.result.positions, tape.result.strains, tape.result.sizes)]
         for cotangents, seed in zip(zeros, seeds, strict=True):
             cotangents[:, : seed.shape[1]] = seed
@@ -322,6 +327,10 @@ class Rollout:
         kept = {name: getattr(run, name)[:, : self._snapshots] for name in RECORDED}
         run = replace(run, **kept)
         measures = self.measured(Record.of(run), run.status != "ok")
+        unknown = (run.status == "ok") & ~np.isfinite(list(measures.values())).all(axis=0)  # a user's own measure
+        for values in measures.values():
+            values[unknown] = np.nan
+        run = replace(run, status=np.where(unknown, "diverged", run.status))
         frames: tuple[Frames | None, ...] = (None,) * len(self.bodies)
         if self._record_every:
             interval = self._record_every * self.cycle.time_step

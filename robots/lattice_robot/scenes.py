@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
 _SMOOTH = dict.fromkeys(MATERIAL_FRICTION, 0.0)
-_OWN = ("body", "drives", "moduli", "seed", "name")  # fields of robots that are looked at by parts, or not at all
+_OWN = "body", "drives", "moduli", "seed", "name", "own_measures"  # fields looked at by parts, or not at all
 
 
 @dataclass(frozen=True, eq=False)

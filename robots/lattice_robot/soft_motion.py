@@ -7,7 +7,7 @@ import numpy as np
 
 from robots.control.cyclic import LAST_CYCLE, SEGMENTS
 from robots.lattice_robot.measures import MEASURES, OF_PROPS, TARGETED, Constants, Law, Record
-from robots.own_measures import OwnMeasure
+from robots.own_measures import OwnMeasure, sealed
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
 
@@ -57,12 +57,12 @@ class SoftMotion:
         start[:, :, 2] += constants.raised
         return cls(
             np.arange(SEGMENTS + 1) / (SEGMENTS * constants.frequency),
-            record.positions[:, LAST_CYCLE],
-            record.sizes[:, LAST_CYCLE],
-            record.strains[:, LAST_CYCLE],
+            sealed(record.positions[:, LAST_CYCLE]),
+            sealed(record.sizes[:, LAST_CYCLE]),
+            sealed(record.strains[:, LAST_CYCLE]),
             start,
-            record.positions[:, 0],
-            record.positions[:, 1],
+            sealed(record.positions[:, 0]),
+            sealed(record.positions[:, 1]),
             constants.density * body.voxel_size**3,
             constants.duration,
             constants.direction,

@@ -9,7 +9,7 @@
     [[0.6, 0.8]]
 
 Values come out with the same bits as without tracing. Laws (see ``tracing``) run on traced arrays too.
-Known are: arithmetic and elementary functions with broadcasting (``_RULES``), comparisons and roundings (constants to
+Known are: arithmetic and elementary functions with broadcasting (``RULES``), comparisons and roundings (constants to
 derivatives), reductions and others (``_FUNCTIONS``), every index, and all that moves elements (``_MOVES``). What is not
 known raises a TypeError of NumPy's. Of equal extremes the first has the derivative. Instead of assigning to parts of an
 array, which would not be traced, use :func:`placed`; number-by-number functions of ``math`` are :func:`sine` and
@@ -26,6 +26,7 @@ from typing import Any, Union
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
+from taichi_sim.autodiff.array_rules import CONSTANTS, RULES
 from taichi_sim.autodiff.tracing import Contributions, Traced, plain, run_back
 from taichi_sim.base.arrays import Floats
 
@@ -45,16 +46,19 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
         if pull is not None:
             tape.append(self)
 
+    def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+        raise TypeError("an array that is traced does not become a plain one; use NumPy's functions, such as np.stack")
+
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
         if method != "__call__" or options:
             return NotImplemented
         values = [plain(x) for x in inputs]
-        if ufunc in _CONSTANTS:
+        if ufunc in CONSTANTS:
             return ufunc(*values)
-        if ufunc not in _RULES:
+        if ufunc not in RULES:
             return NotImplemented
         out = ufunc(*values)
-        shares = [lambda g, rule=rule: rule(g, out, *values) for rule in _RULES[ufunc]]
+        shares = [lambda g, rule=rule: rule(g, out, *values) for rule in RULES[ufunc]]
         return _derived(out, *zip(inputs, shares, strict=True))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
@@ -94,6 +98,11 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
         return self.value.ndim
 
     @property
+    def size(self) -> int:
+        """How many numbers it holds."""
+        return self.value.size
+
+    @property
     def T(self) -> "TracedArray":  # noqa: D102
         return self.derived(self.value.T, lambda g: [(self, np.transpose(g))])  # type: ignore[return-value]
 
@@ -115,6 +124,9 @@ class TracedArray(NDArrayOperatorsMixin, Traced):
 
     def min(self, axis: Any = None, keepdims: bool = False) -> Any:  # noqa: D102
         return _extreme(np.argmin, self, axis, keepdims)
+
+    def clip(self, low: Any = None, high: Any = None) -> Any:  # noqa: D102
+        return _clip(self, low, high)
 
     def var(self, axis: Any = None, ddof: float = 0, keepdims: bool = False) -> Any:  # noqa: D102
         return _var(self, axis, ddof=ddof, keepdims=keepdims)
@@ -300,7 +312,8 @@ def _norm(x: TracedArray, ord: Any = None, axis: Any = None, keepdims: bool = Fa
     return _derived(value, (x, lambda g: np.reshape(g, length.shape) * slope))
 
 
-def _clip(x: Any, low: Any = None, high: Any = None) -> Any:
+def _clip(x: Any, a_min: Any = None, a_max: Any = None, *, min: Any = None, max: Any = None) -> Any:
+    low, high = a_min if min is None else min, a_max if max is None else max
     return np.minimum(np.maximum(x, -np.inf if low is None else low), np.inf if high is None else high)
 
 
@@ -327,64 +340,12 @@ def _cross(a: Any, b: Any) -> Any:
     return _derived(np.cross(u, v), (a, lambda g: np.cross(v, g)), (b, lambda g: np.cross(g, u)))
 
 
-def _of_left(g: Any, out: Any, x: Any, y: Any) -> Any:
-    """Cotangent of the left factor of a matrix product; vectors are one row, and one column."""
-    if np.ndim(y) == 1:
-        return g[..., None] * y
-    return np.matmul(g, np.swapaxes(y, -1, -2)) if np.ndim(x) > 1 else np.matmul(y, g[..., None])[..., 0]
-
-
-def _of_right(g: Any, out: Any, x: Any, y: Any) -> Any:
-    """Cotangent of the right factor."""
-    if np.ndim(y) == 1:
-        return g[..., None] * x
-    return np.matmul(np.swapaxes(x, -1, -2), g) if np.ndim(x) > 1 else x[:, None] * g[..., None, :]
-
-
-# Cotangents of the operands from that of the result g, the result, and the operands.
-_RULES: dict[Any, tuple[Callable[..., Any], ...]] = {
-    np.add: (lambda g, out, x, y: g, lambda g, out, x, y: g),
-    np.subtract: (lambda g, out, x, y: g, lambda g, out, x, y: -g),
-    np.multiply: (lambda g, out, x, y: g * y, lambda g, out, x, y: g * x),
-    np.divide: (lambda g, out, x, y: g / y, lambda g, out, x, y: -g * out / y),
-    np.power: (
-        lambda g, out, x, y: g * y * np.power(x, y - 1),
-        lambda g, out, x, y: g * out * np.log(np.where(x > 0, x, 1.0)),
-    ),
-    np.maximum: (lambda g, out, x, y: np.where(x >= y, g, 0.0), lambda g, out, x, y: np.where(x >= y, 0.0, g)),
-    np.minimum: (lambda g, out, x, y: np.where(x <= y, g, 0.0), lambda g, out, x, y: np.where(x <= y, 0.0, g)),
-    np.negative: (lambda g, out, x: -g,),
-    np.absolute: (lambda g, out, x: g * np.sign(x),),
-    np.square: (lambda g, out, x: 2.0 * g * x,),
-    np.sqrt: (lambda g, out, x: 0.5 * g / out,),
-    np.exp: (lambda g, out, x: g * out,),
-    np.log: (lambda g, out, x: g / x,),
-    np.sin: (lambda g, out, x: g * np.cos(x),),
-    np.cos: (lambda g, out, x: -g * np.sin(x),),
-    np.tan: (lambda g, out, x: g * (1.0 + out * out),),
-    np.arcsin: (lambda g, out, x: g / np.sqrt(1.0 - x * x),),
-    np.arccos: (lambda g, out, x: -g / np.sqrt(1.0 - x * x),),
-    np.arctan: (lambda g, out, x: g / (1.0 + x * x),),
-    np.sinh: (lambda g, out, x: g * np.cosh(x),),
-    np.cosh: (lambda g, out, x: g * np.sinh(x),),
-    np.tanh: (lambda g, out, x: g * (1.0 - out * out),),
-    np.expm1: (lambda g, out, x: g * (out + 1.0),),
-    np.log1p: (lambda g, out, x: g / (1.0 + x),),
-    np.logaddexp: (lambda g, out, x, y: g * np.exp(x - out), lambda g, out, x, y: g * np.exp(y - out)),
-    np.hypot: (lambda g, out, x, y: g * x / out, lambda g, out, x, y: g * y / out),
-    **dict.fromkeys((np.deg2rad, np.radians), (lambda g, out, x: g * (np.pi / 180.0),)),
-    **dict.fromkeys((np.rad2deg, np.degrees), (lambda g, out, x: g * (180.0 / np.pi),)),
-    np.arctan2: (lambda g, out, y, x: g * x / (x * x + y * y), lambda g, out, y, x: -g * y / (x * x + y * y)),
-    np.matmul: (_of_left, _of_right),
-}
-_CONSTANTS = {np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal, np.isfinite, np.isnan}
-_CONSTANTS |= {np.floor, np.ceil, np.rint, np.sign}
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where,
     np.sum: _sum,
     np.mean: _mean,
-    np.max: partial(_extreme, np.argmax),
-    np.min: partial(_extreme, np.argmin),
+    **dict.fromkeys((np.max, np.amax), partial(_extreme, np.argmax)),
+    **dict.fromkeys((np.min, np.amin), partial(_extreme, np.argmin)),
     np.var: _var,
     np.std: _std,
     np.linalg.norm: _norm,
@@ -394,7 +355,10 @@ _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.cross: _cross,
     np.shape: lambda x: x.shape,
     np.ndim: lambda x: x.ndim,
+    np.size: lambda x: x.size,
+    np.dot: lambda x, y: x @ y,
     np.zeros_like: lambda x: np.zeros(x.shape),
+    np.ones_like: lambda x: np.ones(x.shape),
 }
 _MOVES = {np.reshape, np.ravel, np.moveaxis, np.swapaxes, np.transpose, np.expand_dims, np.squeeze, np.broadcast_to}
 _MOVES |= {np.concatenate, np.stack, np.repeat, np.tile, np.roll, np.flip, np.take_along_axis, np.atleast_1d}

@@ -11,6 +11,7 @@ from optim.problems.robot import RobotProblem
 from robots.articulated import ArticulatedRobot
 from robots.articulated.robot import robot_of_record
 from robots.articulated.simulation import GROUND
+from robots.robot import load_design
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
 
@@ -93,3 +94,12 @@ def test_they_are_searched_and_kept_by_name(tmp_path):
     plain.save(plain.start, tmp_path / "plain.json")
     assert (tmp_path / "design.json").read_bytes() == (tmp_path / "plain.json").read_bytes()
     assert "own_measures" not in plain.describe() and robot_of_record(plain.describe()).describe() == plain.describe()
+
+
+def test_saved_designs_take_measures_again(tmp_path):
+    robot = crawler()
+    robot.save(robot.start, tmp_path / "design.json")
+    again = load_design(tmp_path / "design.json").changed({"own_measures": OWN})
+    assert [measure.name for measure in again.measures] == ["speed", "distance", "way", "pose"]
+    with pytest.raises(ValueError, match=r"^duration: articulated robot has its own; leave it out$"):
+        load_design(tmp_path / "design.json").changed({"own_measures": OWN, "duration": 1.0})

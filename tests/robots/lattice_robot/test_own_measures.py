@@ -147,6 +147,8 @@ def test_what_a_law_gets_wrong_is_told_in_one_line(law, told):
 def test_what_is_no_measure_is_refused(bar):
     with pytest.raises(ValueError, match=r"^name: 'My speed' is not allowed; give lower-case letters, digits"):
         OwnMeasure("My speed", law=speed)
+    with pytest.raises(ValueError, match=r"^name: 'worst' is not allowed; it says how worlds are combined$"):
+        OwnMeasure("worst", law=speed)
     with pytest.raises(ValueError, match=r"^law: 3 is no function"):
         OwnMeasure("three", law=3)
     for given, told in (
@@ -182,3 +184,48 @@ def test_files_hold_names_and_no_code(bar, packaged, tmp_path):
 def test_one_measure_needs_no_list(bar):
     found = bar.differentiate(far_from_ties(bar, 1), Terrain(), measures="own_speed", compute=FINE)
     assert list(found.gradients) == ["own_speed"]
+
+
+@pytest.mark.kernels
+def test_a_robot_of_which_a_measure_is_not_finite_fails_alone(bar):
+    """The square root of a way back is none, and has no derivative: the others of the batch keep theirs."""
+    points = far_from_ties(bar, 6)
+    ways = bar.simulate(points, Terrain(), compute=FINE).measures["distance"]
+    bound = np.median(ways)
+    root = OwnMeasure("root", law=lambda m: np.sqrt((m.centres(m.ended) - m.centres(m.began)) @ m.heading - bound))
+    found = dataclasses.replace(bar, own_measures=(root,)).differentiate(
+        points, Terrain(), measures="root", compute=FINE
+    )
+    fine = ways > bound
+    assert 0 < fine.sum() < 6 and np.array_equal(found.status == "ok", fine)
+    assert np.array_equal(np.isfinite(found.gradients["root"]).all(axis=1), fine)
+    assert np.array_equal(np.isfinite(found.measures["speed"]), fine)
+
+
+@pytest.mark.kernels
+def test_a_law_cannot_change_what_others_see(bar):
+    def greedy(motion):
+        ended = motion.ended
+        ended -= motion.began
+        return ended[:, 0, 0]
+
+    spoilt = dataclasses.replace(bar, own_measures=(OwnMeasure("greedy", law=greedy), *OWN))
+    with pytest.raises(ValueError, match=r"^own_measures: greedy fails: ValueError: .*read-only"):
+        spoilt.simulate(far_from_ties(bar), Terrain(), compute=FINE)
+
+
+@dataclasses.dataclass
+class Law:
+    """A law with a setting, of which no hash is known."""
+
+    factor: float
+
+    def __call__(self, motion):
+        return self.factor * motion.ended[:, 0, 2]
+
+
+@pytest.mark.kernels
+def test_laws_need_no_hash_and_are_judged_over_draws(bar):
+    robot = dataclasses.replace(bar, own_measures=(OwnMeasure("height", "m", law=Law(2.0)),))
+    problem = RobotProblem(robot, objective="height", uncertain="friction=10%,slope=1", draws=2, precision="f64")
+    assert np.isfinite(problem.evaluate(far_from_ties(bar)).objectives).all()

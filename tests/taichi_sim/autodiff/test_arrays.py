@@ -28,7 +28,7 @@ FUNCTIONS = {
     ),
     "spread": lambda x, y: x.var(axis=0, ddof=1) * np.std(x, axis=-1, keepdims=True) + np.std(y) + y.var(),
     "lengths": lambda x, y: np.linalg.norm(x, axis=-1, keepdims=True) * y + np.linalg.norm(x) + np.hypot(x, y),
-    "bounds": lambda x, y: np.clip(x, 0.8, y) * np.clip(y, None, 1.5) + np.clip(x, 1.0, None),
+    "bounds": lambda x, y: np.clip(x, 0.8, y) * np.clip(y, None, 1.5) + np.clip(x, a_min=1.0, a_max=None) + x.clip(1.0),
     "angles": lambda x, y: np.tan(x / 2) + np.arcsin(x / 3) * np.arccos(y / 3) + np.degrees(np.radians(np.arctan(x))),
     "growth": lambda x, y: np.sinh(x) + np.cosh(y) * np.expm1(x) + np.logaddexp(x, y) + np.rad2deg(np.log1p(y)),
     "matrices": lambda x, y: (x @ x.T) @ x + x @ np.diag(np.arange(3.0)) + y @ (x.T @ x) + (x[:, None] @ x.T)[0] @ x,
@@ -123,11 +123,14 @@ def test_what_is_not_known_is_refused():
         trace(np.arctanh, np.ones(2) / 2)
     with pytest.raises(TypeError):
         trace(np.median, np.ones(2))
+    with pytest.raises(TypeError, match=r"^an array that is traced does not become a plain one; use NumPy's functions"):
+        trace(lambda x: np.array([each * 2 for each in x]), np.ones(2))
     with pytest.raises(TypeError, match=r"^norm: ord 1 along None is not traced; give lengths of vectors$"):
         trace(lambda x: np.linalg.norm(x, 1), np.ones(2))
 
 
 def test_where_there_is_no_derivative_it_is_zero():
+    assert trace(np.hypot, np.zeros(2), np.zeros(2))[1](np.ones(2))[1].tolist() == [0.0, 0.0]
     for function in (np.std, np.linalg.norm):
         assert trace(function, np.zeros(3))[1](1.0)[0].tolist() == [0.0, 0.0, 0.0]
     assert trace(np.max, np.array([1.0, 2.0, 2.0]))[1](1.0)[0].tolist() == [0.0, 1.0, 0.0]
