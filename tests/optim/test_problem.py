@@ -46,8 +46,9 @@ def test_units_and_names_must_match():
 def test_labels_values_and_the_score():
     speed, energy = Objective("speed_flat", "m/s"), Objective("energy")
     assert speed.label == "speed flat [m/s]" and energy.label == "energy"
-    assert speed.value(0.123456) == "0.1235 m/s" and energy.value(2.0, 1) == "2.0" and speed.value(None) == "none"
-    assert speed.value(-1e-9) == "0.0000 m/s" and Measure("speed", "m/s").value(-1e-9) == "speed 0.0000 m/s"
+    assert speed.value(0.123456) == "0.1235 m/s" and energy.value(2.0) == "2.0000" and speed.value(None) == "none"
+    assert speed.value(-1e-13) == "0.0000 m/s" and Measure("speed", "m/s").value(-1e-13) == "speed 0.0000 m/s"
+    assert speed.value(-1e-9) == "-1e-09 m/s" and Measure("speed", "m/s").value(1e-9) == "speed 1e-09 m/s"
     assert score_of([speed]) is speed
     assert score_of([speed, Objective("up", "m/s")]) == Objective("mean objective", "m/s")
     assert score_of([speed, energy]) == Objective("mean objective")

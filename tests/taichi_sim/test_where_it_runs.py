@@ -23,7 +23,7 @@ def test_more_workers_than_cores_are_noted(morpholab, monkeypatch, tmp_path):
         "bounds = {'x': (0, 1)}\n\n\ndef evaluate(points):\n    return [-((x - 0.3) ** 2) for (x,) in points]\n"
     )
     line = "codesign --problem hill.py --climbers 4 --generations 2 --quiet"
-    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: {0})
     code, _, error = morpholab(f"{line} --workers 2 --out a")
     told = "morpholab codesign: note: 2 workers need 2 threads, of 1 cores; fewer would be as fast\n"
     assert (code, error) == (0, told)
