@@ -189,8 +189,9 @@ def simulate(
 
     Args:
         source: the robot, or what :func:`robot` makes one of.
-        designs: points, shape (N, P) or (P,); or values of some parameters by name, each a number or of shape (N,) and
-            within the bounds (an angle wraps round), while the others are as at the start; None for the start.
+        designs: points, shape (N, P) or (P,), which may lie beyond the bounds of a search, where the robot itself has
+            none; or values of some parameters by name, each a number or of shape (N,) and within the bounds (an angle
+            wraps round), while the others are as at the start; None for the start.
         where: the world or its name; by default the robot's usual one, or the first one of a run.
         how: ``precision``, ``threads`` and ``device``, as of ``Compute``.
 
