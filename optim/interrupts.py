@@ -3,7 +3,7 @@
 import signal
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import AbstractContextManager
 from types import FrameType, TracebackType
 from typing import Any
@@ -35,6 +35,9 @@ class HungUp(Interrupted):
 KINDS: Mapping[int, type[Interrupted]] = {signal.SIGINT: Interrupted, signal.SIGTERM: Terminated, signal.SIGHUP: HungUp}
 
 
+CTRL_C = (signal.SIGINT,)
+
+
 def stopped_by(interrupt: KeyboardInterrupt) -> int:
     """Heed an interrupt, so that it is not raised again; the exit code of the command that it ends."""
     if not isinstance(interrupt, Interrupted):
@@ -52,8 +55,9 @@ class EndedBySignals(AbstractContextManager[None]):
     fails there leaves in its place, as it may be what the user has to know.
     """
 
-    def __init__(self) -> None:
-        """Change nothing before it is entered."""
+    def __init__(self, numbers: Collection[int] = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)) -> None:
+        """Change nothing before it is entered; ``numbers`` are the signals that count."""
+        self._numbers = numbers
         self._raised: Interrupted | None = None
         self._leaving = False
         self._before: dict[int, Any] = {}  # handlers, by the signal
@@ -62,7 +66,7 @@ class EndedBySignals(AbstractContextManager[None]):
     def __enter__(self) -> None:
         if threading.current_thread() is not threading.main_thread():  # signals are the main thread's
             return
-        for number in KINDS:
+        for number in self._numbers:
             handler = signal.getsignal(number)
             replaced = number == signal.SIGINT and handler is not signal.default_int_handler
             if handler != signal.SIG_IGN and not replaced:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
+from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World
@@ -203,7 +204,7 @@ def simulate(
         (1,)
     """
     tried, points, place, compute = _given(source, designs, where, how)
-    with shown_progress(f"{tried.name} {place.where}".strip(), 1.0) as update:
+    with EndedBySignals(CTRL_C), shown_progress(f"{tried.name} {place.where}".strip(), 1.0) as update:
         if len(points) > 1 or (single := _recorded(tried, points, place, compute, update)) is None:
             return Trials(
                 tried, points, place, tried.simulate(points, place, compute=compute, progress=update), compute
@@ -225,7 +226,7 @@ def differentiate(
         ValueError: if robots of this kind have no gradients, or for a value that is not allowed.
     """
     tried, points, place, compute = _given(source, designs, where, how)
-    with shown_progress(f"gradient of {tried.name}", 1.0) as update:
+    with EndedBySignals(CTRL_C), shown_progress(f"gradient of {tried.name}", 1.0) as update:
         outcome = tried.differentiate(points, place, measures=measures, compute=compute, progress=update)
     return Trials(tried, points, place, outcome, compute)
 

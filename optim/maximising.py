@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from optim.interrupts import CTRL_C, EndedBySignals
 from optim.problem import Objective, Problem, judge, objectives_of, score_of
 from optim.problems.function import Bounds, Function, problem_of
 from optim.runs.generation import Generation, record
@@ -102,7 +103,7 @@ def maximise(
     search = build_method(method, designed.space, {"seed": seed, **settings})
     check_fit(search, designed)
     records: list[Generation] = []
-    with _shown(progress, generations, score_of(objectives)) as show:
+    with EndedBySignals(CTRL_C), _shown(progress, generations, score_of(objectives)) as show:
         while len(records) <= generations:
             request = next_request(search)
             evaluation = judge(designed, request)

@@ -1,5 +1,6 @@
 """Signals end what they meet, whatever swallows them at first."""
 
+import contextlib
 import os
 import signal
 import sys
@@ -8,6 +9,7 @@ import time
 
 import pytest
 
+import morpholab as ml
 from optim import interrupts
 from optim.interrupts import EndedBySignals, HungUp, Interrupted, Terminated, stopped_by
 
@@ -185,3 +187,19 @@ def test_signals_are_left_to_the_main_thread():
     thread.start()
     thread.join()
     assert failed == [] and sys.exception() is None
+
+
+@pytest.mark.parametrize("call", [ml.simulate, ml.differentiate])
+def test_calls_from_python_end_though_something_swallows_ctrl_c(monkeypatch, call):
+    def swallowing(*_, **__):
+        with contextlib.suppress(BaseException):
+            signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL  # which is the session's own
+        time.sleep(10.0)
+
+    monkeypatch.setattr("optim.lab._recorded", swallowing)
+    monkeypatch.setattr("robots.abstract.Robot.differentiate", swallowing)
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        call("vehicle")
+    assert time.monotonic() - began < 5.0 and signal.getsignal(signal.SIGINT) is signal.default_int_handler
