@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from robots.abilities import Abilities
 from robots.delegation import delegating
-from robots.kind import KINDS, OWN_MEASURES
+from robots.kind import KINDS, OWN_MEASURES_FIELD
 from robots.outcome import (
     Facts,
     Measure,
@@ -309,9 +309,9 @@ class Robot(Abilities, ShortText):
         Raises:
             ValueError: if a design settles what an option would change.
         """
-        told = hasattr(self, OWN_MEASURES)  # which change nothing of what it does
+        told = hasattr(self, OWN_MEASURES_FIELD)  # which change nothing of what it does
         for name in options:
-            if name != OWN_MEASURES or not told:
+            if name != OWN_MEASURES_FIELD or not told:
                 raise ValueError(f"{name}: {self.name} has its own; leave it out")
         return dataclasses.replace(self, **options) if options else self  # type: ignore[type-var]
 

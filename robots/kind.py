@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 Choices = Mapping[str, tuple[float, float] | list[Any]]
 
 
-OWN_MEASURES = "own_measures"  # the option, and the field of robots that have it
+OWN_MEASURES_FIELD = "own_measures"  # the option, and the field of robots that have it
 OWN_MEASURES_OPTION = Option(
-    OWN_MEASURES, "measure of an installed package, to be told and searched, too", str, "NAME", several=True
+    OWN_MEASURES_FIELD, "measure of an installed package, to be told and searched, too", str, "NAME", several=True
 )
 
 

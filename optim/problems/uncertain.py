@@ -74,7 +74,9 @@ def check_part(size: int, what: str, count: int, over: str) -> None:
         ValueError: for these.
     """
     if size == 1 < count and over not in ("mean", "each"):
-        raise ValueError(f"minibatch_size: 1 is not allowed with {over} of several {what}; give at least 2 by --set")
+        raise ValueError(
+            f"minibatch_size: 1 is not allowed with {over} of several {what}; give at least 2, in commands by --set"
+        )
 
 
 @dataclass(frozen=True, eq=False)

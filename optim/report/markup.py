@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.experiments.figures import STYLE
-from taichi_sim.base.short_text import NOTHING, printable
+from taichi_sim.base.short_text import is_hidden, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,8 +66,7 @@ def number(value: float | None, digits: int = 4, unit: str = "") -> Html:
     """A number as read by people, and in full for machines; a dash for none."""
     if value is None or not math.isfinite(value):
         return text(None)
-    hidden = digits == 4 and NOTHING < abs(value) < 1e-3  # as ``decimal`` has it
-    shown = (f"{value:.3g}" if hidden else f"{value:z,.{digits}f}").replace("-", MINUS)
+    shown = (f"{value:.3g}" if digits == 4 and is_hidden(value) else f"{value:z,.{digits}f}").replace("-", MINUS)
     exact = value.item() if isinstance(value, np.generic) else value
     return Html(f'<data value="{exact!r}">{shown}</data>{" " + html.escape(unit) if unit else ""}')
 

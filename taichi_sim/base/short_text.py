@@ -19,7 +19,12 @@ def shortest(number: float) -> str:
 
 def decimal(number: float, sign: str = "") -> str:
     """A number with four decimals, or in three digits where these would not show it; ``sign`` may be ``"+"``."""
-    return f"{number:{sign}.3g}" if NOTHING < abs(number) < 1e-3 else f"{number:{sign}z.4f}"
+    return f"{number:{sign}.3g}" if is_hidden(number) else f"{number:{sign}z.4f}"
+
+
+def is_hidden(number: float) -> bool:
+    """Whether four decimals would not show a number, though it is not nothing."""
+    return NOTHING < abs(number) < 1e-3
 
 
 def printable(text: str) -> str:

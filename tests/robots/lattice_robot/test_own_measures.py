@@ -9,11 +9,12 @@ from plug_in import install
 
 from morpholab import OwnMeasure
 from optim import maximise
+from optim.problems.goals import WORDS
 from optim.problems.robot import RobotProblem
 from robots.freeform import FreeformActuation, FreeformRobot, Grid
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, save_robot
 from robots.lattice_robot.soft_motion import SoftMotion, law_of
-from robots.own_measures import OWN_MEASURES
+from robots.own_measures import OF_OBJECTIVES, OWN_MEASURES
 from robots.robot import KINDS
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute
@@ -145,6 +146,7 @@ def test_what_a_law_gets_wrong_is_told_in_one_line(law, told):
 
 
 def test_what_is_no_measure_is_refused(bar):
+    assert set(OF_OBJECTIVES) == set(WORDS)
     with pytest.raises(ValueError, match=r"^name: 'My speed' is not allowed; give lower-case letters, digits"):
         OwnMeasure("My speed", law=speed)
     with pytest.raises(ValueError, match=r"^name: 'worst' is not allowed; it says how worlds are combined$"):
