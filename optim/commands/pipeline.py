@@ -6,6 +6,7 @@ from dataclasses import asdict
 from optim.commands import FAILED, Report, goes_on
 from optim.commands.options import QUIET, THREADS, Command, Option, file_text, path_to
 from optim.progress import shown_progress
+from taichi_sim.base.short_text import decimal
 
 COMMAND = Command(
     "pipeline",
@@ -54,7 +55,7 @@ def _make(args: argparse.Namespace) -> Report:
     except NoWorkingGait as error:
         return Report({"folder": str(args.out), "failed": str(error)}, f"failed: {error}", FAILED)
     faults = [fault for change in found.changes.values() if change for fault in change.faults]
-    lines = [f"{KIND.world_told(each.terrain)}: {each.gait}, {each.speed:z.4f} BL/s" for each in found.states]
+    lines = [f"{KIND.world_told(each.terrain)}: {each.gait}, {decimal(each.speed)} BL/s" for each in found.states]
     lines += [f"change of shape: {fault}" for fault in faults]
     document = {"folder": str(args.out), "files": files, "faults": faults, **found.numbers()}
     return Report(document, "\n".join([*lines, f"{args.out / PACKAGE}: {len(files)} files"]), FAILED if faults else 0)
@@ -71,10 +72,10 @@ def _replay(args: argparse.Namespace) -> Report:
     for one in found:
         verdict = "holds" if one.holds else "differs by more than 5 %"
         lines += [
-            f"{one.name}: {one.replayed:z.4f} BL/s from its table, designed {one.designed:z.4f} ({verdict})",
+            f"{one.name}: {decimal(one.replayed)} BL/s from its table, designed {decimal(one.designed)} ({verdict})",
             f"  over time: {one.course}",
         ]
         if rig is not None:
-            lines.append(f"  on the rig {rig.name}, in its time: {one.on_rig:z.4f} BL/s")
+            lines.append(f"  on the rig {rig.name}, in its time: {decimal(one.on_rig)} BL/s")
     document = {"package": str(args.replay), "states": [{**asdict(one), "holds": one.holds} for one in found]}
     return Report(document, "\n".join(lines), 0 if all(one.holds for one in found) else FAILED)

@@ -36,6 +36,7 @@ from robots.hardware import export_csv
 from robots.inflatable.design import InflatableDesign, save_design
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
+from taichi_sim.base.short_text import decimal
 
 FOLDERS = ("gaits", "tables", "pictures")
 NUMBERS, REPORT = "numbers.json", "report.html"
@@ -180,7 +181,7 @@ def _picture(state: State, folder: Path) -> Html:
     """Poses of a state's gait."""
     png = (folder / "pictures" / f"{state.name}.png").read_bytes()
     shown = picture_of(png, f"poses of the gait {state.terrain.where}")
-    return picture(shown, f"{state.gait} {state.terrain.where}: {state.speed:z.4f} BL/s")
+    return picture(shown, f"{state.gait} {state.terrain.where}: {decimal(state.speed)} BL/s")
 
 
 def _changes(package: Package) -> list[Html]:

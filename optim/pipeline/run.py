@@ -23,6 +23,7 @@ from robots.inflatable.timing import gait_steps
 from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.short_text import decimal
 
 FOUND = "found-"  # how names begin of what searches find
 
@@ -136,7 +137,7 @@ def _choose(
         if not faults:
             return number, changes, rejected
         every.append(changes)
-        rejected.append(f"{', '.join(plan.gaits)} ({plan.speed:z.4f} BL/s): {'; '.join(faults)}")
+        rejected.append(f"{', '.join(plan.gaits)} ({decimal(plan.speed)} BL/s): {'; '.join(faults)}")
     return 0, every[0], rejected
 
 

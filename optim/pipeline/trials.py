@@ -16,6 +16,7 @@ from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.results_folder import ResultsFolder
+from taichi_sim.base.short_text import decimal
 
 
 class NoWorkingGait(RuntimeError):
@@ -92,7 +93,7 @@ def check_working(speeds: Mapping[str, Floats], task: PipelineTask) -> None:
     for place, terrain in enumerate(task.terrains):
         means = {name: float(each[place].mean()) for name, each in speeds.items()}
         if not any(speed >= task.limits.least_speed for speed in means.values()):
-            tried = ", ".join(f"{name} {'diverged' if np.isnan(v) else f'{v:z.4f}'}" for name, v in means.items())
+            tried = ", ".join(f"{name} {'diverged' if np.isnan(v) else decimal(v)}" for name, v in means.items())
             raise NoWorkingGait(
                 f"{terrain.name}: no gait reaches {task.limits.least_speed:g} BL/s; tried: {tried or 'none'}"
             )

@@ -18,6 +18,7 @@ from robots.inflatable.simulation import InflatableResult, reordered, simulate
 from robots.robot import Trial
 from robots.world import terrain_of
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
     from robots.inflatable.robot import InflatableRobot
@@ -101,9 +102,9 @@ def speed_lines(rig: PneumaticRig, numbers: Mapping[str, float]) -> str:
     designed, commanded = numbers["speed_designed"], numbers["speed_as_commanded"]
     lost = {cause.spoken: commanded - numbers[f"speed_with_{cause.name}"] for cause in causes_of(rig)}
     return (
-        f"on the rig {rig.name}, in its time: {numbers['speed_simulated']:z.4f} BL/s; "
-        f"without {LAG.spoken} {numbers['speed_without_lag']:z.4f}, "
-        f"without {', '.join(cause.spoken for cause in CAUSES[:-1])} and {CAUSES[-1].spoken} {commanded:z.4f}\n"
-        f"designed {designed:z.4f}; of it the rig's longer strokes take {designed - commanded:z.4f}, then each alone: "
-        + ", ".join(f"{spoken} {loss:z.4f}" for spoken, loss in lost.items())
+        f"on the rig {rig.name}, in its time: {decimal(numbers['speed_simulated'])} BL/s; "
+        f"without {LAG.spoken} {decimal(numbers['speed_without_lag'])}, "
+        f"without {', '.join(cause.spoken for cause in CAUSES[:-1])} and {CAUSES[-1].spoken} {decimal(commanded)}\n"
+        f"designed {decimal(designed)}; of it the rig's longer strokes take {decimal(designed - commanded)}, "
+        "then each alone: " + ", ".join(f"{spoken} {decimal(loss)}" for spoken, loss in lost.items())
     )

@@ -37,6 +37,7 @@ from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import choice
 from taichi_sim.base.compute import Compute
+from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
     from robots.calibration import Properties
@@ -278,9 +279,9 @@ class InflatableRobot(Robot):
         numbers = {name: float(values[0]) for name, values in outcome.measures.items()}
         side = "left" if numbers["sideways"] >= 0 else "right"
         text = (
-            f"distance {numbers['distance']:z.4f} m, {abs(numbers['sideways']):z.4f} m to the {side}, "
-            f"speed {numbers['speed']:z.4f} BL/s (published convention; {numbers['speed_simulated']:z.4f} in the time "
-            "simulated)"
+            f"distance {decimal(numbers['distance'])} m, {decimal(abs(numbers['sideways']))} m to the {side}, "
+            f"speed {decimal(numbers['speed'])} BL/s (published convention; {decimal(numbers['speed_simulated'])} "
+            "in the time simulated)"
         )
         if self.rig is not None:
             from robots.inflatable.on_rig import speed_lines

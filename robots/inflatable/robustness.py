@@ -28,6 +28,7 @@ from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import ComputeOptions
+from taichi_sim.base.short_text import decimal
 
 RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
@@ -125,7 +126,7 @@ class GaitJudgement(NoisySpeeds):
             found.append(f"feet slip {self.slip_ratio:.2f} of the way while they grip, more than {MOST_SLIP:g}")
         if self.hard_speed < self.least_hard_speed:
             found.append(
-                f"{self.hard_speed:z.4f} BL/s remain with friction {self.hard_friction:g} of sliding feet and"
+                f"{decimal(self.hard_speed)} BL/s remain with friction {self.hard_friction:g} of sliding feet and"
                 f" bladders that keep their weight, less than {self.least_hard_speed:.4g}"
             )
         return tuple(found)
@@ -141,7 +142,8 @@ class GaitJudgement(NoisySpeeds):
         if self.diverged:
             return "; ".join(self.faults)
         usual, hard = (
-            f"{s.mean():z.4f} BL/s, standard deviation {s.std(ddof=1):z.4f}" for s in (self.speeds, self.hard_speeds)
+            f"{decimal(s.mean())} BL/s, standard deviation {decimal(s.std(ddof=1))}"
+            for s in (self.speeds, self.hard_speeds)
         )
         slip = f"{self.slip_ratio:.2f} of the way while they grip, standard deviation {self.slip_deviation:.2f}"
         lines = [f"{usual}, {len(self.speeds)} runs", f"harder conditions: {hard}"]

@@ -16,6 +16,7 @@ from robots.uncertainty import Perturbation
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
+from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
@@ -61,8 +62,8 @@ class Trust:
     def judgement(self) -> Judgement:
         """The trust in words, and as a document."""
         low, high = self.starts.min(), self.starts.max()
-        spread = f"{self.speed:z.4f} BL/s, {low:z.4f} to {high:z.4f} from {len(self.starts)} noisy starts"
-        told = ", ".join(f"{name} {speed:z.4f}" for name, speed in self.changed.items())
+        spread = f"{decimal(self.speed)} BL/s, {decimal(low)} to {decimal(high)} from {len(self.starts)} noisy starts"
+        told = ", ".join(f"{name} {decimal(speed)}" for name, speed in self.changed.items())
         text = f"{spread}\nchanged: {told}\n{self.kept:.2f} of the speed remains in the median"
         if self.broken_by:
             text += f"; less than half with {', '.join(self.broken_by)}"

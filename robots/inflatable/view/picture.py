@@ -18,6 +18,7 @@ from robots.view.picture import PATH_POINTS, WIDTH, motion_picture, save_picture
 from robots.view.scene import INK
 from robots.world import Terrain
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.short_text import decimal
 
 
 def save_motion_picture(
@@ -85,5 +86,5 @@ def inflatable_title(result: InflatableResult, design: InflatableDesign, terrain
     cores = "cores" if isinstance(design.pressure, tuple) else "core"
     body = f"{cores} at {kilopascals(design.pressure)}, heading {design.orientation:.3g}°"
     ok = result.status[robot] == "ok"
-    what = f"{result.speed[robot]:z.4f} BL/s" if ok else f"{result.status[robot]}"
+    what = f"{decimal(result.speed[robot])} BL/s" if ok else f"{result.status[robot]}"
     return f"{what} {terrain.spoken}; {body}".replace("-", "\N{MINUS SIGN}")
