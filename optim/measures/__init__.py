@@ -3,4 +3,6 @@
 from optim.measures.homeostasis import homeostasis
 from optim.measures.overlap import learnability, resistance
 
-__all__ = ["homeostasis", "learnability", "resistance"]
+interference = resistance  # its name in version 1.0, which callers' own code has
+
+__all__ = ["homeostasis", "interference", "learnability", "resistance"]
