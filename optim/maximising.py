@@ -16,9 +16,9 @@ from optim.runs.generation import Generation, record
 from optim.search import MethodName, build_method, check_objectives
 from optim.search.method import SearchResult, check_fit, next_request
 from optim.space import Space
-from optim.wording import counted
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
+from taichi_sim.base.short_text import counted
 
 Progress = Callable[[Generation], object]
 MOST_SHOWN = 8  # values of the best point

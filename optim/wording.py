@@ -1,9 +1,4 @@
-"""Counts, sizes and durations in words."""
-
-
-def counted(count: int, one: str, several: str = "") -> str:
-    """A count and its noun, such as ``1 body`` or ``2 bodies``; ``several`` is the plural (default: with an s)."""
-    return f"{count} {one if count == 1 else several or one + 's'}"
+"""Sizes and durations in words."""
 
 
 def spoken_size(size: int) -> str:

@@ -44,11 +44,6 @@ Parameter = Variable  # what is free of a robot
 FRAMES = 1000  # of a motion, at most
 
 
-def counted(count: int, one: str) -> str:
-    """A count and its noun, such as ``1 cycle`` or ``4 cycles``."""
-    return f"{count} {one}" if count == 1 else f"{count} {one}s"
-
-
 class Robot(Abilities, ShortText):
     """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
 

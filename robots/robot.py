@@ -13,7 +13,6 @@ from robots.abstract import FRAMES as FRAMES
 from robots.abstract import FixedRobot as FixedRobot
 from robots.abstract import Parameter as Parameter
 from robots.abstract import Robot as Robot
-from robots.abstract import counted as counted
 from robots.kind import KINDS as KINDS
 from robots.kind import USUAL as USUAL
 from robots.kind import RobotKind as RobotKind

@@ -21,10 +21,10 @@ from optim.notes import note
 from optim.problem import Objective
 from optim.problems.designer import options_of
 from optim.progress import shown_progress
-from optim.wording import counted, spoken_duration
+from optim.wording import spoken_duration
 from robots.tasks import find_task
 from taichi_sim.base.results_folder import BEST_DESIGN
-from taichi_sim.base.short_text import decimal
+from taichi_sim.base.short_text import counted, decimal
 
 if TYPE_CHECKING:
     from optim.problem import Problem
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 COMMAND = Command(
     "codesign",
     "design a robot",
-    "Search for the body and behaviour with which a robot does best: by default, the orientation, shape and control "
+    "Search for the body and behaviour with which a robot does best: by default, the pressure, orientation and gait "
     "with which the inflatable robot travels fastest.",
     (
         path_to("out", "DIR", "folder of the run", required=True),

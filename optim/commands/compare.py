@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, path_to
-from optim.wording import counted
-from taichi_sim.base.short_text import decimal
+from taichi_sim.base.short_text import counted, decimal
 
 if TYPE_CHECKING:
     from optim.runs.comparison import Curve, Difference

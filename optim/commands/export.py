@@ -11,9 +11,9 @@ from optim.commands.robots import kinds_of_words, named_source, own_alone
 from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import has_run
 from optim.runs.history import read_history
-from optim.wording import counted
 from robots.robot import Robot, robot_to_try
 from taichi_sim.base.claims import undone_if_it_fails
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from robots.hardware.rig import PneumaticRig

@@ -21,7 +21,7 @@ INSIDE = 0.15  # of its range: how far the point keeps from every bound
 COMMAND = Command(
     "gradient-check",
     "compare gradients with differences",
-    "Compare the exact gradient of the speed, by pressure, orientation and levels of the gait, with central "
+    "Compare the exact gradient of what the robot is judged by, by all that is free of it, with central "
     "differences over step sizes and horizons, and with the gradient of the smoothed speed. Speeds of gaits with times "
     "of their own are counted by the time that they take.",
     (

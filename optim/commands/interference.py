@@ -7,7 +7,7 @@ from typing import Any
 from optim.commands import Report, goes_on, options
 from optim.commands.options import DEVICE, QUIET, THREADS, Command, Option, count, flag, path_to
 from optim.progress import shown_progress
-from optim.wording import counted
+from taichi_sim.base.short_text import counted
 
 COMMAND = Command(
     "interference",

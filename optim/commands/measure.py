@@ -10,10 +10,10 @@ from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.commands.robots import kinds_of_robot, own_alone
 from optim.progress import shown_progress
 from optim.runs.config import GROUND_FILES
-from optim.wording import counted
 from robots.ground_files import ground_files
 from robots.robot import Robot, RobotKind, find_robot_doing, make_robot
 from robots.tasks import Success
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from optim.experiments.body_metrics import BodyMetrics, Environments

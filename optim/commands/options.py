@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from optim.commands.robots import OptionsOf, RobotOptions
-from robots.robot import RobotKind
+from robots.robot import KINDS, RobotKind
 from taichi_sim.base import claims
 from taichi_sim.base.compute import DEVICES, PRECISIONS, Compute
 from taichi_sim.base.options import Option as Option
@@ -90,8 +90,8 @@ def robot(told: str, default: str = "(default: inflatable)") -> Option:
     """The option that names the robot; ``told`` says what else to give, ``default`` what it is unless it is given."""
     return Option(
         "robot",
-        "a kind of robot (inflatable, pouch, lattice, freeform, walker, vehicle, quadruped, rover, articulated, or of "
-        f"an installed package) or the file of one {default}; {told}",
+        f"a kind of robot ({', '.join(KINDS.builtin)}, or of an installed package) or the file of one {default}; "
+        f"{told}",
         metavar="KIND|FILE",
     )
 

@@ -75,7 +75,7 @@ def _replay(args: argparse.Namespace) -> Report:
             f"{one.name}: {decimal(one.replayed)} BL/s from its table, designed {decimal(one.designed)} ({verdict})",
             f"  over time: {one.course}",
         ]
-        if rig is not None:
+        if rig is not None and one.on_rig is not None:
             lines.append(f"  on the rig {rig.name}, in its time: {decimal(one.on_rig)} BL/s")
     document = {"package": str(args.replay), "states": [{**asdict(one), "holds": one.holds} for one in found]}
     return Report(document, "\n".join(lines), 0 if all(one.holds for one in found) else FAILED)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from optim.commands import Report
 from optim.commands.options import Command, Option, count, file_text, flag, number, path_to
 from optim.notes import note
-from optim.wording import counted
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from robots.hardware.controller import Link

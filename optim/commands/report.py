@@ -9,8 +9,9 @@ from optim.commands.options import Command, Option, count, file_text, flag, path
 from optim.interrupts import stopped_by
 from optim.notes import note
 from optim.progress import shown_progress
-from optim.wording import counted, spoken_size
+from optim.wording import spoken_size
 from taichi_sim.base.options import whole
+from taichi_sim.base.short_text import counted
 
 SUFFIXES = (".html", ".htm")
 COMMAND = Command(

@@ -58,6 +58,32 @@ COMMAND = Command(
 
 def run(args: argparse.Namespace) -> Report:
     """Simulate, and write the files asked for."""
+    gait = _gait_of(args)
+    options.claim_folder(args, *FILES)
+    kind, source = find_robot_doing(args.robot, gait)
+    robot, (world, *_) = robot_to_try(kind, source, args.parser.values(args, kind))
+    compute, what = options.compute(args, "f64"), gait or args.robot
+    title = f"{what} {world.where}".strip()
+    measured = {measure.name for measure in robot.measures}
+    own = KINDS.of(robot)  # a file of Python may set a robot of another kind than files of Python are
+    place = own.world_option if own.world_option not in measured else "world"
+    values = {name: value for name, value in own.world_values(world).items() if name != own.world_option}
+    about = {"gait" if gait else "robot": what, place: world.name, **values}
+    if args.uncertain:
+        return _uncertain(args, robot, world, title, about)
+    if args.judge:
+        with shown_progress(f"{title}, judged", 1.0, args.quiet) as update:
+            found = robot.judge(world, compute=compute, progress=update)
+        code = FAILED if found.failed else 0
+        calibration = {name: value for name, value in robot.document().items() if name == "calibration"}
+        return Report({**about, **calibration, **found.document}, f"{title}: {found.text}", code)
+    with shown_progress(title, 1.0, args.quiet) as update:
+        outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
+    return _report(args, robot, world, outcome, title, about)
+
+
+def _gait_of(args: argparse.Namespace) -> str | None:
+    """Refuse options that do not go together; the gait or the table that is simulated, if any."""
     if args.table is not None:
         if args.gait is not None:
             raise ValueError(f"table: {args.table} is not allowed with --gait; give one of them")
@@ -68,39 +94,19 @@ def run(args: argparse.Namespace) -> Report:
                 raise ValueError(f"{name}: is not allowed with --table, which is played once")
         if args.out is not None:
             raise ValueError(f"out: {args.out} is not allowed with --table; its files are those of a gait")
-        args.gait = args.table
     elif args.rig is not None:
         raise ValueError(f"rig: {args.rig} is not allowed without --table, which it plays")
-    if args.robot is None and args.gait is None:
+    if args.robot is None and args.gait is None and args.table is None:
         raise ValueError("gait: none is given; name a gait or a design, or another kind of robot by --robot")
     if args.record_every is not None and args.out is None:
         raise ValueError("record-every: the poses need a folder; give --out")
-    options.claim_folder(args, *FILES)
-    kind, source = find_robot_doing(args.robot, args.gait)
-    robot, (world, *_) = robot_to_try(kind, source, args.parser.values(args, kind))
-    compute, what = options.compute(args, "f64"), args.gait or args.robot
-    title = f"{what} {world.where}".strip()
-    measured = {measure.name for measure in robot.measures}
-    own = KINDS.of(robot)  # a file of Python may set a robot of another kind than files of Python are
-    place = own.world_option if own.world_option not in measured else "world"
-    values = {name: value for name, value in own.world_values(world).items() if name != own.world_option}
-    about = {"gait" if args.gait else "robot": what, place: world.name, **values}
-    if args.uncertain:
-        return _uncertain(args, robot, world, title, about)
     for name in ("draws", "risk"):
-        if (value := getattr(args, name)) is not None:
+        if not args.uncertain and (value := getattr(args, name)) is not None:
             raise ValueError(f"{name}: {value} is not allowed without --uncertain; say what is uncertain")
-    if args.judge:
-        if args.out:
-            raise ValueError(f"out: {args.out} is not allowed with --judge, which plays many runs with noise")
-        with shown_progress(f"{title}, judged", 1.0, args.quiet) as update:
-            found = robot.judge(world, compute=compute, progress=update)
-        code = FAILED if found.failed else 0
-        calibration = {name: value for name, value in robot.document().items() if name == "calibration"}
-        return Report({**about, **calibration, **found.document}, f"{title}: {found.text}", code)
-    with shown_progress(title, 1.0, args.quiet) as update:
-        outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
-    return _report(args, robot, world, outcome, title, about)
+    if args.judge and args.out and not args.uncertain:
+        raise ValueError(f"out: {args.out} is not allowed with --judge, which plays many runs with noise")
+    gait: str | None = args.gait if args.table is None else args.table
+    return gait
 
 
 def _uncertain(args: argparse.Namespace, robot: Robot, world: World, title: str, about: dict[str, Any]) -> Report:

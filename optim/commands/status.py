@@ -5,7 +5,8 @@ from typing import Any
 
 from optim.commands import FAILED, Report, options
 from optim.problem import Objective
-from optim.wording import counted, spoken_duration
+from optim.wording import spoken_duration
+from taichi_sim.base.short_text import counted
 
 COMMAND = options.Command(
     "status",

@@ -8,7 +8,7 @@ from optim.commands import Report, goes_on
 from optim.commands.options import QUIET, Command, count, flag, path_to
 from optim.commands.vehicle_options import SIMULATION, designs_option, task_settings
 from optim.progress import shown_progress
-from optim.wording import counted
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from optim.studies.chapter3.sweep_table import SweepTable

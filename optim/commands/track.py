@@ -6,7 +6,7 @@ from typing import Any
 
 from optim.commands import Report, options
 from optim.commands.options import Command, Option, path_to
-from optim.wording import counted
+from taichi_sim.base.short_text import counted
 
 COMMAND = Command(
     "track",

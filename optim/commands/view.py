@@ -10,8 +10,9 @@ from optim.commands.options import QUIET, Command, Option, count
 from optim.commands.robots import kinds_of_words, loaded, named_source, world_and_own
 from optim.commands.view_files import APPEARANCE, OUTPUTS, TITLE, check_outputs, write_outputs
 from optim.progress import Update, shown_progress
-from optim.wording import counted, spoken_size
+from optim.wording import spoken_size
 from robots.robot import RobotKind, World
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion

@@ -9,7 +9,7 @@ from optim.commands.evaluation import with_options
 from optim.commands.options import QUIET, THREADS, Command, Option, number, path_to
 from optim.notes import note
 from optim.problem import FILE
-from optim.wording import counted
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from optim.problem import Problem

@@ -206,6 +206,11 @@ def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]
     return float(values.mean() - half), float(values.mean() + half)
 
 
+def known_interval(sample: ArrayLike) -> tuple[float | None, float | None]:
+    """The 95 % interval of :func:`mean_interval`, or two ``None`` if fewer than two values leave it unknown."""
+    return mean_interval(sample) if np.size(sample) > 1 else (None, None)
+
+
 def wilson(successes: int, trials: int) -> tuple[float, float]:
     """Two-sided 95 % score interval (Wilson) of a share: ``successes`` out of ``trials``, at least one."""
     interval = _scipy().binomtest(successes, trials, alternative="two-sided").proportion_ci(0.95, method="wilson")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.problem import FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem
-from optim.wording import counted
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 
 from optim.problem import VEHICLE, Evaluation, Minibatch, check_kind
 from optim.problems.robot import JudgedRobot
-from optim.wording import counted
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import CONTROLLERS
 from robots.braitenberg.offered import VehicleRobot
 from robots.robot import Facts, World
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import choice
+from taichi_sim.base.short_text import counted
 from taichi_sim.vehicle import VehicleBatch, differentiate, rollout
 
 OBJECTIVES = ("total", "environments")

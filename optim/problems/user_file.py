@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from optim.problem import FILE, Evaluation, Minibatch, Objective, Problem, check_kind, has_minibatches, objectives_of
 from optim.problems.function import PlainProblem, problem_of
 from optim.space import Space, Variable
-from optim.wording import counted
 from taichi_sim.base.files import content_of, sha256, why_unread
 from taichi_sim.base.foreign import blamed, users_code
+from taichi_sim.base.short_text import counted
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
 

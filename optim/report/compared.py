@@ -11,7 +11,7 @@ from optim.report.one_run import OneRun
 from optim.runs import comparison
 from optim.runs.comparison import Axis, Difference, Standing
 from optim.runs.robust import HeldOut, held_out
-from optim.wording import counted
+from taichi_sim.base.short_text import counted
 
 
 def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Section], dict[str, Any]]:

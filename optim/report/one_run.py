@@ -37,11 +37,12 @@ from optim.runs.generation import Generation
 from optim.runs.history import History, begun
 from optim.runs.robust import checked_robust, read_robust
 from optim.space import Variable
-from optim.wording import counted, spoken_duration
+from optim.wording import spoken_duration
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
+from taichi_sim.base.short_text import counted
 
 MOST_ROWS = 60  # of the table of generations
 FILES = {

@@ -29,13 +29,13 @@ from optim.report.rig import rig_section
 from optim.runs.config import check_ground_files
 from optim.runs.generation import Generation
 from optim.runs.history import History
-from optim.wording import counted
 from robots.ground_files import by_file_read
 from robots.hardware import PneumaticRig
 from robots.robot import KINDS, Facts, Quantity, Replay, Robot, part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.options import flag_of, spelled
 from taichi_sim.base.results_folder import BEST_DESIGN
+from taichi_sim.base.short_text import counted
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
 from robots.own_measures import OwnMeasure, checked_own_measures, names_of
-from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
 from robots.world import Terrain
 from taichi_sim import rigid
 from taichi_sim.base import checks
@@ -24,6 +24,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_text
 from taichi_sim.base.plain_xml import parse_xml
+from taichi_sim.base.short_text import counted
 from taichi_sim.rigid import Network, Senses
 from taichi_sim.rigid.model.assembly import Model, check_start
 from taichi_sim.rigid.model.files import parse_model, read_model

@@ -12,12 +12,13 @@ from robots.braitenberg.body import BASELINE, CONTROLLERS, FORMAT, HALF_SIDE, Ve
 from robots.braitenberg.experiment import PUBLISHED, batch_of, contralateral
 from robots.braitenberg.sweeps import sweep
 from robots.environments import Environment
-from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World
 from taichi_sim import vehicle
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import built, choice, known_names, numbers, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import read_record, write_record
+from taichi_sim.base.short_text import counted
 from taichi_sim.vehicle import VehicleBatch, VehicleTask
 
 if TYPE_CHECKING:

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 from robots.control.neural import TIME_STEP, Lights
 from robots.environments import Environment
 from robots.outcome import recorded
-from robots.robot import HERE, Option, Outcome, Robot, RobotKind, Trial, World, counted
+from robots.robot import HERE, Option, Outcome, Robot, RobotKind, Trial, World
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.options import value_of
-from taichi_sim.base.short_text import shortest
+from taichi_sim.base.short_text import counted, shortest
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ from typing import Any
 from robots.kind import OWN_MEASURES_OPTION, choices
 from robots.lattice_robot.ground import LatticeGroundKind
 from robots.lattice_robot.walker_kind import shape_of
-from robots.robot import Option, Robot, counted
+from robots.robot import Option, Robot
 from taichi_sim.base.files import read_text
 from taichi_sim.base.options import checked, file_text, number, numbers, whole
 from taichi_sim.base.parsing import RepeatedNameError, parse_json
+from taichi_sim.base.short_text import counted
 
 FIELDS = ("cells", "filtered", "blobs", "network", "pattern")
 GRID = ("shape", "voxel_size", "symmetry")

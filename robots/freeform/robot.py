@@ -24,12 +24,13 @@ from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
 from robots.lattice_robot.soft_motion import TOLD_ANYWAY
 from robots.own_measures import OwnMeasure, checked_own_measures, names_of
-from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import built, choice, number, whole_number
+from taichi_sim.base.short_text import counted
 from taichi_sim.lattice.time_steps import afloat
 
 LARGEST_AMPLITUDE = 0.5

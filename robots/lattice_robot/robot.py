@@ -27,13 +27,14 @@ from robots.lattice_robot.rollout import Aim, ahead, footprint_of, turned
 from robots.lattice_robot.simulation import felt_over_time, outcome_of, try_points, try_variants
 from robots.lattice_robot.soft_motion import TOLD_ANYWAY
 from robots.own_measures import OwnMeasure, checked_own_measures
-from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World, counted
+from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number, numbers, positive, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
+from taichi_sim.base.short_text import counted
 from taichi_sim.lattice import LatticeBody, Material
 from taichi_sim.lattice.materials import channel_values
 

@@ -14,11 +14,12 @@ from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, KINDS, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker_encoding import WalkerEncoding, encoding_of
 from robots.outcome import recorded
-from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World, counted
+from robots.robot import HERE, Facts, Measure, Outcome, Parameter, Picture, Replay, Robot, Trial, World
 from robots.world import Terrain, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute
+from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion

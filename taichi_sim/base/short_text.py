@@ -27,6 +27,11 @@ def is_hidden(number: float) -> bool:
     return NOTHING < abs(number) < 1e-3
 
 
+def counted(count: int, one: str, several: str = "") -> str:
+    """A count and its noun, such as ``1 body`` or ``2 bodies``; ``several`` is the plural (default: with an s)."""
+    return f"{count} {one if count == 1 else several or one + 's'}"
+
+
 def printable(text: str) -> str:
     """A text in which bytes of a file's name that are no UTF-8 are told as escapes, such as ``\\udcff``.
 

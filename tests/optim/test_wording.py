@@ -1,6 +1,7 @@
 import pytest
 
-from optim.wording import counted, spoken_duration, spoken_size
+from optim.wording import spoken_duration, spoken_size
+from taichi_sim.base.short_text import counted
 
 
 @pytest.mark.parametrize(("count", "told"), [(0, "0 bodies"), (1, "1 body"), (2, "2 bodies")])

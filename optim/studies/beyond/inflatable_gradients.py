@@ -26,7 +26,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
-from optim.measures.statistics import effect, holm, mann_whitney, mean_interval
+from optim.measures.statistics import effect, holm, known_interval, mann_whitney
 from optim.problem import Request, judge
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
@@ -346,7 +346,7 @@ def _course(points: Sequence[Record], budget: float) -> list[float]:
 
 
 def _search(speeds: Floats, rows: Sequence[Record]) -> dict[str, Any]:
-    low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
+    low, high = known_interval(speeds)
     return {
         "label": ARMS[rows[0]["search"]].label,
         "seeds": len(speeds),

@@ -18,7 +18,7 @@ from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import mean_interval
+from optim.measures.statistics import known_interval
 from optim.problems.robot import RobotProblem
 from optim.problems.task import problem_of_task
 from robots.tasks import builtin_tasks, find_task
@@ -133,7 +133,7 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     for arm in distinct(rows, "search"):
         own = [row for row in where(rows, search=arm) if row["objective"] is not None]
         values = column(own, "objective")
-        low, high = mean_interval(values) if len(values) > 1 else (None, None)
+        low, high = known_interval(values)
         searches[arm] = {
             "label": ARMS[arm].label,
             "seeds": len(where(rows, search=arm)),

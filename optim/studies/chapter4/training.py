@@ -28,13 +28,13 @@ from optim.search import build_method
 from optim.search.published import BLACK_BOX_OPTIM
 from optim.studies.chapter3.sensor_placement import correlation_of_metrics
 from optim.studies.chapter3.sweep_table import SweepTable, read_sweep_table, sample_designs, sweep_published
-from optim.wording import counted
 from robots.braitenberg import BASELINE, DESIGNS, PUBLISHED, Sweep, VehicleBody, VehicleTask
 from robots.robot import part_of
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
 from taichi_sim.base.checks import check_fields, within
 from taichi_sim.base.compute import Precision
 from taichi_sim.base.results_folder import ResultsFolder, read_settings
+from taichi_sim.base.short_text import counted
 
 COLUMNS = ("design", "method", "repetition", "evaluations", "solved")
 

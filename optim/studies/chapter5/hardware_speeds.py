@@ -10,7 +10,7 @@ import numpy as np
 
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.tables import MISSING, cell, markdown, page
-from optim.measures.statistics import mean_interval
+from optim.measures.statistics import known_interval
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
 from robots.world import FLOORS, Terrain
@@ -60,7 +60,7 @@ def rows_of(copies: Sequence[Row]) -> list[dict[str, Any]]:
     rows = []
     for key, speeds in found.items():
         known = [speed for speed in speeds if math.isfinite(speed)]
-        low, high = mean_interval(known) if len(known) > 1 else (None, None)
+        low, high = known_interval(known)
         mean = float(np.mean(known)) if known else None
         row = dict(zip(names, key, strict=True))
         ratio = None if mean is None else mean / row["measured"]

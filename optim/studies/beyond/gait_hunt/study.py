@@ -23,7 +23,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
-from optim.measures.statistics import mean_interval
+from optim.measures.statistics import known_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt.finalists import (
@@ -161,7 +161,7 @@ def _group(name: str, group: Sequence[Record]) -> dict[str, Any]:
     """Runs of a search: mean speed of what they have found with its 95 % interval by Student's t, and the best."""
     known = [row for row in group if row["speed"] is not None]
     speeds, hard = (column(known, name) for name in ("speed", "hard_speed"))
-    low, high = mean_interval(speeds) if len(speeds) > 1 else (None, None)
+    low, high = known_interval(speeds)
     return {
         "label": SEARCHES[name].label,
         "runs": len(group),

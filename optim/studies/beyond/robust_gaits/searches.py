@@ -20,7 +20,7 @@ from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import mean_interval
+from optim.measures.statistics import known_interval
 from optim.problems.inflatable.problem import GaitProblem
 from optim.studies.beyond.robust_gaits.judgement import judged
 from optim.studies.beyond.robust_gaits.search import kept, screened, starts_of
@@ -254,7 +254,7 @@ def _difference(rows: Sequence[Record], others: Sequence[Record]) -> dict[str, A
         for row in rows
         if row["searched"] is not None and theirs.get(row["seed"]) is not None
     ]
-    low, high = mean_interval(apart) if len(apart) > 1 else (None, None)
+    low, high = known_interval(apart)
     return {"starts": len(apart), "difference": float(np.mean(apart)) if apart else None, "low": low, "high": high}
 
 
@@ -262,7 +262,7 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     """What a search found, as means over its runs that found a gait."""
     some = [row for row in rows if row["speed"] is not None]
     means = {name: float(column(some, name).mean()) if some else None for name in ("searched", "speed", "worst")}
-    low, high = mean_interval(column(some, "searched")) if len(some) > 1 else (None, None)
+    low, high = known_interval(column(some, "searched"))
     evaluations = float(np.median(column(rows, "evaluations")))
     each = [row["searched"] for row in rows]
     return {"seeds": len(rows), "evaluations": evaluations, **means, "low": low, "high": high, "each": each}
