@@ -14,6 +14,7 @@ from taichi_sim.base.compute import Compute
 if TYPE_CHECKING:
     from robots.abstract import Robot
     from robots.uncertainty import Perturbation
+    from robots.world import Terrain
 
 
 class Abilities:
@@ -82,6 +83,10 @@ class Abilities:
     def perturbed(self, drawn: "Perturbation") -> Self:
         """This robot with the part of a draw that concerns it, such as levels of its actuators, and not its world."""
         return self
+
+    def drawn_terrain(self, terrain: "Terrain", drawn: "Perturbation") -> "Terrain":
+        """The terrain of a draw, where this robot is on it."""
+        return drawn.under(terrain)
 
     def title_of(self, outcome: Outcome, world: World) -> str:
         """Title of the picture of a motion; empty for a plain one."""

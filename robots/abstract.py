@@ -62,7 +62,6 @@ class Robot(Abilities, ShortText):
     exportable = False  # whether :meth:`table` makes a table for hardware
     untabled = ""  # why it makes none of this robot, where it does of others of the kind
     tabled_by = ""  # option of its kind with which what a search finds has a table
-    foot_friction: tuple[float, float] | None = None  # of feet that grip and that slide, where a terrain gives none
     uncertain_in: tuple[str, ...] = ("slope",)  # which ``robots.uncertainty.QUANTITIES`` can be drawn of it
     actuators: int = 0  # whose levels can be drawn
     pictured = False  # whether searches draw the best design by :meth:`save_picture`

@@ -57,12 +57,10 @@ class Perturbation:
         static, kinetic = self.gripping * material.static_friction, self.gripping * material.kinetic_friction
         return dataclasses.replace(material, static_friction=static, kinetic_friction=kinetic)
 
-    def drawn_terrain(self, robot: Robot, terrain: Terrain) -> Terrain:
-        """The terrain of this draw for a robot, whose own friction, if it has no feet, is not the terrain's."""
+    def under(self, terrain: Terrain) -> Terrain:
+        """The terrain of this draw for robots whose own friction is not the terrain's."""
         if terrain.is_fluid:
             return terrain
-        if robot.foot_friction is not None:
-            return self.on(terrain, *robot.foot_friction)
         own = {name: getattr(terrain, name) for name in ("high_friction", *MATERIAL_FRICTION)}
         rubbed: dict[str, Any] = {name: value * self.gripping for name, value in own.items() if value is not None}
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
@@ -298,7 +296,7 @@ def judge_uncertain(
     terrain = terrain_of(robot.as_terrain(world))
     share = risk.share if 0 < risk.share < 1 else TAIL
     drawn = uncertainty.draw(draws, HELD_OUT, actuators=robot.actuators)
-    terrains = [one.drawn_terrain(robot, terrain) for one in drawn]
+    terrains = [robot.drawn_terrain(terrain, one) for one in drawn]
     outcomes = robot.simulate_in(terrains, draws=drawn, compute=compute, progress=progress)
     score = score or Score.first_of(robot)
     scores = [float(score.of(outcome)[0]) if str(outcome.status[0]) == OK else math.nan for outcome in outcomes]

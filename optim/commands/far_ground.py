@@ -16,8 +16,8 @@ def note_far_ground(problem: object) -> None:
     """Tell, before a search, of grounds that begin farther ahead of a robot than it is long."""
     if not isinstance(problem, RobotDesigning) or not any(map(_uneven, problem.tried_in)):
         return
-    space, robot = problem.space, getattr(problem, "offered", None)
-    robot = robot or problem.robot_of(space.round((space.low + space.high) / 2))
+    space = problem.space
+    robot = problem.offered or problem.robot_of(space.round((space.low + space.high) / 2))
     _tell(_far(robot, problem.tried_in, None))
 
 

@@ -11,6 +11,7 @@ from optim.commands import Report, options
 from optim.commands.options import QUIET, Command, Option, count, path_to
 from optim.commands.robots import kinds_of_robot, world_and_own
 from optim.problems.designer import designer_of
+from optim.problems.robot_designing import RobotDesigning
 from optim.progress import shown_progress
 from robots.robot import find_robot_doing
 
@@ -60,8 +61,12 @@ def run(args: argparse.Namespace) -> Report:
     from taichi_sim.base.files import write_text
 
     problems = _problems(args)
-    robots = [(getattr(problem, "offered", None), point) for problem, point in problems.values()]
-    for words in dict.fromkeys(robot.caution(point) for robot, point in robots if robot is not None):
+    cautions = [
+        problem.offered.caution(point)
+        for problem, point in problems.values()
+        if isinstance(problem, RobotDesigning) and problem.offered is not None
+    ]
+    for words in dict.fromkeys(cautions):
         if words:
             warnings.warn(words, stacklevel=1)
     options.claim_folder(args, "gradient.json", "gradient.png")

@@ -75,8 +75,7 @@ def run(args: argparse.Namespace) -> Report:
         with shown_progress(f"{title}, judged", 1.0, args.quiet) as update:
             found = robot.judge(world, compute=compute, progress=update)
         code = FAILED if found.failed else 0
-        calibration = {name: value for name, value in robot.document().items() if name == "calibration"}
-        return Report({**about, **calibration, **found.document}, f"{title}: {found.text}", code)
+        return Report({**about, **found.document}, f"{title}: {found.text}", code)
     with shown_progress(title, 1.0, args.quiet) as update:
         outcome = robot.simulate((), world, compute=compute, record_every=args.record_every, progress=update)
     return _report(args, robot, world, outcome, title, about)

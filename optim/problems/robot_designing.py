@@ -36,6 +36,11 @@ class RobotDesigning(Problem):
     exportable = False  # whether hardware plays robots of this kind
 
     @property
+    def offered(self) -> Robot | None:
+        """The robot with what is free of it, if one robot offers all that is designed."""
+        return None
+
+    @property
     @abstractmethod
     def robot_kind(self) -> str:
         """Name of the kind of robot."""

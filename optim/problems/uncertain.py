@@ -100,7 +100,7 @@ class Trials:
             return cls(worlds, (), len(worlds))
         drawn = Uncertainty.parse(uncertain).draw(draws, actuators=robot.actuators)
         terrains = [terrain_of(robot.as_terrain(world)) for world in worlds]
-        drawn_terrains = [one.drawn_terrain(robot, terrain) for one in drawn for terrain in terrains]
+        drawn_terrains = [robot.drawn_terrain(terrain, one) for one in drawn for terrain in terrains]
         variants = [variant for one in drawn for variant in [robot.perturbed(one)] * len(worlds)]
         return cls(drawn_terrains, variants, len(worlds))
 

@@ -145,11 +145,6 @@ class InflatableRobot(Robot):
             changed = changed.with_layout(options["bladders"])
         return dataclasses.replace(self, gait=changed, **{**own, **more})
 
-    @property
-    def foot_friction(self) -> tuple[float, float]:  # type: ignore[override]
-        """Friction coefficients of gripping and of sliding feet."""
-        return self.parts[1].high_friction, self.parts[1].low_friction
-
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Play the gait, as often as there are points."""
         return self.run_in(points, (trial.world,), trial)[0]
@@ -157,6 +152,10 @@ class InflatableRobot(Robot):
     def perturbed(self, drawn: "Perturbation") -> "InflatableRobot":
         """This robot with bladders that play the gait as drawn."""
         return dataclasses.replace(self, drawn=drawn)
+
+    def drawn_terrain(self, terrain: Terrain, drawn: "Perturbation") -> Terrain:
+        """The terrain of a draw, with the friction of this robot's feet where it gives none."""
+        return drawn.on(terrain, self.parts[1].high_friction, self.parts[1].low_friction)
 
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[InflatableRobot]" = ()
@@ -338,7 +337,8 @@ class InflatableRobot(Robot):
         geometry, drive = self.parts
         more: Any = {**compute.options, "seed": seed or self.seed, "progress": progress}
         found = judge_gait(self.gait, terrain_of(world), geometry=geometry, actuation=drive, closely=True, **more)
-        return Judgement(found.spoken, found.to_document(), found.diverged)
+        calibration = {} if self.calibration is None else {"calibration": str(self.calibration)}
+        return Judgement(found.spoken, {**calibration, **found.to_document()}, found.diverged)
 
     def table(self, **settings: Any) -> Any:
         """Pressures of a rig's lines over time, see ``robots.hardware.gait_table``."""

@@ -43,7 +43,7 @@ def test_only_what_needs_ground_is_refused_in_a_fluid():
     drive = Uncertainty(levels=0.05, timing=0.05)
     drive.check(robot, water)
     (one,) = drive.draw(1, actuators=robot.actuators)
-    assert one.drawn_terrain(robot, water) == one.on(water, 0.7, 0.5) == water
+    assert robot.drawn_terrain(water, one) == one.on(water, 0.7, 0.5) == water
 
 
 @pytest.mark.parametrize("text", ["cvar:0", "cvar:1.5", "cvar:x", "median", "cvar"])

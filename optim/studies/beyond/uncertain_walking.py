@@ -114,7 +114,7 @@ def tell(data: Data, folder: Path) -> None:
 def speeds(robot: Robot, settings: UncertainWalking, compute: Compute = EXACT) -> Floats:
     """Speeds of a robot, of which nothing is free, over draws that no search has met; 0 where it diverges."""
     drawn = Uncertainty.parse(settings.uncertain).draw(settings.held_out, HELD_OUT, actuators=robot.actuators)
-    outcomes = robot.simulate_in([one.drawn_terrain(robot, Terrain()) for one in drawn], draws=drawn, compute=compute)
+    outcomes = robot.simulate_in([robot.drawn_terrain(Terrain(), one) for one in drawn], draws=drawn, compute=compute)
     return np.nan_to_num(np.array([outcome.measures["speed"][0] for outcome in outcomes], float))
 
 

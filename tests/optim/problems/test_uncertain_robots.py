@@ -51,7 +51,7 @@ def speeds(made, points):
     drawn = Uncertainty.parse(UNKNOWN).draw(6, actuators=2)
     robot = made.robot
     return np.stack(
-        [robot.perturbed(one).simulate(points, one.drawn_terrain(robot, HILL)).measures["speed"] for one in drawn],
+        [robot.perturbed(one).simulate(points, robot.drawn_terrain(HILL, one)).measures["speed"] for one in drawn],
         axis=1,
     )
 
@@ -105,7 +105,7 @@ def test_the_best_design_is_judged_by_what_the_search_judges(tmp_path, settings,
     assert (judged["measure"], judged["unit"], *([True] if judged.get("stands_in") else [])) == told
     drawn = Uncertainty.parse(UNKNOWN).draw(64, HELD_OUT, actuators=2)
     robot = made.robot
-    found = [robot.perturbed(one).simulate(point, one.drawn_terrain(robot, HILL)).measures for one in drawn]
+    found = [robot.perturbed(one).simulate(point, robot.drawn_terrain(HILL, one)).measures for one in drawn]
     scores = [float(of(each)[0]) for each in found]
     assert (judged["mean"], judged["worst"]) == pytest.approx((np.mean(scores), np.min(scores)))
     first = f"{told[0]}, the first measure, over 64 held-out" if told[2:] else f"{told[0]} over 64 held-out"

@@ -31,7 +31,7 @@ def test_speeds_are_those_of_the_robot_under_each_draw():
     robot = problem.robot_of(point)
     found = speeds(robot, QUICK)
     (first, *_) = Uncertainty.parse(QUICK.uncertain).draw(3, HELD_OUT, actuators=robot.actuators)
-    alone = robot.perturbed(first).simulate((), first.drawn_terrain(robot, Terrain())).measures["speed"][0]
+    alone = robot.perturbed(first).simulate((), robot.drawn_terrain(Terrain(), first)).measures["speed"][0]
     assert found.shape == (3,) and found[0] == pytest.approx(alone, rel=1e-9)
 
 

@@ -73,7 +73,7 @@ def test_draws_in_several_worlds_share_a_batch_with_the_bits_of_one_after_the_ot
     points = generator.uniform(*ends, (2, len(free.parameters)))
     draws = [drawn(0.8, gripping=0.7, slope=1.0), drawn(1.2), drawn(1.1, timing=0.8)]
     grounds = [HILL, Terrain(static_friction=0.6, kinetic_friction=0.4), HILL]
-    worlds = [draw.drawn_terrain(free, ground) for draw, ground in zip(draws, grounds, strict=True)]
+    worlds = [free.drawn_terrain(ground, draw) for draw, ground in zip(draws, grounds, strict=True)]
     trial = Trial(HILL, Compute(threads=1), gradients=gradients, sharpness=sharpness)
     variants = [free.perturbed(draw) for draw in draws]
     for draw, world, found in zip(draws, worlds, free.run_in(points, worlds, trial, variants), strict=True):

@@ -94,7 +94,7 @@ def test_draws_share_a_batch_with_the_bits_of_one_after_the_other(gradients, mon
         Perturbation(slope=1.5, levels=(1.1, 0.9)),
         Perturbation(gripping=1.2, sliding=1.2, timing=0.8),
     ]
-    worlds = [draw.drawn_terrain(robot, Terrain()) for draw in draws]
+    worlds = [robot.drawn_terrain(Terrain(), draw) for draw in draws]
     trial, sizes, moved = Trial(worlds[0], Compute(threads=1), gradients=gradients), [], trying._moved
     monkeypatch.setattr(trying, "_moved", lambda *given: sizes.append(len(given[1])) or moved(*given))
     together = robot.run_in(point, worlds, trial, [robot.perturbed(draw) for draw in draws])

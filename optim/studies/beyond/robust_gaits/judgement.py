@@ -37,7 +37,7 @@ def judged(
         design, slope = gaits[name]
         robot = InflatableRobot(design, settings.geometry, "physical")
         terrain, some = settings.terrain(slope), drawn[first : first + BATCH]
-        terrains = [one.drawn_terrain(robot, terrain) for one in some]
+        terrains = [robot.drawn_terrain(terrain, one) for one in some]
         if first < 0:
             some, terrains = [], [terrain]
         outcomes = robot.simulate_in(terrains, draws=some, compute=compute, progress=told)
