@@ -19,7 +19,7 @@ from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, Inflatable
 from robots.inflatable.body import BLADDER_COUNT
 from robots.inflatable.design import InflatableDesign, highest_pressure
 from robots.inflatable.schedule import BLADDERS, ROWS, GaitSchedule
-from taichi_sim.autodiff.arrays import Array, revalued, value_of
+from taichi_sim.autodiff.arrays import Array, TracedArray, revalued, value_of
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import check_fields, whole_number
 
@@ -51,6 +51,7 @@ WHOLE = Counting()
 
 
 @lru_cache(maxsize=4096)
+@lru_cache(maxsize=4096)
 def stroke(actuation: InflatableActuation, level: float, inflate: bool) -> tuple[int, float]:
     """Steps that a bladder of this thickness still changes when told to inflate or deflate, and its last thickness.
 
@@ -67,6 +68,7 @@ def stroke(actuation: InflatableActuation, level: float, inflate: bool) -> tuple
     return steps, float(path[steps])
 
 
+@lru_cache(maxsize=256)
 def rest_levels(actuation: InflatableActuation) -> tuple[float, float]:
     """Thickness of an empty and of a full bladder: 0.1997 and 2.5001, the ends of full strokes, as published."""
     _, full = stroke(actuation, actuation.deflated, True)
@@ -183,10 +185,16 @@ def play(
     pace = schedule.pace if pace is None else pace
     levels = np.full(BLADDER_COUNT, actuation.deflated) if levels is None else levels
     pressure = None if core is None else core[0]
+    plain = not any(isinstance(each, TracedArray) for each in (targets, pace, levels))
+    known = dict[tuple[int, bytes], Motion]()  # cycles soon repeat
     for number, (least, settle) in enumerate(durations(schedule, actuation)):
         t = number % schedule.columns
         own = None if pace is None else pace[:, t]
-        motion = approach(levels, targets[:BLADDERS, t], schedule.skip_idle, actuation, own)
+        motion = known.get((t, levels.tobytes())) if plain else None
+        if motion is None:
+            motion = approach(levels, targets[:BLADDERS, t], schedule.skip_idle, actuation, own)
+            if plain:
+                known[t, levels.tobytes()] = motion
         after = None if core is None else core[1][..., t]
         column = Column(
             start=step,
@@ -319,10 +327,15 @@ def stage_starts(cycles: list[int], steps: int, warm_up: int, stages: int) -> li
 
 def most_repeats(schedule: GaitSchedule, steps: int, actuation: InflatableActuation = ACTUATION) -> int:
     """How often a gait's columns can be played in so many time steps, at least once; ``MOST_COLUMNS`` at most."""
-    lengths = [gait_steps(replace(schedule, repeats=count), actuation) for count in (1, 2, 3)]
-    if lengths[1] > steps:
-        return 1
-    count = min(2 + (steps - lengths[1]) // (lengths[2] - lengths[1]), max(MOST_COLUMNS // schedule.columns, 1))
-    while count > 1 and gait_steps(replace(schedule, repeats=count), actuation) > steps:  # strokes are whole steps
-        count -= 1
-    return count
+    most = max(MOST_COLUMNS // schedule.columns, 1)
+    ends = _cycle_ends(replace(schedule, repeats=min(3, most)), actuation)
+    if most > 3 and ends[1] <= steps:
+        count = min(2 + (steps - ends[1]) // (ends[2] - ends[1]), most)
+        ends = _cycle_ends(replace(schedule, repeats=count), actuation)
+    return max(sum(end <= steps for end in ends), 1)  # strokes are whole steps, so the last cycle may not fit
+
+
+def _cycle_ends(schedule: GaitSchedule, actuation: InflatableActuation) -> list[int]:
+    """Steps of a gait at which its first, second, ... cycle ends."""
+    columns, steps = play(schedule, actuation)
+    return [*(column.start for column in columns[schedule.columns :: schedule.columns]), steps]
