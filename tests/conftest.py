@@ -1,5 +1,6 @@
 """Settings that all tests share, and the command line."""
 
+import gc
 import os
 import re
 import shlex
@@ -15,6 +16,10 @@ from stand_in import Simulator
 from optim.cli import main
 from taichi_sim import runtime
 from taichi_sim.base import compute
+
+# What is imported while tests are collected stays. So the collector of garbage, which would walk through it again and
+# again, is off until then, and leaves it alone afterwards: that is a tenth of the time of all tests.
+gc.disable()
 
 # The same examples in every run, and no deadline: shared machines pause.
 settings.register_profile("lab", derandomize=True, deadline=None)
@@ -72,6 +77,12 @@ def pytest_ignore_collect(collection_path, config):
     return None
 
 
+def pytest_collection_finish():
+    gc.collect()
+    gc.freeze()
+    gc.enable()
+
+
 def pytest_collection_modifyitems(items):
     """Tests go by what they compute with, see ``computing``, and in these groups by files."""
     files = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}
@@ -101,6 +112,12 @@ def pytest_xdist_make_scheduler(config, log):
 
     config.option.loadscopereorder = False
     return ByComputing(config, log)
+
+
+@pytest.fixture
+def unseen_pictures(monkeypatch):
+    """Figures become files, but are not drawn: most of the time of a study whose pictures a test does not look at."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda self, path, **_: Path(path).write_bytes(b"unseen"))
 
 
 @pytest.fixture

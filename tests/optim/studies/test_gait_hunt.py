@@ -304,6 +304,7 @@ def test_runs_that_found_nothing_count_neither_as_speeds_nor_as_runs():
     assert row["same_start"] and row["difference"] == pytest.approx(0.2)
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 def test_the_table_tells_of_how_many_runs_speeds_are(hill, tmp_path, monkeypatch):
     """One run's finalists all diverge."""
@@ -317,6 +318,7 @@ def test_the_table_tells_of_how_many_runs_speeds_are(hill, tmp_path, monkeypatch
     assert "| 1 of 2 |" in (tmp_path / "hunt" / "table.md").read_text()
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     settings = quick(monkeypatch)
@@ -331,6 +333,7 @@ def test_finalists_of_a_longer_run_are_judged_anew(hill, tmp_path, monkeypatch):
     assert row["robot_steps"] == spent[spent <= more.budget][-1] > spent[0]
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 def test_finalists_of_other_seeds_are_judged_anew(hill, tmp_path, monkeypatch):
     """Of runs with as many generations, too: what was judged are their designs."""
@@ -355,6 +358,7 @@ def test_finalists_under_other_conditions_are_judged_anew(hill, tmp_path):
     assert calls[0] == calls[1] < calls[2] < calls[3]
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"of": 3}', '{"of": {}, "speeds": 1}'])
 def test_damaged_finalists_are_judged_again(hill, tmp_path, monkeypatch, text):

@@ -113,6 +113,7 @@ def test_experiments_take_turns(simulator, tmp_path):
     assert "| control | 3 x 0 | 6 |" in (tmp_path / "a/table.md").read_text()  # that of the starts is there
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 def test_more_generations_go_on_in_the_same_folder_but_not_fewer(studied):
     folder, _ = studied
@@ -138,6 +139,7 @@ def test_while_searches_go_on_the_table_keeps_what_was_played_of_their_designs(s
     assert "are those after generation 1; the searches have gone on." in (folder / "table.md").read_text()
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 def test_all_that_is_played_is_the_robot_and_the_gait_of_the_settings(simulator, tmp_path):
     settings = ShapeChange(climbers=3, generations=1, copies=2, others=2, geometry="small", repeats=1)
@@ -156,6 +158,7 @@ def test_studies_write_what_the_catalogue_says(simulator, tmp_path, morpholab, n
         assert (tmp_path / "a" / written).exists(), written
 
 
+@pytest.mark.usefixtures("unseen_pictures")
 @pytest.mark.long
 def test_a_study_in_which_every_simulation_fails_has_a_table_all_the_same(simulator, tmp_path):
     simulator.diverges = lambda design, terrain: True
