@@ -159,16 +159,18 @@ def _print(command: str, text: str | None, code: int) -> int:
         if text is not None:
             print(text)
         sys.stdout.flush()
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a caller has closed its own stream
         return _unprinted(command, error)
     return code
 
 
-def _unprinted(command: str, error: OSError) -> int:
+def _unprinted(command: str, error: OSError | ValueError) -> int:
     """The exit code after standard output has failed; it is silent if nobody reads it."""
     if not isinstance(error, BrokenPipeError):
-        say(command, f"failed: standard output cannot be written ({error.strerror})")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that Python does not fail again when it ends
+        why = error.strerror if isinstance(error, OSError) else error
+        say(command, f"failed: standard output cannot be written ({why})")
+    with contextlib.suppress(OSError, ValueError):  # a stream of a caller's own has no descriptor
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that Python does not fail again at its end
     return CLOSED_PIPE if isinstance(error, BrokenPipeError) else FAILED
 
 
@@ -227,12 +229,21 @@ def _open_streams() -> list[str]:
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             descriptor = os.open(os.devnull, os.O_WRONLY)
-            if descriptor != number:
+            if descriptor != number and not _is_open(number):  # of a program that has no stream, it may be in use
                 os.dup2(descriptor, number)
                 os.close(descriptor)
-            setattr(sys, name, os.fdopen(number, "w", closefd=False))
+                descriptor = number
+            setattr(sys, name, os.fdopen(descriptor, "w", closefd=False))
             closed.append(name)
     return closed
+
+
+def _is_open(number: int) -> bool:
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, fixed
 from taichi_sim.base.checks import nearest, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 
@@ -48,6 +48,9 @@ class Trials:
     compute: Compute
     _replays: dict[int, Replay] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        fixed(self.points)
+
     def __len__(self) -> int:
         return len(self.points)
 
@@ -56,7 +59,13 @@ class Trials:
         known = self.outcome.measures
         if name not in known:
             raise KeyError(f"measure: {name!r} is unknown; there are {', '.join(known)}{nearest(name, list(known))}")
-        return known[name]
+        return known[name].copy()
+
+    __iter__ = None  # they have a length and names, and are neither a list nor a mapping
+
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a measure of this name."""
+        return name in self.outcome.measures
 
     def best(self, measure: str | None = None) -> int:
         """Number of the design with the highest value of a measure, of the first by default; failures never win."""
@@ -101,7 +110,8 @@ class Trials:
             for n, name in enumerate(names)
         }
         given = dict(zip(names, self.points.T, strict=True))
-        return {**given, "status": self.outcome.status_or_reason, **self.outcome.measures, **slopes}
+        told = {**given, "status": self.outcome.status_or_reason, **self.outcome.measures, **slopes}
+        return {name: np.array(values) for name, values in told.items()}
 
     def replay(self, design: int = 0) -> Replay:
         """One design again, with its motion; a single one has been recorded already."""

@@ -43,9 +43,7 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        values[name] = (
-            _read_all(known[name], value) if known[name].several else read_option(name, known[name].type, value)
-        )
+        values[name] = _value_of(known[name], value)
     if isinstance(source, Robot):
         return source.changed(values)
     if (run := run_in(source)) is not None:
@@ -121,6 +119,7 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     """
     if designs is None:
         return tried.start[None]
+    designs = _by_name(designs)
     if not isinstance(designs, Mapping):
         return designs
     names = [parameter.name for parameter in tried.parameters]
@@ -132,6 +131,8 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
         given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in designs.values()))
     except (ValueError, TypeError):
         raise ValueError("designs: give numbers, or arrays of one length, for each parameter") from None
+    if given and given[0].ndim > 1:
+        raise ValueError("designs: give numbers, or arrays of one length, for each parameter")
     points = np.tile(tried.start, (len(given[0]) if given else 1, 1))
     for name, values in zip(designs, given, strict=True):
         parameter = tried.parameters[names.index(name)]
@@ -145,19 +146,35 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     return points
 
 
+def _by_name(designs: Any) -> Any:
+    """A table of pandas, or a row of it, by the names of its columns; all else as it is."""
+    labels = getattr(designs, "columns", getattr(designs, "index", ())) if hasattr(designs, "to_numpy") else ()
+    if len(labels) and all(isinstance(label, str) for label in labels):
+        return {label: np.asarray(designs[label]) for label in labels}
+    return designs
+
+
 def some_of(names: Sequence[str], most: int = MOST_TOLD) -> str:
     """Names with commas between them, of many only the first."""
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
 
 
 def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
-    """A value of an option; a text is read as the command line reads it."""
+    """A value of an option; a text, and a number as it is written, is read as the command line reads it."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if reads is not None and isinstance(value, int | float):
+        value = str(value)
     return converted(name, reads, value) if isinstance(value, str) else value
 
 
-def _read_all(option: Option, value: Any) -> list[Any] | None:
-    """The values of an option that may be repeated; one alone needs no list."""
+def _value_of(option: Option, value: Any) -> Any:
+    """The value of an option, or a list of an option that may be repeated; one alone needs no list."""
     if value is None:
         return None
+    if option.type is None:
+        return option.read(value.item() if isinstance(value, np.bool_) else value)
+    if not option.several:
+        return read_option(option.name, option.type, value)
     each = value if isinstance(value, list | tuple) else [value]
     return [read_option(option.name, option.type, one) for one in each]

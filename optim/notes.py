@@ -20,7 +20,7 @@ def plain(text: str) -> str:
 def say(name: str, message: str) -> None:
     """Print a message of a command on one line of stderr; nowhere if that is full or closed."""
     line = f"{' '.join(('morpholab', name)).strip()}: {' '.join(message.split())}"
-    with contextlib.suppress(OSError):
+    with contextlib.suppress(OSError, ValueError):
         print(plain(line), file=sys.stderr, flush=True)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from optim.space import Space
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.arrays import Bools, Floats, Ints, copied
 from taichi_sim.base.files import write_text
 from taichi_sim.base.short_text import decimal
 
@@ -46,7 +46,7 @@ class Evaluation:
     gradients: Floats | None = None
 
     def __post_init__(self) -> None:
-        objectives = np.array(self.objectives, float)
+        objectives = copied(self.objectives)
         if objectives.ndim == 1:
             objectives = objectives[:, None]
         if objectives.ndim != 2:
@@ -60,7 +60,7 @@ class Evaluation:
         object.__setattr__(self, "objectives", objectives)
         object.__setattr__(self, "status", status.astype(str))
         if self.gradients is not None:
-            gradients = np.array(self.gradients, float)
+            gradients = copied(self.gradients)
             if objectives.shape[1] != 1 or gradients.ndim != 2 or len(gradients) != len(objectives):
                 raise ValueError(
                     f"gradients: shape {gradients.shape} is not allowed; give (points, variables) of one objective"
@@ -216,7 +216,7 @@ class Judging(Protocol):
 
 
 def judge(problem: Judging, request: Request) -> Evaluation:
-    """Evaluate a request in this process.
+    """Evaluate a request in this process; the problem gets points of its own, which it may change.
 
     Raises:
         ValueError: if the problem has no relaxation, or no minibatches, but one is wanted.
@@ -224,13 +224,13 @@ def judge(problem: Judging, request: Request) -> Evaluation:
     if request.minibatch is not None:
         problem = minibatches_of(problem).in_minibatch(request.minibatch)
     if request.wants == "points":
-        return problem.evaluate(request.points)
+        return problem.evaluate(request.points.copy())
     evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
     if evaluate_relaxed is None:
         raise ValueError(
             f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
         )
-    return evaluate_relaxed(request.points, request.sharpness, request.wants == "gradients")
+    return evaluate_relaxed(request.points.copy(), request.sharpness, request.wants == "gradients")
 
 
 def has_minibatches(problem: object) -> bool:

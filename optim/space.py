@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.arrays import Bools, Floats, fixed
 from taichi_sim.base.variables import Variable
 
 __all__ = ["Space", "Variable"]
@@ -33,6 +33,7 @@ class Space:
     variables: tuple[Variable, ...]
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "variables", tuple(self.variables))
         if not self.variables:
             raise ValueError("variables: a space needs at least one")
         repeated = {name for name, count in Counter(self.names).items() if count > 1}
@@ -65,32 +66,32 @@ class Space:
     @cached_property
     def low(self) -> Floats:
         """Lower bounds, shape (D,)."""
-        return np.array([variable.low for variable in self.variables], float)
+        return fixed(np.array([variable.low for variable in self.variables], float))
 
     @cached_property
     def high(self) -> Floats:
         """Upper bounds, shape (D,)."""
-        return np.array([variable.high for variable in self.variables], float)
+        return fixed(np.array([variable.high for variable in self.variables], float))
 
     @cached_property
     def step(self) -> Floats:
         """Standard deviations of a mutation, shape (D,)."""
-        return np.array([variable.step for variable in self.variables], float)
+        return fixed(np.array([variable.step for variable in self.variables], float))
 
     @cached_property
     def span(self) -> Floats:
         """Ranges of the variables, shape (D,)."""
-        return self.high - self.low
+        return fixed(self.high - self.low)
 
     @cached_property
     def angles(self) -> Bools:
         """Which variables wrap round, shape (D,)."""
-        return np.array([variable.kind == "angle" for variable in self.variables])
+        return fixed(np.array([variable.kind == "angle" for variable in self.variables]))
 
     @cached_property
     def integers(self) -> Bools:
         """Which variables have whole numbers only, shape (D,)."""
-        return np.array([variable.is_integer for variable in self.variables])
+        return fixed(np.array([variable.is_integer for variable in self.variables]))
 
     @cached_property
     def mixes(self) -> bool:

@@ -90,7 +90,7 @@ class Robot(Abilities, ShortText):
         """Run the robot, and check what comes of it."""
         self._check_world(trial.world)
         measures = self.measures_in([trial.world])
-        return checked_outcome(self.run(points, trial), self, measures, points.shape, trial.gradients)
+        return checked_outcome(self.run(points.copy(), trial), self, measures, points.shape, trial.gradients)
 
     def _check_world(self, world: World) -> None:
         """Refuse a terrain with fields that the robot does not take, where it says which it takes."""

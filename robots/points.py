@@ -5,20 +5,20 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, copied
 from taichi_sim.base.variables import Variable
 
 ROUNDING = 1e-9  # of the range of a parameter, by which a value of a design may lie beyond it
 
 
 def checked_points(parameters: Sequence[Variable], given: ArrayLike) -> Floats:
-    """Points as an array of shape (N, P), of which values may lie beyond the bounds of their parameters.
+    """Points as an array of their own, shape (N, P), of which values may lie beyond the bounds of their parameters.
 
     Raises:
         ValueError: for another shape, or numbers that are not finite.
     """
     try:
-        points = np.atleast_2d(np.asarray(given, float))
+        points = np.atleast_2d(copied(given))
     except (TypeError, ValueError):
         points = np.empty((0, 0))
     if points.shape[1:] != (len(parameters),) or not len(points):

@@ -88,6 +88,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
+_inside = 0  # how many functions run that may launch kernels, one called by another's callback
 _running: Compute | None = None
 _begun: Any = None  # Taichi's runtime that was made for it; other code of the process may have made another since
 _arrays = DeviceArrays()
@@ -142,17 +143,27 @@ def cache_folder() -> Path:
 
 
 def exclusive(function: Callable[P, R]) -> Callable[P, R]:
-    """Let only one thread at a time run a function that starts Taichi and launches kernels; others wait."""
+    """Let only one thread at a time run a function that starts Taichi and launches kernels; others wait.
+
+    If it is called by a callback of another, which goes on afterwards, it leaves Taichi as that one needs it.
+    """
 
     @functools.wraps(function)
     def alone(*args: P.args, **kwargs: P.kwargs) -> R:
+        global _inside
         with _lock:
-            return function(*args, **kwargs)
+            outer = _running if _inside else None
+            _inside += 1
+            try:
+                return function(*args, **kwargs)
+            finally:
+                _inside -= 1
+                if outer is not None:
+                    start(outer)
 
     return alone
 
 
-@exclusive
 def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int | None = None) -> Compute:
     """Make sure that Taichi runs on this device, in this precision, on that many threads; restart it if it does not.
 
@@ -168,9 +179,15 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
         ValueError: if a value is unknown, or this machine lacks the device.
         RuntimeError: if this process was forked from one in which Taichi ran.
     """
-    global _running, _begun
     wanted = compute if isinstance(compute, Compute) else Compute(compute, precision, threads)
     wanted = replace(wanted, threads=wanted.thread_count)
+    with _lock:
+        _start(wanted)
+    return wanted
+
+
+def _start(wanted: Compute) -> None:
+    global _running, _begun
     if _forked:
         raise RuntimeError(
             "this process was forked from one that had already simulated, which cannot work; "
@@ -178,7 +195,7 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
         )
     is_ours = ti.lang.impl.get_runtime() is _begun
     if is_ours and wanted == _running:
-        return wanted
+        return
     architecture = getattr(ti, wanted.device)
     if wanted.device != "cpu" and not ti.lang.misc.is_arch_supported(architecture):
         raise ValueError(f"device: {wanted.device!r} is not available on this machine; use 'cpu'")
@@ -190,7 +207,6 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
     _initialise(wanted, architecture)
     _running, _begun = wanted, ti.lang.impl.get_runtime()
     _arrays.come_back(wanted)
-    return wanted
 
 
 def _initialise(wanted: Compute, architecture: object) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation, Objective, Problem
 from optim.space import USUAL_STEP, Space, Variable
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, copied
 from taichi_sim.base.variables import Kind
 
 Function = Callable[[Floats], "ArrayLike | Evaluation"]
@@ -75,8 +75,8 @@ class FunctionProblem(PlainProblem):
         return self._judged(self.space.relaxed().validate(np.atleast_2d(points)), gradients)
 
     def _judged(self, points: Floats, gradients: bool) -> Evaluation:
-        found = self.function(points)
-        evaluation = found if isinstance(found, Evaluation) else Evaluation(np.asarray(found, float))
+        found = self.function(points.copy())
+        evaluation = found if isinstance(found, Evaluation) else Evaluation(copied(found))
         shape = len(points), len(self.objective_names)
         if evaluation.objectives.shape != shape:
             raise ValueError(
@@ -85,7 +85,7 @@ class FunctionProblem(PlainProblem):
             )
         if not gradients or self.gradient is None:
             return evaluation
-        slopes = np.asarray(self.gradient(points), float)
+        slopes = copied(self.gradient(points.copy()))
         if slopes.shape != points.shape:
             raise ValueError(f"gradient: shape {slopes.shape} is not allowed; give {points.shape}")
         return Evaluation(evaluation.objectives, evaluation.status, evaluation.details, slopes)

@@ -158,9 +158,9 @@ class GaitSchedule:
         """The schedule of the first ``columns`` columns, played ``repeats`` times; None keeps what there is.
 
         Raises:
-            ValueError: for more columns than there are.
+            ValueError: for more columns than there are, or less than one.
         """
-        if columns is not None and columns > self.columns:
+        if columns is not None and whole_number("columns", columns, 1) > self.columns:
             raise ValueError(f"columns: {columns} is not allowed; the gait has {self.columns}")
         names = ("levels", "core_pressure", "motion_steps", "settle_steps", "pace")
         tables = {name: table[..., :columns] for name in names if (table := getattr(self, name)) is not None}

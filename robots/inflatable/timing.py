@@ -190,11 +190,11 @@ def play(
     for number, (least, settle) in enumerate(durations(schedule, actuation)):
         t = number % schedule.columns
         own = None if pace is None else pace[:, t]
-        motion = known.get((t, levels.tobytes())) if plain else None
+        motion = known.get((t, value_of(levels).tobytes())) if plain else None
         if motion is None:
             motion = approach(levels, targets[:BLADDERS, t], schedule.skip_idle, actuation, own)
             if plain:
-                known[t, levels.tobytes()] = motion
+                known[t, value_of(levels).tobytes()] = motion
         after = None if core is None else core[1][..., t]
         column = Column(
             start=step,

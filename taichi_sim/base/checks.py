@@ -250,9 +250,9 @@ def check_fields(described: Any) -> None:
                 object.__setattr__(described, each.name, check(each.name, value))
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: object, known: Iterable[str]) -> str:
     """End of a message about an unknown name: ``; did you mean ...?`` if a known name is close, else nothing."""
-    close = difflib.get_close_matches(name, list(known), n=1)
+    close = difflib.get_close_matches(str(name), list(known), n=1)
     return f"; did you mean {close[0]}?" if close else ""
 
 

@@ -77,7 +77,19 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
             lambda: ml.simulate("vehicle", {"w1": [0, 3]}),
             "^designs: 3 of w1 is not allowed; give a number from -1 to 1",
         ),
+        (lambda: ml.simulate("vehicle", {"w1": [[0.1, 0.2], [0.3, 0.4]]}), "designs: give numbers, or arrays of one"),
+        (lambda: ml.simulate("vehicle", {1: 0.5}), "designs: 1 is unknown; there are l1x, .*w2; did you mean w1.$"),
+        (
+            lambda: ml.simulate("vehicle", np.ma.masked_greater([[0.0, 0.0, 0.0, 0.0, 0.0, 0.5]], 0.1)),
+            "^points: nan of w2 is not allowed; give finite numbers$",
+        ),
         (lambda: ml.view("vehicle", np.zeros((2, 6))), "design: 2 are not allowed; give one"),
+        (lambda: ml.robot("inching", columns=-1), "^columns: .*-1.* is not allowed"),
+        (lambda: ml.robot("inching", columns=True), "^columns: .*True.* is not allowed"),
+        (lambda: ml.robot("inching", columns=np.float64(1.5)), "^columns: .*1.5.* is not allowed"),
+        (lambda: ml.robot("freeform", shape=5), "^shape: "),
+        (lambda: ml.robot("freeform", full=-1), "^full: -1 is not allowed; give true or false$"),
+        (lambda: ml.robot("inching", calibration=5), "^5: "),
         (
             lambda: ml.simulate("rolling", geometry="small"),
             r"^geometry: is unknown here; what the robot is like is told before, as robot\('rolling', geometry=...\)$",
@@ -147,6 +159,31 @@ def test_several_designs_are_a_table():
     assert found["closest"][found.best("closest")] == np.nanmax(found["closest"])
     with pytest.raises(KeyError, match=r"measure: 'closet' is unknown; .*did you mean closest"):
         found["closet"]
+    with pytest.raises(KeyError, match=r"measure: 0 is unknown; there are "):
+        found[0]
+    assert "closest" in found and "closet" not in found
+
+
+@pytest.mark.kernels
+def test_tables_of_designs_go_by_the_names_of_their_columns():
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"w2": [0.5, -0.5], "w1": [0.25, 0.75]}, index=["a", "b"])
+    found = ml.simulate("vehicle", frame)
+    assert found.columns()["w1"].tolist() == [0.25, 0.75] and found.columns()["w2"].tolist() == [0.5, -0.5]
+    assert ml.simulate("vehicle", frame.iloc[1])["closest"][0] == found["closest"][1]
+
+
+@pytest.mark.kernels
+def test_nobody_changes_what_was_tried_and_found():
+    points = np.tile(ml.robot("vehicle").start, (2, 1))
+    found = ml.simulate("vehicle", points)
+    closest, w1 = found["closest"].tolist(), found.columns()["w1"].tolist()
+    points[:] = 0.2
+    found["closest"][:] = 99
+    found.columns()["w1"][:] = 7
+    assert found["closest"].tolist() == closest and found.columns()["w1"].tolist() == w1
+    with pytest.raises(ValueError, match="read-only"):
+        found.points[:] = 0
 
 
 @pytest.mark.kernels

@@ -161,3 +161,32 @@ def test_infinite_sharpness_is_of_true_points():
 def test_bounds_without_names_are_refused():
     with pytest.raises(ValueError, match=r"^bounds: \[\(0, 1\)\] is not allowed; give \(low, high\) by name"):
         problem_of(lambda points: points[:, 0], [(0, 1)])
+
+
+@pytest.mark.parametrize("method", ["cma", "hill-climb", "gradient"])
+def test_a_function_that_changes_its_points_changes_no_others(method):
+    def reckless(points):
+        points -= 0.3
+        points *= points
+        return -points.sum(axis=1)
+
+    def reckless_slopes(points):
+        points -= 0.3
+        points *= -2
+        return points
+
+    bounds = {"x": (0.0, 1.0), "y": (0.0, 1.0)}
+    problems = [
+        problem_of(lambda p: -((p - 0.3) * (p - 0.3)).sum(axis=1), bounds, gradient=lambda p: (p - 0.3) * -2),
+        problem_of(reckless, bounds, gradient=reckless_slopes),
+    ]
+    found = [maximise(each, method, generations=5, progress=False) for each in problems]
+    assert found[0].best == found[1].best
+    given = np.array([[0.5, 0.5]])
+    problem_of(reckless, bounds).evaluate(given)
+    assert given.tolist() == [[0.5, 0.5]]
+
+
+def test_what_a_masked_array_hides_has_failed():
+    found = problem_of(lambda p: np.ma.masked_less(p.sum(axis=1), 1.5), {"x": (0, 1), "y": (0, 1)})
+    assert found.evaluate([[1.0, 1.0], [0.0, 0.0]]).status.tolist() == ["ok", "failed"]

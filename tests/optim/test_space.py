@@ -162,3 +162,10 @@ def test_messages_name_the_first_of_very_many_variables():
 
 def test_parameters_that_name_no_step_get_a_usual_one():
     assert Space.of_parameters(SPACE.variables).step == pytest.approx([9.0, 0.9, 36.0, 0.5, 1e-10])
+
+
+def test_variables_may_come_one_by_one_and_nobody_changes_bounds():
+    space = Space(variable for variable in SPACE.variables)
+    assert space == SPACE and hash(space) == hash(SPACE)
+    with pytest.raises(ValueError, match="read-only"):
+        space.low[0] = 7.0

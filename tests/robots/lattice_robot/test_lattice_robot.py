@@ -18,6 +18,7 @@ from robots.lattice_robot import (
     simulate,
 )
 from robots.lattice_robot.motion import lattice_robot_motion
+from robots.lattice_robot.offered import soft_quadruped
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk
@@ -26,6 +27,7 @@ from robots.world import STANDARD_GRAVITY, Terrain
 from taichi_sim.lattice import Material, body_from_array
 from taichi_sim.lattice.files import load_voxel_file
 from taichi_sim.launching import forget_all
+from taichi_sim.signals import warping_distances
 
 SOFT = Material(5e4, 1000.0, static_friction=1.0, kinetic_friction=0.5, thermal_expansion=0.01, name="soft")
 HARD = Material(1e5, 1500.0, static_friction=1.0, kinetic_friction=0.5, name="hard")
@@ -388,3 +390,16 @@ def test_every_wave_of_friction_has_a_row_and_its_feet():
     friction = colouring(motion, "friction").of(0)
     for region, colour in enumerate((GRIPS, SLIDES, PLAIN)):
         assert np.allclose(friction[regions == region], colour)
+
+
+@pytest.mark.kernels
+def test_a_simulation_in_a_callback_leaves_the_outer_one_its_precision():
+    robot, signals, seen = soft_quadruped(1), np.random.default_rng(0).standard_normal((2, 3, 20)), []
+
+    def compare(fraction):
+        if not seen:
+            warping_distances(*signals, precision="f32", threads=1)
+        seen.append(fraction)
+
+    alone, beside = (robot.simulate(robot.start[None], Terrain(), progress=told).measures for told in (None, compare))
+    assert len(seen) > 1 and alone["speed"] == beside["speed"]
