@@ -5,6 +5,7 @@ import re
 from reproduction_rows import DOCS, PAGE, Row, band, percent, reproduced, summary
 
 from optim.experiments.tables import where
+from optim.measures.statistics import mean_interval
 from optim.studies.chapter5.metrics import STUDY as METRICS
 from optim.studies.chapter5.sensitivity import UNCHANGED, Sensitivity
 
@@ -180,15 +181,17 @@ def _on_the_hill() -> list[Row]:
             )
         )
     seeds = climb["seeds"]
+    speeds = [seed["speed"] for seed in seeds]
+    low, high = mean_interval(speeds)
     rows.append(
         Row(
             "hill of 15 degrees, program of searches [BL/s]",
             "0.0158, best of 60 climbers",
-            " and ".join(f"{seed['speed']:.4f}" for seed in seeds) + ", no interval",
+            f"{sum(speeds) / len(speeds):.3f} [{low:.3f}, {high:.3f}]: {', '.join(f'{each:.4f}' for each in speeds)}",
             f"{len(seeds)} runs of 5",
             f"{percent(len(seeds) / 5)} of what the study plans",
             reproduced("gait-climb", "medium") + f" --set 'seeds=[{','.join(str(seed['seed']) for seed in seeds)}]'",
-            " and ".join(str(seed["seed"]) for seed in seeds),
+            ", ".join(str(seed["seed"]) for seed in seeds),
             "steps that begin with what flat ground taught; planned on seed 0 ([how](hill-gait.md))",
         )
     )
