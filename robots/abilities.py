@@ -1,4 +1,4 @@
-"""What only some kinds of robots can do or tell; the others say in one line that they cannot, or tell nothing."""
+"""Optional abilities of robots: a kind that lacks one refuses in one line, or tells nothing."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -21,7 +21,7 @@ _OF_ALL = tuple(each.name for each in fields(Terrain) if each.name not in (*_OF_
 
 
 def runs_of(owners: Sequence[Owner]) -> Iterator[tuple[Owner, slice]]:
-    """Each owner of rows, with a slice of rows that follow one another and are its own."""
+    """Each owner, with the slice of consecutive rows that belong to it."""
     begin = 0
     for _, rows in groupby(owners, key=id):
         alike = list(rows)

@@ -1,4 +1,4 @@
-"""Classes that ask another object whatever they do not define themselves, so that nothing new is forgotten."""
+"""Forwards what a class does not define to another object, so that no new member is forgotten."""
 
 import inspect
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Images of heights: which may be named as ground, and how bright their pixels are."""
+"""Images of heights: refuses those that cannot be ground, and reads how bright their pixels are."""
 
 import io
 import warnings

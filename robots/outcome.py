@@ -74,7 +74,7 @@ class World(Protocol):
 
 @dataclass(frozen=True)
 class Place:
-    """A world that has no more than a name; that of kinds that know only one."""
+    """A world that has only a name, for kinds with a single world."""
 
     name: str = "world"
     spoken: str = ""

@@ -45,7 +45,7 @@ class OwnMeasure(Measure):
             raise ValueError(f"law: {self.law!r} is no function; give one of how robots moved")
 
     def told(self, motion: Any, count: int) -> Any:
-        """The measure of so many robots, shape (B,), which is traced if their motion is.
+        """Values of the measure of ``count`` robots, shape (B,), traced if their motion is.
 
         Raises:
             ValueError: if the law fails, or does not give a number for each robot.

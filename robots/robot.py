@@ -66,7 +66,7 @@ def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
 
 
 def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotKind, str | None]:
-    """The kind and the source of the robot that options ``robot``, a kind or a file, and ``gait``, what it does, name.
+    """The kind and the source of the robot that the options ``robot``, a kind or a file, and ``gait`` name.
 
     Raises:
         ValueError: for an unknown kind, a file that is missing or of no kind, and both where one says all.

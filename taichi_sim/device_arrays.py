@@ -1,4 +1,4 @@
-"""Arrays on a device that outlive restarts of Taichi, whose own are lost, and not safely, when it begins anew.
+"""Arrays on a device that survive restarts of Taichi; its own do not, and using them afterwards may crash.
 
 An engine on a device may have a tape that is pulled back after another engine has run, on a CPU or in another
 precision. Before a restart its arrays go into NumPy's memory; they come back when their device is started again.

@@ -48,7 +48,7 @@ def _nothing() -> None:
 
 
 class Handed:
-    """What a kernel was called with. Whoever keeps it saves the kernel from looking at the same bundles again."""
+    """The arguments of a launch, kept so that unchanged ones are not looked at again."""
 
     def __init__(self, bundles: tuple[Any, ...]) -> None:
         """Hold the bundles, so that no other can have their identity."""

@@ -1,4 +1,4 @@
-"""Robots as run folders of earlier versions describe them: without what these versions did not know."""
+"""Robots as run folders of earlier versions describe them, which lack what was added since."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -140,7 +140,7 @@ class ReflexLoop:
         return found + drawn
 
     def _answer(self, number: int, weights: Any, points: Any, wave: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
-        """Command number so and so, and the oscillators' state after it; ``wave`` is the rhythm's command."""
+        """A command, counted by ``number``, and the oscillators' state after it; ``wave`` is the rhythm's command."""
         if self.oscillators is None:
             added = self.network.answer(weights, felt)
         else:

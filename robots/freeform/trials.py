@@ -151,7 +151,7 @@ def _built(cases: Cases, solid: Solid, points: Floats, which: Ints) -> LatticeRo
 
 
 def _between(cases: Cases, points: Floats) -> LatticeRobotResult:
-    """What mixtures of all tissues and of nothing do, at N points in each of W cases, as W N points."""
+    """Simulate mixtures of tissues and of nothing at N points in each of W cases: W N results."""
     count, parts = len(points), []
     for each, told in cases.parts(np.arange(count * len(cases.robots)), 0, 1):
         parts.append((each, _mixed(told, points[each % count], each // count)))

@@ -107,7 +107,7 @@ class PressureCheck:
 
 
 class _AsWritten:
-    """What no check takes for a number, and messages show as a text without quotes."""
+    """A text that messages show without quotes, and that no check takes for a number."""
 
     def __init__(self, text: str) -> None:
         self.text = text

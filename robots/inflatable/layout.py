@@ -81,7 +81,7 @@ def layout_from_mask(has_bladder: ArrayLike) -> Layout:
 
 
 def laid(layout: Layout, way: str) -> Layout:
-    """The layout of the same body laid on the ground in another of ``WAYS_TO_LIE``."""
+    """The layout after the body is turned over or round, in one of ``WAYS_TO_LIE``."""
     return tuple(sorted(WAYS_TO_LIE[way][place - 1] for place in layout))
 
 

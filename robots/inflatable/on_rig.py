@@ -61,7 +61,7 @@ def _differences(played: InflatableDesign, designed: InflatableDesign) -> str:
 
 
 def played_by_rig(robot: "InflatableRobot", trial: Trial) -> tuple[InflatableResult, dict[str, Floats]]:
-    """What becomes of a robot whose rig plays its table, and speeds by what of the rig acts.
+    """Simulate a robot while its rig plays its table; also the speeds without parts of the rig's response.
 
     ``speed_designed`` is that of the gait in the simulator's own time; ``speed_as_commanded`` has the table's longer
     strokes alone, as lines have what they are told at once, and ``speed_with_lag`` and the like one cause besides.

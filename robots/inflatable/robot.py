@@ -294,7 +294,7 @@ class InflatableRobot(Robot):
 
         gait = self.gait
         cores: list[tuple[str, str | Quantity]] = []
-        for name, kpa in kilopascals("Core pressure", gait).items():
+        for name, kpa in core_pressure_rows("Core pressure", gait).items():
             cores += [
                 (name, Quantity(kpa, "kPa", 2)),
                 (f"{name} in psi", Quantity(kpa / KPA_PER_UNIT["psi"], "psi", 2)),
@@ -364,7 +364,7 @@ class InflatableRobot(Robot):
         )
 
 
-def kilopascals(name: str, gait: InflatableDesign) -> dict[str, float]:
+def core_pressure_rows(name: str, gait: InflatableDesign) -> dict[str, float]:
     """Pressure of the core by that name, or of several by the name and a number [kPa]."""
     if not isinstance(gait.pressure, tuple):
         return {name: gait.pressure / 1000}

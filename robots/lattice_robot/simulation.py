@@ -269,7 +269,7 @@ def answers_in(robot: "LatticeRobot", channels: Channels) -> Ints:
 
 
 def shares_in(robot: "LatticeRobot") -> Floats:
-    """How far each channel goes for an answer, shape (C,)."""
+    """How strongly each channel follows an answer of the reflexes, shape (C,)."""
     return np.concatenate([np.repeat(drive.shares, len(drive.regions)) for drive in robot.drives])
 
 

@@ -206,7 +206,7 @@ def real_array(value: object) -> Floats:
 
 
 def on_off(value: object) -> object:
-    """A value; of nothing but truth values, off and on, their numbers 0 and 1, which :func:`numbers` takes."""
+    """Truth values as the numbers 0.0 and 1.0, which :func:`numbers` takes; any other value as it is."""
     with contextlib.suppress(ValueError):  # of rows of several lengths
         if np.asarray(value).dtype == bool:
             return np.asarray(value, float)

@@ -1,4 +1,4 @@
-"""Paths that a process reserves while it computes what goes there, and what is undone where that fails."""
+"""Reserves paths while their content is computed, and removes what is half done after a failure."""
 
 import contextlib
 import os

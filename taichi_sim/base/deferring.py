@@ -1,4 +1,4 @@
-"""Ctrl-C that waits for the end of what must not be cut in two."""
+"""Delays Ctrl-C until a step that must not be interrupted has ended."""
 
 import signal
 import threading

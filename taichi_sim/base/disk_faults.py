@@ -1,4 +1,4 @@
-"""Whose fault it is that something cannot be written: a path's, which the user gave, or the disk's."""
+"""Tells whether a failed write is the fault of a path, which the user gave, or of the disk."""
 
 import errno
 from collections.abc import Iterator

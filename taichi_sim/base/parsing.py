@@ -12,7 +12,7 @@ DEEPEST = 200  # levels of lists and tables, or of elements; functions that walk
 
 
 class RepeatedNameError(ValueError):
-    """A record of JSON gives a name twice; which of its values is meant, nobody knows."""
+    """A JSON object gives a name twice, so its value is ambiguous."""
 
 
 def parse_json(text: str | bytes, constant: Callable[[str], Any] | None = None) -> Any:

@@ -35,7 +35,7 @@ def link_step(minus: Material, plus: Material, edge: float) -> float:
 
 
 def afloat(size: float) -> float:
-    """How many times as short time steps must be where links are balanced, as bodies may float, as elsewhere.
+    """Factor by which time steps shrink where links are balanced, as they are where bodies may float.
 
     A balanced link turns its voxels by its force times its length, where the published law has the edge of the lattice:
     so damping turns a voxel as much more as its links are longer, and is what limits the step. Of periodic blocks in

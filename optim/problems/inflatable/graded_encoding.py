@@ -169,7 +169,7 @@ class GradedGait(GaitEncoding):
         return table[:BLADDERS], table[BLADDERS:ROWS], table[ROWS]
 
     def _told(self, values: Floats) -> tuple[Floats, ...]:
-        """The same, but of absent bladders no inflation."""
+        """The tables of :meth:`_tables`, with no inflation of absent bladders."""
         inflation, *others = self._tables(values)
         return np.where(self._absent[:, None], 0.0, inflation), *others
 

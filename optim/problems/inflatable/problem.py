@@ -29,7 +29,7 @@ from robots.inflatable import gradient, simulation
 from robots.inflatable.actuation import InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, save_design
 from robots.inflatable.layout import told_layout
-from robots.inflatable.robot import InflatableRobot, kilopascals
+from robots.inflatable.robot import InflatableRobot, core_pressure_rows
 from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET
 from robots.inflatable.simulation import InflatableResult
@@ -362,7 +362,7 @@ class GaitProblem(GaitPoints):
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
         """Columns of pressures and orientation in a table of points."""
         designs = [self.design(point) for point in points]
-        each = [kilopascals("Pressure", design) for design in designs]
+        each = [core_pressure_rows("Pressure", design) for design in designs]
         found = {f"{name} [kPa]": [f"{pressures[name]:.2f}" for pressures in each] for name in each[0]} if each else {}
         laid = {"Bladders": [told_layout(design.bladders or ()) for design in designs]} if self.laid.free else {}
         return {**found, "Orientation [°]": [f"{design.orientation:.1f}" for design in designs], **laid}

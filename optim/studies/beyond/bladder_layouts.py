@@ -229,7 +229,7 @@ def _of_runs(speeds: Floats) -> dict[str, Any]:
 
 
 def _of_number(bodies: Mapping[str, Floats], count: int) -> dict[str, Any]:
-    """Of the bodies with so many bladders: the mean of their means, and the fastest; nothing where there is none."""
+    """Mean of the means and the fastest of all bodies with ``count`` bladders; empty if there is none."""
     means = {body: float(speeds.mean()) for body, speeds in bodies.items() if len(BODIES[body]) == count}
     if not means:
         return {}

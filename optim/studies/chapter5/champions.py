@@ -51,7 +51,7 @@ class Player:
         computed_arrays(self.folder, "speeds", parts, progress, allowed)
 
     def play_found(self, found: Mapping[str, Found], progress: Progress) -> None:
-        """Play the best design of every experiment again, and the best few of those on both terrains elsewhere."""
+        """Simulate each experiment's best design again, and the best few on the other terrain."""
         parts: dict[str, Callable[[Progress], Floats]] = {}
         allowed: dict[str, Allowed] = {}
         for experiment, one in _with_designs(found):

@@ -199,7 +199,7 @@ class Run(NeverCopied, ABC):
         """Go on to a step, or to the end; keep every state, and that at the end, in a record if one is given."""
 
     def sizes_among(self, rows: np.ndarray, ends: np.ndarray) -> list[Sizes]:
-        """Of several parts of some marks, which end at ``ends``, a 0 before them: what each sets of sizes."""
+        """Which sizes are set by each part of some marks; part n reaches from ``ends[n]`` to ``ends[n + 1]``."""
         if not self.driver.lists_grow:  # nothing depends on sizes
             return [NO_SIZES] * (len(ends) - 1)
         places = self._extremes.places[rows]
@@ -209,7 +209,7 @@ class Run(NeverCopied, ABC):
         return [Sizes(*(array[a:b] for array in found)) for a, b in pairwise(cuts.tolist())]
 
     def decide(self, rows: np.ndarray, values: np.ndarray, sizes: Sizes) -> None:
-        """Set value and rate, shape (N, 2), of events by their marks, of which :meth:`sizes_among` tells ``sizes``."""
+        """Set value and rate, shape (N, 2), of the events at some marks; ``sizes`` are from :meth:`sizes_among`."""
         driver, (chosen, places, steps) = self.driver, sizes
         decided = driver.host(self.marks.value)
         decided[rows] = values

@@ -171,7 +171,7 @@ def table_wet_normals(v, t: ti.template()):
 
 @ti.func
 def both_sides(v, axis: ti.template(), sign: ti.template(), t: ti.template()):
-    """1 if a voxel's upper side along an axis is wet, and so many more if the lower one is."""
+    """Which sides of a voxel along an axis are wet: 1 for the upper one, plus ``sign`` for the lower one."""
     wet = t.voxel[v * columns.VOXEL_COLUMNS + columns.WET] >> (2 * axis)
     return ti.cast(((wet >> 1) & 1) + sign * (wet & 1), float)
 

@@ -84,7 +84,7 @@ def ball_bears(s: Any) -> Any:
 
 @primitive
 def ball_ploughs(s: Any) -> tuple[Any, Any]:
-    """The same from one way along the ground, over the lower half of the ball, and over its upper one."""
+    """The same integral by cos^2 from one way along the ground, over the lower half of the ball and over its upper one."""
     low, below = emit(smaller(s, 0.0 * s + 1.0)), emit(smaller(s, 0.0 * s + 2.0))
     lower = emit(0.25 * low * low * low * (4.0 - low) + 2.0 * (s - low))
     return lower, emit(0.25 * below * below * below * (4.0 - below) + 4.0 * (s - below) - lower)
@@ -270,7 +270,7 @@ def with_saturated(robots: ti.template(), n, impulse):
 
 @ti.func
 def bounded_violation(robots: ti.template(), n, amount, impulse, short):
-    """By how much a listed point violates its conditions: a member, a saturated point, or else ``amount``.
+    """How far a listed point violates its conditions, as a member, saturated, or neither, which gives ``amount``.
 
     ``short`` is what its velocity lacks of the one at which it stands still.
     """
