@@ -84,7 +84,7 @@ def ball_bears(s: Any) -> Any:
 
 @primitive
 def ball_ploughs(s: Any) -> tuple[Any, Any]:
-    """The same integral by cos^2 from one way along the ground, over the lower half of the ball and over its upper one."""
+    """The same integral by cos^2 from one way along the ground, over the lower half of the ball and the upper one."""
     low, below = emit(smaller(s, 0.0 * s + 1.0)), emit(smaller(s, 0.0 * s + 2.0))
     lower = emit(0.25 * low * low * low * (4.0 - low) + 2.0 * (s - low))
     return lower, emit(0.25 * below * below * below * (4.0 - below) + 4.0 * (s - below) - lower)
