@@ -92,7 +92,9 @@ def find_robot_doing(robot: str | None, gait: str | None = None) -> tuple[RobotK
 
 
 def _check_no_folder(field: str, text: str) -> None:
-    """Refuse a folder, such as that of a run, with the design in it."""
+    """Refuse a folder, such as that of a run, with the design in it, and the empty text, which would be one."""
+    if not text:
+        raise ValueError(f"{field}: '' is not allowed; give a name or a file")
     if (path := Path(text)).is_dir():
         best = path / BEST_DESIGN
         raise ValueError(

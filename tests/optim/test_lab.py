@@ -58,6 +58,7 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
             "^robot: None is not allowed; give a robot, or its name or file, such as 'rolling'$",
         ),
         (lambda: ml.robot(3), "^robot: 3 is not allowed; give a robot"),
+        (lambda: ml.robot(""), "^robot: '' is not allowed; give a name or a file$"),
         (lambda: ml.simulate("soft-quadruped", where="hil:3"), "terrain: 'hil:3' is unknown"),
         (lambda: ml.simulate("vehicle", {"w9": 1.0}), "designs: 'w9' is unknown; there are l1x, .*w2"),
         (
