@@ -16,7 +16,7 @@ from optim.problem import VEHICLE, Evaluation, Minibatch, check_kind
 from optim.problems.robot import JudgedRobot
 from robots.braitenberg import PUBLISHED, VehicleBody, VehicleTask
 from robots.braitenberg.body import CONTROLLERS
-from robots.braitenberg.offered import VehicleRobot
+from robots.braitenberg.robot import VehicleRobot
 from robots.robot import Facts, World
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.checks import choice

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from optim.problem import WALKER, Evaluation, check_kind
 from optim.problems.robot import JudgedRobot
 from robots.lattice_robot.walker import WalkerActuation, WalkerDesign, check_terrain
-from robots.lattice_robot.walker_offered import WalkerRobot
+from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.robot import KINDS, World
 from robots.world import Terrain
 

@@ -40,7 +40,7 @@ class VehicleKind(RobotKind):
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """Sensors and weights to be searched; or the vehicle of a file, of which nothing is free."""
         from robots.braitenberg.body import VehicleBody
-        from robots.braitenberg.offered import VehicleRobot, load_vehicle, one_vehicle
+        from robots.braitenberg.robot import VehicleRobot, load_vehicle, one_vehicle
         from robots.control.neural import pair_of
 
         if source is not None:
@@ -63,6 +63,6 @@ class VehicleKind(RobotKind):
 
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The vehicle that was described."""
-        from robots.braitenberg.offered import vehicle_of_description
+        from robots.braitenberg.robot import vehicle_of_description
 
         return vehicle_of_description(description)

@@ -21,7 +21,7 @@ def _region(text: str) -> Any:
 class LatticeRobotKind(LatticeGroundKind):
     """Lattice robots: Python that sets ``robot``, JSON of ``save_robot``, files of VoxCAD and voxcraft, and meshes.
 
-    Some come with the lab, see ``robots.lattice_robot.offered``.
+    Some come with the lab, see ``robots.lattice_robot.presets``.
     """
 
     name = "lattice"
@@ -71,7 +71,7 @@ class LatticeRobotKind(LatticeGroundKind):
         if source is None:
             raise ValueError("robot: a lattice robot is made of a file; give it, such as my_robot.py")
         if source in self.designs:
-            from robots.lattice_robot.offered import OFFERED
+            from robots.lattice_robot.presets import OFFERED
 
             return OFFERED[source]().changed(options)
         if source.lower().endswith(MESH_SUFFIXES):

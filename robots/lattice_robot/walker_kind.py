@@ -40,7 +40,7 @@ class WalkerKind(LatticeGroundKind):
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """A lattice in which bodies are searched; or the walker of a file, of which nothing is free."""
         from robots.lattice_robot.walker import WalkerActuation, load_walker
-        from robots.lattice_robot.walker_offered import WalkerRobot
+        from robots.lattice_robot.walker_robot import WalkerRobot
 
         drive = {name: options[name] for name in ("amplitude", "frequency", "cycles", "settling") if name in options}
         if source is None:
@@ -59,7 +59,7 @@ class WalkerKind(LatticeGroundKind):
     def from_description(self, description: Mapping[str, Any]) -> Robot:
         """The lattice that was described."""
         from robots.lattice_robot.walker import WalkerActuation
-        from robots.lattice_robot.walker_offered import WalkerRobot
+        from robots.lattice_robot.walker_robot import WalkerRobot
 
         known_names(description, "shape", "encoding", "actuation")
         actuation = built(WalkerActuation, description["actuation"])

@@ -52,7 +52,7 @@ class QuadrupedKind(LightKind):
         """The quadruped of a name; legged by default."""
         from robots.control.neural import load_weights, random_weights
         from robots.quadruped.body import MOTORS, SENSORS
-        from robots.quadruped.offered import OfferedQuadruped
+        from robots.quadruped.robot import QuadrupedRobot
 
         if source is not None and source not in DESIGNS:
             raise ValueError(f"robot: {source!r} is no quadruped; choose one of {', '.join(DESIGNS)}")
@@ -61,7 +61,7 @@ class QuadrupedKind(LightKind):
         if controller is not None and seed is not None:
             raise ValueError("seed: it is of random weights; leave it out beside --controller")
         body = {name: given.pop(name) for name in (*_LENGTHS, "mass", "torque") if name in given}
-        robot = OfferedQuadruped.of(given.pop("kind", source or "legged"), body, **given)
+        robot = QuadrupedRobot.of(given.pop("kind", source or "legged"), body, **given)
         if controller is not None:
             return robot.design(load_weights(Path(controller), SENSORS, MOTORS).ravel())
         if seed is not None:

@@ -39,7 +39,7 @@ class RoverKind(LightKind):
         """The rover of options; with the canonical sensors by default."""
         from robots.control.neural import pair_of
         from robots.rover.body import BEST, Rover
-        from robots.rover.offered import OfferedRover
+        from robots.rover.robot import RoverRobot
 
         given = dict(options)
         controller, design = given.pop("controller", None), given.pop("design", None)
@@ -55,5 +55,5 @@ class RoverKind(LightKind):
         places = given.get("sensors")
         if isinstance(places, tuple | list) and len(places) == 4:
             given["sensors"] = (tuple(places[:2]), tuple(places[2:]))
-        robot = OfferedRover(built(Rover, given), **looks)
+        robot = RoverRobot(built(Rover, given), **looks)
         return robot if controller is None else robot.design(pair_of(controller))

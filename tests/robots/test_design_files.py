@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from robots.braitenberg.offered import VehicleRobot
+from robots.braitenberg.robot import VehicleRobot
 from robots.robot import find_robot_doing, make_robot
 
 V1 = Path(__file__).parents[1] / "data/v1_files"

@@ -45,7 +45,7 @@ def test_a_design_succeeds_in_every_world():
 
 def test_a_task_of_the_users_own(tmp_path):
     """Its robot's file is found beside it; values are those that the command line would take."""
-    source = "from robots.lattice_robot.offered import soft_quadruped\nrobot = soft_quadruped(2)\n"
+    source = "from robots.lattice_robot.presets import soft_quadruped\nrobot = soft_quadruped(2)\n"
     (tmp_path / "crawler.py").write_text(source)
     (tmp_path / "crawl.toml").write_text(OWN)
     task = find_task(tmp_path / "crawl.toml")

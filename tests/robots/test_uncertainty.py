@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, spoken, summary
 from robots.world import Terrain
 

@@ -21,7 +21,7 @@ from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import difference_of_means, known_interval
 from optim.problems.robot import RobotProblem
-from robots.lattice_robot.offered import light_seeker
+from robots.lattice_robot.presets import light_seeker
 from robots.robot import Robot
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats

@@ -23,7 +23,7 @@ from optim.measures.statistics import known_interval, ratio_of_means
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from robots.robot import Robot
 from robots.uncertainty import HELD_OUT, Uncertainty
 from robots.world import Terrain

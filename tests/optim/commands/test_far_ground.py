@@ -11,8 +11,8 @@ from optim.problems.inflatable.problem import GaitProblem
 from robots.freeform import FreeformRobot
 from robots.freeform.grid import Grid
 from robots.ground import Ground
-from robots.lattice_robot.offered import soft_quadruped
-from robots.lattice_robot.walker_offered import WalkerRobot
+from robots.lattice_robot.presets import soft_quadruped
+from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.world import Terrain
 
 ROOT = Path(__file__).resolve().parents[3]

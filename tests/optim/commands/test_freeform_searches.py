@@ -13,7 +13,7 @@ from optim.problems.robot import RobotProblem, seeded
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
 from robots.lattice_robot import save_robot
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 
 SMALL = "codesign --robot freeform --shape 4,3,2 --cycles 1 --frequency 12 --settling 0.02 --threads 1 --quiet"
 TISSUES = [{"name": "soft"}, {"name": "bone", "youngs_modulus": 2e5, "density": 2e3, "muscle": False}]

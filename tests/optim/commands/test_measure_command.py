@@ -110,7 +110,7 @@ def test_the_first_run_has_the_random_numbers_of_the_only_one():
     """Folders of before go on: these are seed, generation and purpose, and of further runs their number."""
     from optim.experiments.body_metrics import Climb, Environments, Measuring, Tries
     from optim.space import Space
-    from robots.braitenberg.offered import VehicleRobot
+    from robots.braitenberg.robot import VehicleRobot
     from robots.tasks import Success
     from taichi_sim.base.compute import Compute
 
@@ -219,7 +219,7 @@ def test_controllers_of_a_seed_are_always_the_same(tmp_path):
     """Whatever their number: the first are those of fewer."""
     from optim.experiments.body_metrics import Measuring, controllers_of
     from optim.space import Space
-    from robots.braitenberg.offered import VehicleRobot
+    from robots.braitenberg.robot import VehicleRobot
 
     space = Space(tuple(VehicleRobot(VehicleBody.published(162)).parameters))
     few, many = (np.concatenate(controllers_of(space, Measuring(count, seed=3))) for count in (256, 600))

@@ -15,7 +15,7 @@ from optim.problems.objectives import OBJECTIVES, RobotObjective
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
-from robots.lattice_robot.offered import light_seeker
+from robots.lattice_robot.presets import light_seeker
 from robots.robot import Measure, Outcome, Parameter, Place, Robot
 from robots.world import Terrain
 

@@ -9,8 +9,8 @@ from optim import maximise
 from optim.problem import Request, judge
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotProblem
-from robots.braitenberg.offered import VehicleRobot
-from robots.lattice_robot.offered import feeling_quadruped
+from robots.braitenberg.robot import VehicleRobot
+from robots.lattice_robot.presets import feeling_quadruped
 from robots.world import Terrain
 
 

@@ -28,7 +28,7 @@ from optim.studies.beyond.evolving_vehicles.bodies import (
 from optim.studies.beyond.evolving_vehicles.searches import LOOPS, MARKS, OBJECTIVES, PairProblem, evolve
 from optim.studies.beyond.evolving_vehicles.study import NAME, STUDY, Part
 from robots.braitenberg import VehicleBody
-from robots.braitenberg.offered import VehicleRobot
+from robots.braitenberg.robot import VehicleRobot
 from robots.tasks import Success
 from taichi_sim.base.results_folder import ResultsFolder
 

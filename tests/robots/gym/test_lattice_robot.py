@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 import robots.gym
 from robots.gym.lattice_robot import GAINS, LatticeRobotEnvironment, LatticeRobotVector
 from robots.lattice_robot import simulate
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from robots.tasks import builtin_tasks
 from robots.world import Terrain
 from taichi_sim.lattice import ProgramBuilder

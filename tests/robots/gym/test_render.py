@@ -9,7 +9,7 @@ from robots.braitenberg import PUBLISHED
 from robots.gym.lattice_robot import LatticeRobotEnvironment
 from robots.gym.vehicle import VehicleEnvironment, VehicleVector
 from robots.inflatable import SMALL, InflatableActuation
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from robots.view.onlooker import HEIGHT, WIDTH
 from taichi_sim.vehicle import VehicleTask
 

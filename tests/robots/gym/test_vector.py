@@ -16,7 +16,7 @@ from robots.gym.batch import FAILED_RETURN
 from robots.gym.lattice_robot import LatticeRobotVector
 from robots.gym.vehicle import VehicleVector
 from robots.inflatable import SMALL, InflatableActuation
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from taichi_sim.vehicle import VehicleTask
 
 QUICK = InflatableActuation(inflation_rate=0.05, pressure_ramp=50.0, hold_steps=100, settle_steps=30)

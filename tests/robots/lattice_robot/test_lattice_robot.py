@@ -18,7 +18,7 @@ from robots.lattice_robot import (
     simulate,
 )
 from robots.lattice_robot.motion import lattice_robot_motion
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.walker import ACTIVE, ANTIPHASE, WalkerActuation, WalkerDesign, WalkerTissue
 from robots.lattice_robot.walker import simulate as walk

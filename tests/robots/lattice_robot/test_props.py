@@ -10,7 +10,7 @@ from robots.freeform import FreeformRobot
 from robots.ground import Ground
 from robots.inflatable.actuation import ACTUATION
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
-from robots.lattice_robot.offered import soft_quadruped
+from robots.lattice_robot.presets import soft_quadruped
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.reflexes import Reflexes
 from robots.props import Prop

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robots.lattice_robot.offered import feeling_quadruped
+from robots.lattice_robot.presets import feeling_quadruped
 from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute

@@ -15,7 +15,7 @@ from robots.lattice_robot.walker import (
     save_walker,
     simulate,
 )
-from robots.lattice_robot.walker_offered import WalkerRobot
+from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.robot import Trial
 from robots.world import Terrain
 from taichi_sim.base.compute import Compute

@@ -12,7 +12,7 @@ from optim.space import Space, Variable
 from robots.braitenberg import VehicleBody
 from robots.braitenberg.body import DESIGNS
 from robots.braitenberg.experiment import PUBLISHED
-from robots.braitenberg.offered import VehicleRobot
+from robots.braitenberg.robot import VehicleRobot
 from robots.braitenberg.sweeps import sweep
 from robots.tasks import Success
 from taichi_sim.base.arrays import Floats

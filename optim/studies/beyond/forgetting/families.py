@@ -13,11 +13,11 @@ from optim.studies.beyond.body_and_learning.bodies import LIGHT_AT, walker
 from robots.braitenberg import VehicleBody
 from robots.braitenberg.body import DESIGNS
 from robots.braitenberg.experiment import DISTANCE
-from robots.braitenberg.offered import VehicleRobot
+from robots.braitenberg.robot import VehicleRobot
 from robots.control.lights import LightAt
 from robots.environments import Environment
 from robots.quadruped.body import ENVIRONMENTS, Kind, Quadruped
-from robots.quadruped.offered import OfferedQuadruped
+from robots.quadruped.robot import QuadrupedRobot
 from robots.robot import Robot, Trial, World
 from robots.tasks import Success
 from robots.world import Terrain
@@ -112,7 +112,7 @@ def quadruped(number: int) -> Robot:
     rng = np.random.default_rng((number, 42))
     kind = KINDS[int(rng.integers(len(KINDS)))]
     width, limb, wheel = rng.uniform((0.2, 0.2, 0.07), (0.6, 0.5, 0.15)).round(3).tolist()
-    return OfferedQuadruped(Quadruped(kind, body_width=width, limb_length=limb, wheel_radius=wheel), looks=LOOKS)
+    return QuadrupedRobot(Quadruped(kind, body_width=width, limb_length=limb, wheel_radius=wheel), looks=LOOKS)
 
 
 def _by_distance(far: float) -> Callable[[Floats], tuple[Floats, Floats]]:

@@ -11,7 +11,7 @@ from optim.problems.robot import RobotProblem
 from optim.runs.generation import Generation
 from robots.course import KINDS, RIDGE, Course
 from robots.lattice_robot.drive import Drive, Free
-from robots.lattice_robot.offered import EDGE, FREQUENCY, MOST, SETTLING
+from robots.lattice_robot.presets import EDGE, FREQUENCY, MOST, SETTLING
 from robots.lattice_robot.robot import LatticeRobot
 from robots.robot import Trial
 from robots.world import Terrain

@@ -11,7 +11,7 @@ from optim.experiments.tables import MISSING, Record, cell, column, distinct, ma
 from optim.measures.statistics import wilson
 from robots.control.cyclic import SEGMENTS
 from robots.course import KINDS
-from robots.lattice_robot.offered import FREQUENCY
+from robots.lattice_robot.presets import FREQUENCY
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
 

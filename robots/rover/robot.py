@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class OfferedRover(LightSeeker):
+class RoverRobot(LightSeeker):
     """A rover whose two weights are free.
 
     Attributes:

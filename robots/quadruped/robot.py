@@ -21,7 +21,7 @@ FIRST = random_weights(1, SENSORS, MOTORS, np.random.default_rng(0))  # of a rob
 
 
 @dataclass(frozen=True, eq=False)
-class OfferedQuadruped(LightSeeker):
+class QuadrupedRobot(LightSeeker):
     """A quadruped whose controller is free.
 
     Attributes:
