@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.lattice_robot.drive import Drive, Free, Value
+from taichi_sim.base.arrays import Ints
 from taichi_sim.base.checks import MOST_FRICTION, number, positive
 
 if TYPE_CHECKING:
@@ -115,12 +116,7 @@ def robot_of_mesh(
     from taichi_sim.lattice import Material, body_from_array
     from taichi_sim.lattice.files.mesh import voxelise
 
-    muscles = [region for region in regions if region.is_muscle]
-    names = [region.name for region in regions]
-    if not muscles:
-        raise ValueError("region: nothing drives the body; mark a muscle, such as --region legs=legs.stl")
-    if len(set(names)) < len(names):
-        raise ValueError(f"region: names {', '.join(names)} do not all differ; give each its own")
+    _check_regions(regions)
     base = Material(
         positive("modulus", modulus),
         positive("density", density),
@@ -130,30 +126,47 @@ def robot_of_mesh(
     )
     found = voxelise(path, pitch, scale=scale)
     _note_size(path, max(found.filled.shape) * found.pitch, scale)
-    materials, kinds, groups = [base], np.where(found.filled, 1, 0), np.zeros(found.filled.shape, int)
-    for label, region in enumerate(regions, 1):
+    materials, kinds, labels = _marks(regions, found, scale, base)
+    rest = int((labels[found.filled] == 0).any())  # voxels of no muscle are region 0
+    muscles = [region for region in regions if region.is_muscle]
+    drives = [_drive(region, rest + place, place / len(muscles)) for place, region in enumerate(muscles)]
+    body = body_from_array(kinds, materials, found.pitch, regions=np.maximum(labels - 1 + rest, 0))
+    # Robots stand on the floor, so the body may be moved down.
+    origin = (found.origin + found.pitch * body.voxels[:, 2].min() * np.array([0, 0, 1])).tolist()
+    return LatticeRobot(body, tuple(drives), **{"name": Path(path).stem, "origin": tuple(origin), **settings})
+
+
+def _check_regions(regions: Sequence[MarkedRegion]) -> None:
+    """Refuse regions of which none is a muscle, or two have a name."""
+    names = [region.name for region in regions]
+    if not any(region.is_muscle for region in regions):
+        raise ValueError("region: nothing drives the body; mark a muscle, such as --region legs=legs.stl")
+    if len(set(names)) < len(names):
+        raise ValueError(f"region: names {', '.join(names)} do not all differ; give each its own")
+
+
+def _marks(
+    regions: Sequence[MarkedRegion], found: "VoxelisedMesh", scale: float, base: "Material"
+) -> "tuple[list[Material], Ints, Ints]":
+    """What regions mark on a grid: all materials, which of them each cell has from 1 on, and which muscle it is, or 0.
+
+    Raises:
+        ValueError: for a muscle of which later regions leave nothing.
+    """
+    materials, kinds, labels = [base], np.where(found.filled, 1, 0), np.zeros(found.filled.shape, int)
+    muscles = 0
+    for region in regions:
         marked = _marked(region, found, scale)
         if region.material:
             materials.append(_changed(base, region))
             kinds[marked] = len(materials)
         if region.is_muscle:
-            groups[marked] = label
-    for label, region in enumerate(regions, 1):
-        if region.is_muscle and not (groups == label).any():
+            muscles += 1
+            labels[marked] = muscles
+    for label, region in enumerate((region for region in regions if region.is_muscle), 1):
+        if not (labels == label).any():
             raise ValueError(f"region: later regions mark all voxels of {region.name}; leave it out, or give it last")
-    used, numbers = np.unique(groups[found.filled], return_inverse=True)
-    labels = np.zeros_like(groups)
-    labels[found.filled] = numbers
-    of_label = {int(label): place for place, label in enumerate(used)}
-    drives = [
-        _drive(region, of_label[label], muscles.index(region) / len(muscles))
-        for label, region in enumerate(regions, 1)
-        if region.is_muscle
-    ]
-    body = body_from_array(kinds, materials, found.pitch, regions=labels)
-    # Robots stand on the floor, so the body may be moved down.
-    origin = (found.origin + found.pitch * body.voxels[:, 2].min() * np.array([0, 0, 1])).tolist()
-    return LatticeRobot(body, tuple(drives), **{"name": Path(path).stem, "origin": tuple(origin), **settings})
+    return materials, kinds, labels
 
 
 def _note_size(path: str | PathLike[str], longest: float, scale: float) -> None:

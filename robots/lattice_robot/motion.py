@@ -54,30 +54,14 @@ def lattice_robot_motion(
         raise ValueError(
             f"frames: they have {body.voxel_count} voxels, the robot {robot.body.voxel_count}; give its own"
         )
-    region, (shown, grip) = np.asarray(robot.body.regions), np.full((2, body.voxel_count), -1)
-    driven, by_phase = list[Channel](), dict[tuple[int, int], Colour]()
-    for number, (drive, nodes) in enumerate(zip(robot.drives, robot.nodes(robot.start[None]), strict=True)):
-        phases = drive.phase if isinstance(drive.phase, tuple) else (None,) * len(drive.regions)
-        for channel, places in _channels(robot, drive, np.asarray(nodes[0], float), DRIVES[number % len(DRIVES)]):
-            on = np.isin(region, [drive.regions[place] for place in places])
-            shown[on] = len(driven)
-            if drive.quantity == "friction" and np.ptp(channel.values) > 0:
-                grip[on] = len(driven)
-            for label, phase in ((drive.regions[place], phases[place]) for place in places):
-                if isinstance(phase, float):
-                    by_phase[len(driven), label] = _phase_colour(phase)
-            driven.append(channel)
-    colours = {number: channel.colour for number, channel in enumerate(driven)}
+    driven, of_region = _driven(robot)
     own = robot.placed.robot if robot.placed is not None else body
+    undriven = [_Look(UNDRIVEN if v < own.voxel_count else PROP) for v in range(body.voxel_count)]
+    regions = np.asarray(robot.body.regions).tolist()
+    looks = [of_region.get(region, look) for region, look in zip(regions, undriven, strict=True)]
     nodes = [
-        Node(
-            f"voxel {v}" if v < own.voxel_count else f"prop voxel {v}",
-            CUBE,
-            by_phase.get((n, label), colours.get(n, UNDRIVEN if v < own.voxel_count else PROP)),
-            None if n < 0 else n,
-            None if foot < 0 else foot,
-        )
-        for v, (n, foot, label) in enumerate(zip(shown.tolist(), grip.tolist(), region.tolist(), strict=True))
+        Node(f"{'' if v < own.voxel_count else 'prop '}voxel {v}", CUBE, look.colour, look.channel, look.foot)
+        for v, look in enumerate(looks)
     ]
     seen = voxel_motion(name, result.frames[place], body, 0, nodes, driven, terrain, robot.heading, travelling=own)
     if light is None:
@@ -85,6 +69,31 @@ def lattice_robot_motion(
     x, y, z = body.start_positions.mean(axis=0).tolist()
     lamp: Floats = np.array([[x + light[0], y + light[1], z]])
     return dataclasses.replace(seen, lights=lamp, light_radius=0.5 * body.voxel_size)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Look:
+    """Colour of a region's voxels, the channel that they show, and the one by which they grip."""
+
+    colour: Colour
+    channel: int | None = None
+    foot: int | None = None
+
+
+def _driven(robot: "LatticeRobot") -> tuple[list[Channel], dict[int, _Look]]:
+    """The channels of all drives, and how the regions look that they drive; the last drive of a region counts."""
+    driven, looks = list[Channel](), dict[int, _Look]()
+    for number, (drive, nodes) in enumerate(zip(robot.drives, robot.nodes(robot.start[None]), strict=True)):
+        phases = drive.phase if isinstance(drive.phase, tuple) else (None,) * len(drive.regions)
+        for channel, places in _channels(robot, drive, np.asarray(nodes[0], float), DRIVES[number % len(DRIVES)]):
+            grips = drive.quantity == "friction" and np.ptp(channel.values) > 0
+            for place in places:
+                region, phase = drive.regions[place], phases[place]
+                colour = _phase_colour(phase) if isinstance(phase, float) else channel.colour
+                foot = len(driven) if grips else looks[region].foot if region in looks else None
+                looks[region] = _Look(colour, len(driven), foot)
+            driven.append(channel)
+    return driven, looks
 
 
 def _channels(robot: "LatticeRobot", drive: Drive, waves: Floats, colour: Colour) -> list[tuple[Channel, list[int]]]:
