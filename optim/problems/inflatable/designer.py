@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from optim.problem import RelaxableProblem
 from optim.problems.designer import COMPUTE, Design, Designer, Request
 from robots.inflatable.actuation import WEIGHTS
+from robots.inflatable.design import InflatableDesign
 from robots.inflatable.kind import BLADDERS_OPTION, GEOMETRIES, RIG_OPTION, load_gait, pressure
 from robots.robot import Option
 from taichi_sim.base.options import count, flag, number
@@ -252,15 +253,9 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
 
 def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Request) -> str:
     """Set what is not free; a note on what was fixed by default."""
-    from optim.problems.inflatable.settings import MORE_PARTS, PARTS
+    from optim.problems.inflatable.settings import MORE_PARTS
 
-    free: Collection[str] = args.free.split(",") if args.free is not None else getattr(asked.known, "free", PARTS)
-    known = (*PARTS, *MORE_PARTS)
-    unknown = [part for part in free if part not in known]
-    if unknown:
-        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(known)}")
-    if len(set(free)) < len(free):
-        raise ValueError(f"free: {','.join(free)} is not allowed; give none twice")
+    free = _free_parts(args, asked)
     settings["more"] = tuple(part for part in MORE_PARTS if part in free)
     # As published, what is not free is as in rolling on flat ground, as in inching on hills; both: rolling.
     gait = args.gait or ("inching" if all(terrain.slope for terrain in settings["terrains"]) else "rolling")
@@ -270,6 +265,32 @@ def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
         raise ValueError(f"gait: {gait} has {fixed[0]} of its own, which a search cannot hold; add it to --free")
     if design.bladders is not None and "bladders" not in free:
         settings.setdefault("bladders", design.bladders)
+    taken = _fix_parts(settings, free, args, design)
+    if args.gait and not taken:
+        raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
+    return f"{', '.join(taken)} neither free nor given: as in {gait}" if taken and not args.gait else ""
+
+
+def _free_parts(args: SimpleNamespace, asked: Request) -> Collection[str]:
+    """The parts of the design that are free: those of ``--free``, of the run that goes on, or the usual ones."""
+    from optim.problems.inflatable.settings import MORE_PARTS, PARTS
+
+    free: Collection[str] = args.free.split(",") if args.free is not None else getattr(asked.known, "free", PARTS)
+    known = (*PARTS, *MORE_PARTS)
+    unknown = [part for part in free if part not in known]
+    if unknown:
+        raise ValueError(f"free: {unknown[0]!r} is unknown; give some of {','.join(known)}")
+    if len(set(free)) < len(free):
+        raise ValueError(f"free: {','.join(free)} is not allowed; give none twice")
+    return free
+
+
+def _fix_parts(
+    settings: dict[str, Any], free: Collection[str], args: SimpleNamespace, design: InflatableDesign
+) -> list[str]:
+    """Set the value of every part that is not free; the names of those that a design gave."""
+    from optim.problems.inflatable.settings import PARTS
+
     taken = []
     for part, name in PARTS.items():
         given = getattr(args, name, None)
@@ -284,9 +305,7 @@ def _choose_parts(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
         elif args.gait or settings.get(name) is None:
             settings[name] = getattr(design, name)
             taken.append(name)
-    if args.gait and not taken:
-        raise ValueError(f"gait: {gait} is not used; all it could give is free, or given")
-    return f"{', '.join(taken)} neither free nor given: as in {gait}" if taken and not args.gait else ""
+    return taken
 
 
 def _check_control(settings: dict[str, Any], args: SimpleNamespace, method: str) -> None:

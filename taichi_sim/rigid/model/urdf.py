@@ -3,6 +3,7 @@
 Source: http://wiki.ros.org/urdf/XML (link, joint). All angles are radians; a joint's frame is its child's.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from xml.etree.ElementTree import Element
 
@@ -48,42 +49,63 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     """
     links = {link.get("name", ""): link for link in root.findall("link")}
     joints = root.findall("joint")
+    base = _base_of(links, joints)
+    unknown = set(angles) - {joint.get("name", "") for joint in joints if joint.get("type") in _HINGED}
+    if unknown:
+        raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
+    world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
+    speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
+    fixed = fixed or (base == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
+    places = {base: Place(np.zeros(3), np.eye(3))}
+    balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
+    parts, commands = [_part(links[base], None, places[base], balanced)], list[str]()
+    for joint in _outwards(joints, base):
+        child = _link_of(joint, "child")
+        places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, len(commands))
+        if isinstance(hung, Hinge) and hung.motor is not None:
+            commands.append(joint.get("name", child))
+        parts.append(_part(links[child], hung, places[child], balanced))
+    tree = tree_of(parts, fixed)
+    if not fixed:  # where the base is says nothing of the ground, which is often below its origin
+        tree = raised(tree)
+    return Model(tree, Senses(), world, tuple(commands), _ignored(root, angles))
+
+
+def _base_of(links: Mapping[str, Element], joints: Sequence[Element]) -> str:
+    """The name of the only link that no joint carries.
+
+    Raises:
+        ValueError: for joints of unknown links, links carried twice, and no or several bases.
+    """
     for joint in joints:
         for end in ("parent", "child"):
             if _link_of(joint, end) not in links:
                 raise ValueError(
                     f"{named(joint)}: there is no link {_link_of(joint, end)!r}; give one of {', '.join(links)}"
                 )
-    carried = {_link_of(joint, "child"): joint for joint in joints}
+    carried = {_link_of(joint, "child") for joint in joints}
     if len(carried) < len(joints):
         raise ValueError("robot: a link that is carried twice is not allowed; give a tree without loops")
     bases = [name for name in links if name not in carried]
     if len(bases) != 1:
         raise ValueError(f"robot: {len(bases)} links without a parent are not allowed; give one base")
-    unknown = set(angles) - {joint.get("name", "") for joint in joints if joint.get("type") in _HINGED}
-    if unknown:
-        raise ValueError(f"angles: there is no hinge {sorted(unknown)[0]!r}")
-    world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
-    speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
-    fixed = fixed or (bases[0] == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
-    places = {bases[0]: Place(np.zeros(3), np.eye(3))}
-    balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
-    parts, waiting, commands = [_part(links[bases[0]], None, places[bases[0]], balanced)], list(joints), list[str]()
+    return bases[0]
+
+
+def _outwards(joints: Sequence[Element], base: str) -> Iterator[Element]:
+    """Joints from the base outwards, in rounds: each after the one that carries its parent.
+
+    Raises:
+        ValueError: for joints that hang on themselves.
+    """
+    reached, waiting = {base}, list(joints)
     while waiting:
-        ready = [joint for joint in waiting if _link_of(joint, "parent") in places]
+        ready = [joint for joint in waiting if _link_of(joint, "parent") in reached]
         if not ready:
             raise ValueError(f"{named(waiting[0])}: a loop is not allowed; give a tree without loops")
-        for joint in ready:
-            waiting.remove(joint)
-            child = _link_of(joint, "child")
-            places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, len(commands))
-            if isinstance(hung, Hinge) and hung.motor is not None:
-                commands.append(joint.get("name", child))
-            parts.append(_part(links[child], hung, places[child], balanced))
-    tree = tree_of(parts, fixed)
-    if not fixed:  # where the base is says nothing of the ground, which is often below its origin
-        tree = raised(tree)
-    return Model(tree, Senses(), world, tuple(commands), _ignored(root, angles))
+        yield from ready
+        reached |= {_link_of(joint, "child") for joint in ready}
+        waiting = [joint for joint in waiting if joint not in ready]
 
 
 def _link_of(joint: Element, end: str) -> str:
