@@ -52,6 +52,8 @@ class RobotKind(ABC):
         fading_gradients: whether gradients can have a horizon, see ``robots.trial.Trial``.
         explored: what is worth moving when a robot is explored, by names of ``options`` and ``world_options``: a pair,
             lowest and highest, or a list.
+        trial_fields: names in a robot's description that say how it is tried, such as ``duration`` or, of a part of it,
+            ``actuation.cycles``: scores of robots that differ in them do not mean the same.
     """
 
     name: str
@@ -66,6 +68,7 @@ class RobotKind(ABC):
     view_precision: str = "f64"
     fading_gradients: bool = False
     explored: Choices = MappingProxyType({})
+    trial_fields: tuple[str, ...] = ()
 
     @abstractmethod
     def build(self, source: str | None, options: Mapping[str, Any]) -> "Robot":

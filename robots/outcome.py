@@ -174,7 +174,7 @@ def checked_outcome(
 
 def recorded(frames: object | None) -> dict[str, NDArray[Any]]:
     """Frames of an engine's result, a dataclass of arrays, by name; none if nothing was recorded."""
-    return {} if frames is None else vars(frames)
+    return {} if frames is None else dict(vars(frames))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,6 +6,7 @@ members of a population are no independent samples, so a single run of them has 
 
 import itertools
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
 from optim.runs.config import GROUND_FILES, identity, usual_settings
 from optim.runs.history import History, begun
+from robots.robot import KINDS
 from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
@@ -162,7 +164,7 @@ def _number_at(history: History, name: str, axis: Axis, x: float) -> float | Non
 
 
 def check_comparable(histories: Sequence[History]) -> None:
-    """Raise ValueError unless the scores of all runs have the same meaning."""
+    """Raise ValueError unless the scores of all runs have the same meaning; warn of trials that differ."""
     first = histories[0]
     for other in histories[1:]:
         problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
@@ -176,6 +178,30 @@ def check_comparable(histories: Sequence[History]) -> None:
                     f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "
                     "give runs whose scores mean the same"
                 )
+    _warn_of_trials(histories)
+
+
+def _warn_of_trials(histories: Sequence[History]) -> None:
+    """Name in one warning what says how robots were tried and is not the same in all runs, such as a duration."""
+    problems = [history.config["problem"] for history in histories]
+    if any(not isinstance(problem.get("robot"), str) for problem in problems):
+        return
+    records = [json.loads(problem["robot"]) for problem in problems]
+    found = []
+    for name in KINDS.find(problems[0]["kind"]).trial_fields:
+        values = [_part_of(record, name) for record in records]
+        if any(value != values[0] for value in values):
+            told = dict.fromkeys("usual" if value is None else f"{value}" for value in values)
+            found.append(f"{name.rpartition('.')[2].replace('_', ' ')} ({', '.join(told)})")
+    if found:
+        warnings.warn(f"the runs differ in {', '.join(found)}: their scores may not mean the same", stacklevel=2)
+
+
+def _part_of(record: Any, name: str) -> Any:
+    """What a description has of a name, with a dot before that of a part; None where it has nothing."""
+    for part in name.split("."):
+        record = record.get(part) if isinstance(record, Mapping) else None
+    return record
 
 
 def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] | None = None) -> list[Curve]:

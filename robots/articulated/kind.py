@@ -1,5 +1,6 @@
 """Articulated robots as a kind of robot: made of an MJCF or URDF file, judged by how far they come."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,8 @@ REFLEXES = (
 
 
 def _friction(text: str) -> float:
-    if text == "inf":
-        return float("inf")
+    if text.strip().lower() in ("inf", "+inf", "infinity", "+infinity"):
+        return math.inf
     return number(0.0)(text)
 
 
@@ -33,6 +34,7 @@ class ArticulatedKind(RobotKind):
 
     name = "articulated"
     title = "articulated robot"
+    trial_fields = ("duration", "heading", "friction", "slip", "time_step")
     options = (
         Option("controller", "what commands the drives (default: rhythm)", choices=("rhythm", "network")),
         Option("duration", "of a trial, in seconds (default: 5)", number(1e-3), "S"),
@@ -42,7 +44,7 @@ class ArticulatedKind(RobotKind):
         Option("light", "place of a light that a network sees, in metres", numbers(3), "X,Y,Z"),
         Option(
             "friction",
-            "coefficient of friction; inf has gradients (default: the file's, or 1)",
+            "coefficient of friction; inf, without a limit, has gradients (default: the file's, or 1)",
             checked(_friction),
             "N",
         ),

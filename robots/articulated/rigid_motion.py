@@ -27,7 +27,7 @@ class RigidMotion:
     Attributes:
         places: of the bodies' centres at the end [m], shape (B, N, 3).
         turns: orientations of the bodies at the end, unit quaternions (w, x, y, z), shape (B, N, 4).
-        angles: of the hinges at the end [rad], shape (B, H).
+        angles: of the hinges at the end, as the robot's file counts them [rad], shape (B, H).
         start_places: of the bodies' centres as the model has them [m], shape (N, 3).
         start_turns: their orientations, shape (N, 4).
         masses: of the bodies [kg], shape (N,).
@@ -58,7 +58,8 @@ class RigidMotion:
         begin = poses(tree, start, still, np.zeros(len(tree.hinges)))
         masses = np.array([body.mass for body, _ in tree.ordered])
         time = robot.steps * robot.physics.time_step
-        return cls(places, turns, sealed(angles), *begin, masses, *names, time, robot.direction)
+        told = sealed(angles) + np.array([hinge.rest for hinge in tree.hinges])
+        return cls(places, turns, told, *begin, masses, *names, time, robot.direction)
 
     def centres(self, places: Any) -> Any:
         """Centres of mass, shape (..., 3), of bodies at some places, shape (..., N, 3)."""

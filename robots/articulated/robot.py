@@ -30,6 +30,7 @@ from taichi_sim.rigid.model.assembly import Model, check_start
 from taichi_sim.rigid.model.files import parse_model, read_model
 
 if TYPE_CHECKING:
+    from robots.uncertainty import Perturbation
     from robots.view.motion import Motion
 
 Controller = Literal["rhythm", "network"]
@@ -252,6 +253,15 @@ class ArticulatedRobot(Robot):
             del found["slip"]
         return found
 
+    @property
+    def uncertain_in(self) -> tuple[str, ...]:  # type: ignore[override]
+        """What can be drawn of it: the slope, and its friction, unless no cone limits that."""
+        return ("friction", "slope") if math.isfinite(self.physics.friction) else ("slope",)
+
+    def perturbed(self, drawn: "Perturbation") -> "ArticulatedRobot":
+        """This robot with its friction multiplied as drawn."""
+        return self if drawn.gripping == 1 else replace(self, friction=self.physics.friction * drawn.gripping)
+
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robot move at N points, with the gradients of speed and distance if wanted."""
         found = try_points(self, points, trial)
@@ -261,6 +271,8 @@ class ArticulatedRobot(Robot):
             slopes["speed"] = found.gradient / seconds
         measures = {"speed": found.distance / seconds, "distance": found.distance, **found.own}
         frames = recorded(found.runs[0].frames)
+        if frames:
+            frames["angles"] = frames["angles"] + [hinge.rest for hinge in self.model.tree.hinges]
         return Outcome(measures, found.status, steps=found.steps, gradients=slopes, frames=frames, result=found)
 
     @property
@@ -287,13 +299,16 @@ class ArticulatedRobot(Robot):
 
     def facts(self) -> Facts:
         """Body, drives and trial."""
-        tree = self.model.tree
+        tree, physics = self.model.tree, self.physics
         mass = sum(body.mass for body in tree.bodies)
+        slip = "" if physics.slip is None else f", points that hold slip at {physics.slip:g} m/s for each newton"
         return [
             ("Robot", f"{self.name}: {len(tree.bodies)} bodies on {len(tree.hinges)} hinges, {mass:.3g} kg"),
             ("Driven", f"{', '.join(self.drives)}, by a {self.controller}"),
             *([("Reflexes", self.reflexes.spoken)] if self.reflexes else []),
             ("Trial", f"{self.duration:g} s; distance along {self.heading:g}°"),
+            ("Time step", f"{1e3 * physics.time_step:g} ms"),
+            ("Floor", f"friction {physics.friction:g}{slip}"),
         ]
 
     @property

@@ -99,7 +99,7 @@ SENSES = {
     "touch": Sense(
         "whether each body with a touch sensor is on the ground, 1 or 0", lambda sensed: sensed.touch, _touch
     ),
-    "angles": Sense("of all hinges [rad]", lambda sensed: sensed.hinges, _angles),
+    "angles": Sense("of all hinges, from where they rest [rad]", lambda sensed: sensed.hinges, _angles),
     "tilt": Sense("how far the base leans along x and along y", _two, _tilt),
     "velocity": Sense("of the base along x and y, since the last reading [lengths a second]", _two, _velocity),
     "light": Sense(

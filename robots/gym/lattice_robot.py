@@ -1,5 +1,6 @@
 """Lattice robots as environments, one or a batch: an action says how muscles differ from their waves for a while."""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -92,6 +93,11 @@ class Rewarded(Batch):
         lit = all(found.light_in(terrain) for terrain in worlds)
         feels = senses or (LIT_SENSES if lit else USUAL_SENSES)
         count = whole_number("num_envs", batch, 1)
+        if (own := found.fixed.reflexes) is not None and np.any(own.weights):
+            warnings.warn(
+                f"the reflexes of {found.name} do not act in an environment; its actions change its waves instead",
+                stacklevel=2,
+            )
         self.episodes = Episodes(found, worlds, count, feels, compute)
         self.gain = choice("gain", gain, GAINS)
         if self.gain == "light" and not lit:

@@ -26,6 +26,7 @@ class LatticeRobotKind(LatticeGroundKind):
 
     name = "lattice"
     title = "lattice robot"
+    trial_fields = ("cycles", "heading", "reference_length", "target")
     options = (
         Option("pitch", "of a mesh, edge of the voxels, in the unit of its file", number(0.0), "P"),
         Option("scale", "of a mesh, metres per unit of its file (default: 0.001, millimetres)", number(0.0), "S"),

@@ -28,6 +28,7 @@ class WalkerKind(LatticeGroundKind):
     name = "walker"
     title = "soft walker"
     explored = choices(frequency=(1, 8), amplitude=(0.02, 0.25), slope=(-15, 15))
+    trial_fields = ("actuation.cycles",)
     options = (
         Option("shape", "places of the lattice along each axis (default: 4,4,3)", checked(shape_of), "X,Y,Z"),
         Option("encoding", "of the body: each voxel, or a pattern in space (default: direct)", choices=ENCODINGS),

@@ -209,7 +209,7 @@ class RigidEngine:
             ValueError: for what is not allowed, and Coulomb friction, whose cone has no derivative here.
         """
         if np.isfinite(self.world.friction):
-            raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give infinity")
+            raise ValueError(f"friction: {self.world.friction!r} has no derivatives; give inf")
         run = self._start(steps, weights, commands, hold, lights, start)
         return RigidTape(run, _decided(feedback, commands))
 

@@ -84,3 +84,11 @@ def test_a_long_message_of_a_users_file_is_cut(morpholab, tmp_path):
     for line in ("simulate --robot own.py", "codesign --problem own.py --out a"):
         code, _, error = morpholab(line)
         assert code == 2 and "ValueError: xxx" in error and len(error) < 500
+
+
+def test_a_quiet_command_has_no_notes(capsys):
+    with notes("view"):
+        with notes("view", quiet=True):
+            note("not told"), warnings.warn("nor this", stacklevel=1)
+        note("told")
+    assert capsys.readouterr().err == "morpholab view: note: told\n"

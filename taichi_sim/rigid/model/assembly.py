@@ -14,7 +14,7 @@ from taichi_sim.rigid.model.tree import Body, Hinge, Joint, Tree, Weld
 from taichi_sim.rigid.tables import Senses
 
 USUAL = World(time_step=0.002, friction=1.0)  # MuJoCo's defaults, for what a file does not say
-_STRAIGHT = 1e-6  # sines below it are rounding
+_STRAIGHT = 1e-3  # sines below it are rounding: 1.57 for a right angle
 DEEPEST, DEEPEST_SHARE = 5e-3, 0.05  # m, and share of its height, that a robot of a file may start in the ground
 _ROUNDED = 1e-2  # part of a moment of inertia that the digits of a file may lack; published files have two or three
 _COMPUTED = 1e-9  # part of a moment that is rounding of its computation
@@ -208,12 +208,13 @@ def placed(solid: Solid | Cylinder, name: str, place: Place) -> Solid:
     if isinstance(solid, Sphere):
         return replace(solid, centre=place.position)
     if isinstance(solid, Box):
-        straight = np.abs(place.rotation).round(6)
-        if np.abs(np.abs(place.rotation) - straight.round()).max() > _STRAIGHT:
+        straight = np.abs(place.rotation).round()
+        if np.abs(np.abs(place.rotation) - straight).max() > _STRAIGHT:
             raise ValueError(
-                f"{name}: a box that is turned at rest is not allowed; give one along the axes of the world"
+                f"{name}: a box that is turned where its hinges rest is not allowed; give one along the axes of the "
+                "world, rest angles with which it is so, or a capsule"
             )
-        return Box(straight.round() @ solid.size, place.position)
+        return Box(straight @ solid.size, place.position)
     length = solid.length if isinstance(solid, Capsule) else solid.length - 2 * solid.radius
     if length <= 0:
         raise ValueError(f"{name}: a cylinder that is wider than long is not allowed; give a sphere, box or capsule")

@@ -56,7 +56,8 @@ def parse_model(
             MJCF says so itself.
         speed: of position drives whose own does not follow from the file: what part of the way to its target a drive
             wants to go in a second [1/s].
-        fastest: rate of drives by torque, which the engine drives by rate, at full command [rad/s].
+        fastest: rate at full command of drives by torque, which the engine drives by rate, and of continuous joints
+            whose velocity is not given [rad/s].
         time_step: of the simulation [s]; None for that of the file, or 2 ms.
 
     Raises:
@@ -87,7 +88,7 @@ def read_model(
     if root.tag == "mujoco":
         return read_mjcf(root, dict(angles or {}), speed, fastest, time_step)
     if root.tag == "robot":
-        return read_urdf(root, dict(angles or {}), fixed, speed, time_step)
+        return read_urdf(root, dict(angles or {}), fixed, speed, fastest, time_step)
     raise ValueError(f"model: <{root.tag}> is unknown; give a file of <mujoco> (MJCF) or <robot> (URDF)")
 
 

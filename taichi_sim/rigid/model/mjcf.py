@@ -212,7 +212,7 @@ class _Reader:
         moved = Place(anchor + turn @ (place.position - anchor), turn @ place.rotation)
         motor, command = self._motor(joint, name, span, rest)
         stops = None if span is None or self.flags.get("limit") else (span[0] - rest, span[1] - rest)
-        return moved, Hinge(parent, child, anchor, axis, motor, command, stops)
+        return moved, Hinge(parent, child, anchor, axis, motor, command, stops, rest)
 
     def _span(self, joint: Element) -> tuple[float, float] | None:
         """Lowest and highest angle of a joint [rad]; None if it has no stops."""

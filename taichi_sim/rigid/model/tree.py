@@ -106,6 +106,7 @@ class Hinge:
         motor: its drive; None turns freely.
         command: number of the command that the drive receives.
         stops: smallest and largest angle [rad]; None has no limits.
+        rest: the angle at rest as its file counts it [rad]; here it is 0 there, as are stops and commands.
     """
 
     parent: str
@@ -115,6 +116,7 @@ class Hinge:
     motor: Motor | None = None
     command: int = 0
     stops: tuple[float, float] | None = None
+    rest: float = 0.0
 
     def __post_init__(self) -> None:
         vector(f"anchor of {self.child}", self.anchor)

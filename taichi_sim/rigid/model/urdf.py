@@ -37,7 +37,9 @@ _ROUND = {"radius": 1, "length": 1}
 _SIZES = {"sphere": {"radius": 1}, "box": {"size": 3}, "cylinder": _ROUND, "capsule": _ROUND}  # numbers of attributes
 
 
-def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float, time_step: float | None) -> Model:
+def read_urdf(
+    root: Element, angles: dict[str, float], fixed: bool, speed: float, fastest: float, time_step: float | None
+) -> Model:
     """Read the robot of a URDF file.
 
     Revolute joints get position drives, continuous joints velocity drives; effort limits the torque. The
@@ -61,7 +63,7 @@ def read_urdf(root: Element, angles: dict[str, float], fixed: bool, speed: float
     parts, commands = [_part(links[base], None, places[base], balanced)], list[str]()
     for joint in _outwards(joints, base):
         child = _link_of(joint, "child")
-        places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, len(commands))
+        places[child], hung = _hang(joint, places[_link_of(joint, "parent")], angles, speed, fastest, len(commands))
         if isinstance(hung, Hinge) and hung.motor is not None:
             commands.append(joint.get("name", child))
         parts.append(_part(links[child], hung, places[child], balanced))
@@ -122,7 +124,9 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
     return numbers(origin, "xyz", "0 0 0", 3), turn.as_matrix()
 
 
-def _hang(joint: Element, carrier: Place, angles: dict[str, float], speed: float, command: int) -> tuple[Place, Joint]:
+def _hang(
+    joint: Element, carrier: Place, angles: dict[str, float], speed: float, fastest: float, command: int
+) -> tuple[Place, Joint]:
     """Read a joint at the place of its parent: the place of its child, and the joint itself."""
     kind, place = joint.get("type", ""), carrier.then(*_origin(joint))
     parent, child = _link_of(joint, "parent"), _link_of(joint, "child")
@@ -134,23 +138,40 @@ def _hang(joint: Element, carrier: Place, angles: dict[str, float], speed: float
     along = np.array([1.0, 0, 0]) if axis is None else direction(axis, "xyz", "1 0 0")
     span = _range(joint) if kind == "revolute" else None
     start = angles.get(joint.get("name", ""), rest_within(span, 0.0)[0])
+    if span is not None:
+        _check_range(joint, span, start)
     turned = place.then(np.zeros(3), Rotation.from_rotvec(start * along).as_matrix())
     if single(joint, "mimic") is not None:
         raise ValueError(f"{named(joint)}: mimic is not allowed; give a joint of its own")
     stops = None if span is None else (span[0] - start, span[1] - start)
-    motor = _motor(joint, stops, speed)
-    return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops)
+    motor = _motor(joint, stops, speed, fastest)
+    return turned, Hinge(parent, child, place.position, place.rotation @ along, motor, command, stops, start)
 
 
-def _motor(joint: Element, stops: tuple[float, float] | None, speed: float) -> Motor | None:
-    """Read the drive of a joint; None without effort. A revolute joint whose velocity is 0 has no largest rate."""
+def _check_range(joint: Element, span: tuple[float, float], start: float) -> None:
+    low, high = span
+    if low >= high:
+        raise ValueError(
+            f"{named(joint)}: limits {low:g} and {high:g} are not allowed; give a lower and a higher one, or type fixed"
+        )
+    if not low <= start <= high:
+        raise ValueError(f"angles: {start:g} of {named(joint)} is not allowed; give a number from {low:g} to {high:g}")
+
+
+def _motor(joint: Element, stops: tuple[float, float] | None, speed: float, fastest: float) -> Motor | None:
+    """Read the drive of a joint; None without effort.
+
+    Where the velocity is 0, a revolute joint has no largest rate, and a continuous one is told rates up to ``fastest``.
+    """
     limit = single(joint, "limit")
     if limit is None:
         return None
     effort, rate = (not_negative(joint, name, number(limit, name, "0")) for name in ("effort", "velocity"))
     if effort == 0:  # no force: files of joints that nothing drives say so, and other readers make no drive of it
         return None
-    return Motor.velocity(rate, effort) if stops is None else Motor.position(*stops, speed, effort, rate or None)
+    if stops is None:
+        return Motor.velocity(rate or fastest, effort)
+    return Motor.position(*stops, speed, effort, rate or None)
 
 
 def _range(joint: Element) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 import robots.gym
 from robots.gym.lattice_robot import GAINS, LatticeRobotEnvironment, LatticeRobotVector
 from robots.lattice_robot import simulate
-from robots.lattice_robot.presets import soft_quadruped
+from robots.lattice_robot.presets import feeling_quadruped, soft_quadruped
 from robots.tasks import builtin_tasks
 from robots.world import Terrain
 from taichi_sim.lattice import ProgramBuilder
@@ -312,3 +312,14 @@ def test_a_world_is_told_by_its_number():
         environment.reset(options={"world": 2})
     with pytest.raises(ValueError, match="options: 'world' is unknown; there are none"):
         LatticeRobotEnvironment(**QUICK).reset(options={"world": 0})
+
+
+@pytest.mark.kernels
+def test_reflexes_that_do_not_act_are_told():
+    free = feeling_quadruped(1)
+    taught = free.filled(np.where([name.startswith("reflex_") for name in free.free], 0.1, free.start))
+    with pytest.warns(UserWarning, match="the reflexes of feeling quadruped do not act in an environment"):
+        LatticeRobotEnvironment(robot=taught, threads=1).close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        LatticeRobotEnvironment(robot=free, threads=1).close()

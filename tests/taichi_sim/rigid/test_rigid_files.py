@@ -433,7 +433,7 @@ BAD = {
     "a mesh": (mjcf(BALL.replace("sphere", "mesh")), "geom: type 'mesh' is not allowed; give sphere, capsule, box"),
     "a turned box": (
         mjcf(BALL.replace('type="sphere" size="0.5"', 'name="b" type="box" size="1 1 1" euler="0 0 30"')),
-        "geom b: a box that is turned at rest is not allowed",
+        "geom b: a box that is turned where its hinges rest is not allowed",
     ),
     "a size that is no number": (mjcf(BALL.replace("0.5", "half")), "geom: size 'half' is not allowed"),
     "a capsule without length": (mjcf(BALL.replace("sphere", "capsule")), "geom: 1 sizes are not allowed; give 2"),
