@@ -134,7 +134,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         args = build_parser("" if asked.startswith("-") else asked).parse_args(words)
     except SystemExit as stop:  # after help, versions, or a wrong option
         raise SystemExit(_print("", None, int(stop.code or 0))) from None
-    except OSError as error:
+    except (OSError, ValueError) as error:
         return _unprinted("", error)
     needing = "--json" if args.json else "--to -" if getattr(args, "to", None) == "-" else ""
     if needing and "stdout" in closed:  # before work of hours whose document nobody would get
@@ -174,8 +174,10 @@ def _unprinted(command: str, error: OSError | ValueError) -> int:
     if not isinstance(error, BrokenPipeError):
         why = error.strerror if isinstance(error, OSError) else error
         say(command, f"failed: standard output cannot be written ({why})")
-    with contextlib.suppress(OSError, ValueError):  # a stream of a caller's own has no descriptor
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # so that Python does not fail again at its end
+    with contextlib.suppress(OSError, ValueError):  # a stream of a caller's own may have no descriptor, or be closed
+        number = sys.stdout.fileno()
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), number)  # so that Python does not fail again when it ends
     return CLOSED_PIPE if isinstance(error, BrokenPipeError) else FAILED
 
 
@@ -228,7 +230,7 @@ def _open_streams() -> list[str]:
 
     Characters that the encoding of standard output lacks are written as escapes, as those of standard error are.
     """
-    if isinstance(sys.stdout, io.TextIOWrapper):
+    if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.closed:
         sys.stdout.reconfigure(errors="backslashreplace")
     closed = []
     for number, name in ((1, "stdout"), (2, "stderr")):

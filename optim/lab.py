@@ -13,7 +13,7 @@ from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
 from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World
-from taichi_sim.base.arrays import Floats, fixed
+from taichi_sim.base.arrays import Floats, copied, fixed
 from taichi_sim.base.checks import nearest, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 
@@ -49,7 +49,7 @@ class Trials:
     _replays: dict[int, Replay] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        fixed(self.points)
+        object.__setattr__(self, "points", fixed(copied(self.points)))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -12,6 +12,7 @@ from optim.problems import kind_of_run, robot_of_run
 from optim.runs.config import read_config
 from optim.runs.history import read_history
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
+from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
 from taichi_sim.base.options import Option, converted
 
@@ -43,7 +44,8 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        values[name] = _value_of(known[name], value)
+        if value is not None:
+            values[name] = _value_of(known[name], value)
     if isinstance(source, Robot):
         return source.changed(values)
     if (run := run_in(source)) is not None:
@@ -128,7 +130,7 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
             known = f"there are {some_of(names)}{nearest(name, names)}" if names else "nothing of the robot is free"
             raise ValueError(f"designs: {name!r} is unknown; {known}")
     try:
-        given = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, float)) for value in designs.values()))
+        given = np.broadcast_arrays(*(np.atleast_1d(copied(value)) for value in designs.values()))
     except (ValueError, TypeError):
         raise ValueError("designs: give numbers, or arrays of one length, for each parameter") from None
     if given and given[0].ndim > 1:
@@ -168,13 +170,20 @@ def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> An
     return converted(name, reads, value) if isinstance(value, str) else value
 
 
+def _row_of(value: Any) -> list[float]:
+    """The numbers of a row of some, however it is given; none if it is no row of numbers."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if not isinstance(value, list | tuple) or not all(isinstance(each, int | float | np.number) for each in value):
+        return []
+    return [each.item() if isinstance(each, np.number) else each for each in value]
+
+
 def _value_of(option: Option, value: Any) -> Any:
     """The value of an option, or a list of an option that may be repeated; one alone needs no list."""
-    if value is None:
-        return None
     if option.type is None:
         return option.read(value.item() if isinstance(value, np.bool_) else value)
     if not option.several:
-        return read_option(option.name, option.type, value)
+        return read_option(option.name, option.type, ",".join(map(str, row)) if (row := _row_of(value)) else value)
     each = value if isinstance(value, list | tuple) else [value]
     return [read_option(option.name, option.type, one) for one in each]

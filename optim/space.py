@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from taichi_sim.base.arrays import Bools, Floats, fixed
+from taichi_sim.base.arrays import Bools, Floats, copied, fixed
 from taichi_sim.base.variables import Variable
 
 __all__ = ["Space", "Variable"]
@@ -47,6 +47,10 @@ class Space:
         It is a tenth of the range, and of whole numbers at least 0.5: a smaller one would hardly ever change them.
         """
         return cls(tuple(each if each.step else replace(each, step=_usual_step(each)) for each in parameters))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies, and processes that are given a space, compute its arrays anew, which stay fixed so."""
+        return type(self), (self.variables,)
 
     @property
     def size(self) -> int:
@@ -147,12 +151,12 @@ class Space:
         return self.clip(np.where(self.integers, whole, self.low + unit * (self.high - self.low)))
 
     def validate(self, points: ArrayLike) -> Floats:
-        """The points as float64, if all of them are points of this space.
+        """The points as an array of their own of float64, if all of them are points of this space.
 
         Raises:
             ValueError: if one is not; it names the first variable at fault.
         """
-        points = np.asarray(points, float)
+        points = copied(points)
         if points.ndim == 0 or points.shape[-1] != self.size:
             raise ValueError(
                 f"points: shape {points.shape} is not allowed; the last axis must be {self.size} variables"

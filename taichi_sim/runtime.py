@@ -88,7 +88,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
-_inside = 0  # how many functions run that may launch kernels, one called by another's callback
+_needed: list[Compute | None] = []  # what each :func:`exclusive` function that runs has started, the outermost first
 _running: Compute | None = None
 _begun: Any = None  # Taichi's runtime that was made for it; other code of the process may have made another since
 _arrays = DeviceArrays()
@@ -145,21 +145,23 @@ def cache_folder() -> Path:
 def exclusive(function: Callable[P, R]) -> Callable[P, R]:
     """Let only one thread at a time run a function that starts Taichi and launches kernels; others wait.
 
-    If it is called by a callback of another, which goes on afterwards, it leaves Taichi as that one needs it.
+    After one that another such function has called in a callback, such as ``progress``, Taichi runs again as that one
+    needs it. What it has called before it needed anything is a part of it.
     """
 
     @functools.wraps(function)
     def alone(*args: P.args, **kwargs: P.kwargs) -> R:
-        global _inside
         with _lock:
-            outer = _running if _inside else None
-            _inside += 1
+            _needed.append(None)
             try:
                 return function(*args, **kwargs)
             finally:
-                _inside -= 1
-                if outer is not None:
-                    start(outer)
+                inner = _needed.pop()
+                if _needed and inner is not None:
+                    if _needed[-1] is None:
+                        _needed[-1] = inner
+                    elif _needed[-1] != inner:
+                        _start(_needed[-1])
 
     return alone
 
@@ -182,6 +184,8 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
     wanted = compute if isinstance(compute, Compute) else Compute(compute, precision, threads)
     wanted = replace(wanted, threads=wanted.thread_count)
     with _lock:
+        if _needed:
+            _needed[-1] = wanted
         _start(wanted)
     return wanted
 
@@ -308,6 +312,7 @@ def _after_fork() -> None:
     """Forget in a child process what the parent had started, which would hang when it is used or freed."""
     global _lock, _forked
     _lock = threading.RLock()
+    _needed.clear()
     if _running is not None:
         _forked = True
         ctypes.pythonapi.Py_IncRef(ctypes.py_object(ti.lang.impl.get_runtime().prog))  # so it is never freed

@@ -83,6 +83,12 @@ def pytest_collection_finish():
     gc.enable()
 
 
+def pytest_sessionstart(session):
+    """Who only hands out tests collects none, and needs the collector."""
+    if getattr(session.config.option, "numprocesses", None):
+        gc.enable()
+
+
 def pytest_collection_modifyitems(items):
     """Tests go by what they compute with, see ``computing``, and in these groups by files."""
     files = {path: number for number, path in enumerate(dict.fromkeys(item.path for item in items))}

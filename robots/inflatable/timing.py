@@ -51,7 +51,6 @@ WHOLE = Counting()
 
 
 @lru_cache(maxsize=4096)
-@lru_cache(maxsize=4096)
 def stroke(actuation: InflatableActuation, level: float, inflate: bool) -> tuple[int, float]:
     """Steps that a bladder of this thickness still changes when told to inflate or deflate, and its last thickness.
 

@@ -84,6 +84,10 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
             lambda: ml.simulate("vehicle", np.ma.masked_greater([[0.0, 0.0, 0.0, 0.0, 0.0, 0.5]], 0.1)),
             "^points: nan of w2 is not allowed; give finite numbers$",
         ),
+        (
+            lambda: ml.simulate("vehicle", {"w2": np.ma.masked_greater([0.0, 0.5], 0.1)}),
+            "^designs: nan of w2 is not allowed; give a number from",
+        ),
         (lambda: ml.view("vehicle", np.zeros((2, 6))), "design: 2 are not allowed; give one"),
         (lambda: ml.robot("inching", columns=-1), "^columns: .*-1.* is not allowed"),
         (lambda: ml.robot("inching", columns=True), "^columns: .*True.* is not allowed"),

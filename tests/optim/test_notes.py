@@ -1,9 +1,13 @@
 """What commands tell obeys nobody's orders to the terminal, and is short."""
 
+import io
+import os
+import sys
 import warnings
 
 import pytest
 
+from optim.cli import main
 from optim.notes import note, notes, plain, say
 from optim.progress import shown_progress
 from taichi_sim.base.foreign import users_code
@@ -92,3 +96,21 @@ def test_a_quiet_command_has_no_notes(capsys):
             note("not told"), warnings.warn("nor this", stacklevel=1)
         note("told")
     assert capsys.readouterr().err == "morpholab view: note: told\n"
+
+
+def test_a_caller_may_have_closed_its_streams(monkeypatch):
+    for line in (["tasks"], ["--help"], ["--version"]):
+        closed = io.StringIO()
+        closed.close()
+        monkeypatch.setattr("sys.stdout", closed)
+        assert main(line) == 1
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(io.BytesIO()))
+    sys.stdout.close()
+    assert main(["tasks"]) == 1
+
+
+def test_a_program_without_streams_keeps_its_descriptors(monkeypatch, capfd):
+    monkeypatch.setattr("sys.stderr", None)
+    assert main(["simulate", "--robot", "nope"]) == 2
+    os.write(2, b"still here")
+    assert capfd.readouterr().err == "still here"

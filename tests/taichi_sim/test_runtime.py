@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from taichi_sim import runtime
+from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder
 from taichi_sim.runtime import ti
 
 NAME_ERROR = ti.TaichiNameError if runtime.COMPILER == "taichi" else ti.QuadrantsNameError
@@ -61,3 +62,49 @@ def test_arrays_of_a_device_that_other_code_ended_are_not_taken_along():
     again = runtime.device_array(ti.f64, (3,))
     runtime.start("cpu", "f32", 1), runtime.start(compute)
     assert np.array_equal(again.to_numpy(), np.zeros(3))
+
+
+def falling(precision: str) -> LatticeEngine:
+    rubber = Material(youngs_modulus=1e6, density=1e3)
+    bar = LatticeBody([(x, 0, 0) for x in range(3)], (rubber,), [0] * 3, voxel_size=0.01)
+    return LatticeEngine(bar, 1, gravity=9.80665, precision=precision, threads=1)
+
+
+def test_engines_that_take_turns_and_call_each_other_run_as_they_were_made():
+    """Each launches its kernels where they belong: in another runtime they have other numbers, or crash."""
+    single, double = falling("f32"), falling("f64")
+    program, running = ProgramBuilder(1).build(3000), []
+
+    def look(fraction):
+        running.append(runtime._running)
+
+    def call(fraction):
+        look(fraction)
+        if len(running) == 1:
+            single.run(program)
+
+    for engine in (single, double, single, double):
+        running.clear()
+        engine.run(program, progress=look)
+        assert running and set(running) == {engine.compute}
+    running.clear()
+    double.run(program, progress=call)
+    assert len(running) > 1 and set(running) == {double.compute}
+    running.clear()
+    double.record(program, progress=call)
+    assert set(running) == {double.compute}
+    speeds = [engine.state().velocities[0, 0, 2] for engine in (single, double)]
+    assert speeds == pytest.approx([speeds[0]] * 2, rel=1e-4) and speeds[0] < 0
+
+
+def test_a_call_in_a_callback_that_failed_changes_nothing():
+    double = falling("f64")
+
+    def fail(fraction):
+        seen.append(runtime._running)
+        with pytest.raises(ValueError, match="is not available"):
+            LatticeEngine(double.body, 1, device="cuda" if not ti.lang.misc.is_arch_supported(ti.cuda) else "metal")
+
+    seen = []
+    double.run(ProgramBuilder(1).build(3000), progress=fail)
+    assert len(seen) > 1 and set(seen) == {double.compute}
