@@ -190,5 +190,5 @@ def test_a_function_that_changes_its_points_changes_no_others(method):
 def test_what_a_masked_array_hides_has_failed():
     found = problem_of(lambda p: np.ma.masked_less(p.sum(axis=1), 1.5), {"x": (0, 1), "y": (0, 1)})
     assert found.evaluate([[1.0, 1.0], [0.0, 0.0]]).status.tolist() == ["ok", "failed"]
-    with pytest.raises(ValueError, match="^y: nan is not allowed"):
+    with pytest.raises(ValueError, match=r"^y: nan is not allowed"):
         found.evaluate(np.ma.masked_greater([[0.2, 0.9]], 0.5))
