@@ -142,12 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(args.command, f"failed: {why}", FAILED)
     stdout = _stdout_to_stderr() if args.json else contextlib.nullcontext()
     try:
-        with (
-            EndedBySignals(),
-            notes(args.command, getattr(args, "quiet", False)),
-            stdout,
-            contextlib.ExitStack() as args.held,
-        ):
+        with EndedBySignals(), notes(args.command), stdout, contextlib.ExitStack() as args.held:
             report = args.run(args)
         text = json.dumps(report.document, allow_nan=False) if args.json else plain(report.text)
     except KeyboardInterrupt as interrupt:

@@ -44,13 +44,13 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        if value is not None:
-            values[name] = _value_of(known[name], value)
+        values[name] = None if value is None else _value_of(known[name], value)
     if isinstance(source, Robot):
         return source.changed(values)
     if (run := run_in(source)) is not None:
         return of_run(run, elsewhere=True)[0].changed(values)
-    return make_robot(kind, find_robot_doing(fspath(source))[1], values)
+    given = {name: value for name, value in values.items() if value is not None}
+    return make_robot(kind, find_robot_doing(fspath(source))[1], given)
 
 
 def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
@@ -163,7 +163,7 @@ def some_of(names: Sequence[str], most: int = MOST_TOLD) -> str:
 
 def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
     """A value of an option; a text, and a number as it is written, is read as the command line reads it."""
-    if isinstance(value, np.generic):
+    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if reads is not None and isinstance(value, int | float):
         value = str(value)

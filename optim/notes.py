@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 from unicodedata import category
 
-_running: list[str | None] = []  # names of commands, None of quiet ones, the one that was started last at the end
+_running: list[str] = []  # names of commands, the one that was started last at the end
 
 
 def plain(text: str) -> str:
@@ -25,15 +25,13 @@ def say(name: str, message: str) -> None:
 
 
 def note(message: str) -> None:
-    """Print a note of the command that is running, unless it is quiet; of morpholab itself where none is."""
-    name = _running[-1] if _running else ""
-    if name is not None:
-        say(name, f"note: {message}")
+    """Print a note of the command that is running; of morpholab itself where none is, as in a notebook."""
+    say(_running[-1] if _running else "", f"note: {message}")
 
 
 @contextlib.contextmanager
-def notes(name: str, quiet: bool = False) -> Iterator[None]:
-    """Name a command as the one whose notes are printed, unless it is quiet, and make notes of warnings to users."""
+def notes(name: str) -> Iterator[None]:
+    """Name a command as the one whose notes are printed, and make notes of warnings to users."""
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **other: Any) -> None:
         if issubclass(category, UserWarning):
@@ -45,7 +43,7 @@ def notes(name: str, quiet: bool = False) -> Iterator[None]:
         # They are for the user of the command, whatever Python's own filter says: `-W error` would end a good command.
         warnings.simplefilter("default", UserWarning)
         usual, warnings.showwarning = warnings.showwarning, show
-        _running.append(None if quiet else name)
+        _running.append(name)
         try:
             yield
         finally:

@@ -29,7 +29,7 @@ COMMAND = Command(
         count("frames", 2, "of the player, at most, of each motion (default: 400)"),
         Option("rig", "that shall play the gait: a preset or a TOML file (default: dissertation)", file_text, "RIG"),
         options.by("what several runs are compared by (default: evaluations)"),
-        flag("quiet", "no progress and no notes"),
+        flag("quiet", "no progress"),
     ),
 )
 

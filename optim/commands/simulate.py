@@ -48,7 +48,7 @@ COMMAND = Command(
             metavar="RISK",
         ),
         path_to("out", "DIR", "new folder for design.json, result.json and robot.png, of gaits also gait.csv"),
-        flag("quiet", "no progress and no notes"),
+        flag("quiet", "no progress"),
     ),
     options.simulation("f64"),
     kinds_of_robot,

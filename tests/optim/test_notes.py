@@ -90,14 +90,6 @@ def test_a_long_message_of_a_users_file_is_cut(morpholab, tmp_path):
         assert code == 2 and "ValueError: xxx" in error and len(error) < 500
 
 
-def test_a_quiet_command_has_no_notes(capsys):
-    with notes("view"):
-        with notes("view", quiet=True):
-            note("not told"), warnings.warn("nor this", stacklevel=1)
-        note("told")
-    assert capsys.readouterr().err == "morpholab view: note: told\n"
-
-
 def test_a_caller_may_have_closed_its_streams(monkeypatch):
     for line in (["tasks"], ["--help"], ["--version"]):
         closed = io.StringIO()

@@ -115,7 +115,7 @@ def feeling():
 def test_a_robot_with_reflexes_feels_as_a_design_too(feeling):
     robot, fixed = feeling
     assert fixed.feels and fixed.horizons == robot.horizons and not fixed.differentiable
-    assert fixed.facts() == robot.facts() and len(fixed.facts()) == 4
+    assert fixed.facts() == robot.facts() and len(fixed.facts()) == 6
     spoken, longer = fixed.at_horizon(2)
     assert spoken == "2 seconds" and isinstance(longer, FixedRobot)
     assert longer.steps == replace(robot, duration=2.0).steps and longer.point.tolist() == robot.start.tolist()

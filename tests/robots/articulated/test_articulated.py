@@ -398,7 +398,17 @@ def test_slopes_of_level_ground_can_be_drawn(world):
     each = [design.simulate([()], Terrain(slope), compute=Compute(**HERE)).measures["speed"][0] for slope in slopes]
     assert told["worst"] == min(each) < told["mean"] == pytest.approx(np.mean(each))
     with pytest.raises(ValueError, match=r"friction=0.2 is not allowed; articulated robot has no friction to draw"):
-        judge_uncertain(design, world, Uncertainty(friction=0.2), Risk(), 3)
+        judge_uncertain(crawler(), world, Uncertainty(friction=0.2), Risk(), 3)
+
+
+@pytest.mark.kernels
+def test_friction_can_be_drawn():
+    robot, unknown = crawler(friction=0.3), Uncertainty(friction=0.5)
+    (point,) = some_points(robot, 1)
+    told = judge_uncertain(robot.design(point), GROUND, unknown, Risk(0.0), 3, compute=Compute(**HERE)).document
+    robots = [crawler(friction=0.3 * drawn.gripping) for drawn in unknown.draw(3, HELD_OUT)]
+    each = [one.simulate([point], GROUND, compute=Compute(**HERE)).measures["speed"][0] for one in robots]
+    assert told["worst"] == min(each) < told["mean"] == pytest.approx(np.mean(each))
 
 
 def test_terrains_by_name():
