@@ -5,17 +5,18 @@ from its rhythm, or how oscillators shift the rhythm. Without weights the rhythm
 derivatives, but for the sense of touch, which is a step.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated, Any, Self
 
 import numpy as np
 
 from robots.articulated.senses import SENSES, DriveReader, Sensed
 from robots.control.networks import LayeredNetwork
+from robots.control.reflex_loop import AnsweringLoop
 from robots.control.reflexes import Answering, senses_among
 from robots.control.senses import width_of
-from taichi_sim.autodiff.arrays import trace, value_of
+from taichi_sim.autodiff.arrays import value_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.options import value_of as number_in
 from taichi_sim.rigid.feedback import Felt
@@ -93,54 +94,37 @@ def network_of(reflexes: DriveReflexes, sensed: Sensed) -> LayeredNetwork:
     return network
 
 
-class ReflexLoop:
-    """The reflexes of B robots in a run: decides their commands, and takes derivatives back.
+class ReflexLoop(AnsweringLoop):
+    """The reflexes of B robots in a run: decides the commands of their drives, and takes derivatives back.
 
-    Attributes:
-        by_weights: derivatives of a cost by the weights, (B, K), once all decisions were taken back.
-        by_points: by the points of rhythms, but through their commands, (B, 1 + 3 M).
+    Attributes are those of ``AnsweringLoop``, and once all decisions were taken back:
+        by_points: derivatives by the points of rhythms, but through their commands, (B, 1 + 3 M).
         by_commands: by the commands of rhythms, shape as theirs.
-        felt: what was felt so far at every reading, (B, width) each.
     """
+
+    reader: DriveReader
 
     def __init__(
         self, reflexes: DriveReflexes, sensed: Sensed, weights: Floats, rhythms: Rhythms, start: Floats, seed: int = 0
     ) -> None:
         """Set up; ``start`` is the place of the bases at the start, (B, 3) or (1, 3) [m], ``seed`` that of noise."""
-        self.seed = seed
-        self.reflexes, self.sensed, self.weights, self.rhythms = reflexes, sensed, weights, rhythms
+        self.sensed, self.rhythms, self.seed = sensed, rhythms, seed
         first = np.broadcast_to(start, (len(weights), 3))
-        self.reader = DriveReader(reflexes.senses, sensed, rhythms.span, rhythms.points, first)
-        self.network = network_of(reflexes, sensed)
-        self.oscillators = reflexes.oscillators_of(self.network)
-        self.begin()
-
-    def begin(self) -> None:
-        """Forget what was felt and decided."""
-        self._state = self._still()
-        self.felt = list[Floats]()
-        self._given = list[tuple[Floats, ...]]()  # to answer
-
-    def _still(self) -> list[Floats]:
-        return list(self.oscillators.start(len(self.weights))) if self.oscillators else []
+        reader = DriveReader(reflexes.senses, sensed, rhythms.span, rhythms.points, first)
+        super().__init__(reflexes, weights, network_of(reflexes, sensed), reader)
 
     def _forget(self) -> None:
-        """Begin to take derivatives back."""
-        self.by_weights, self.by_points = np.zeros(self.weights.shape), np.zeros(self.rhythms.points.shape)
-        self.by_commands, self._by_state = np.zeros(self.rhythms.commands.shape), self._still()
-        self._by_felt = dict[int, Floats]()
+        super()._forget()
+        self.by_points, self.by_commands = np.zeros(self.rhythms.points.shape), np.zeros(self.rhythms.commands.shape)
 
-    def _feel(self, number: int, felt: Felt) -> Floats:
-        """What is felt at a reading, with noise, (B, width)."""
-        found = self.reader.read(number, felt)
-        if not self.reflexes.noise:
-            return found
+    def seeds_of_noise(self, number: int) -> tuple[int, ...]:
+        """What the noise of a reading is drawn from."""
         # Of seed 0 these are the numbers of ``default_rng(number)``, which earlier versions drew.
-        drawn = np.random.default_rng((number, self.seed)).normal(0.0, self.reflexes.noise, found.shape[1])
-        return found + drawn
+        return number, self.seed
 
-    def _answer(self, number: int, weights: Any, points: Any, wave: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
-        """A command, counted by ``number``, and the oscillators' state after it; ``wave`` is the rhythm's command."""
+    def answer(self, number: int, weights: Any, felt: Any, given: Sequence[Any], state: Sequence[Any]) -> Sequence[Any]:
+        """A command, given the points of the rhythms and their command."""
+        points, wave = given
         if self.oscillators is None:
             added = self.network.answer(weights, felt)
         else:
@@ -155,26 +139,15 @@ class ReflexLoop:
 
     def decide(self, number: int, felt: Felt) -> Floats:
         """The command of all drives, (B, M)."""
-        if number == 0:
-            self.begin()
-        self.felt.append(self._feel(number, felt))
-        late = number - self.reflexes.delay
-        heard = self.felt[late] if late >= 0 else np.zeros(self.felt[0].shape)
-        asked = self.weights, self.rhythms.points, self.rhythms.commands[:, number], heard, *self._state
-        self._given.append(asked)
-        commands, *self._state = self._answer(number, *asked)
+        given = self.rhythms.points, self.rhythms.commands[:, number]
+        (commands,) = self.decided(number, self.reader.read(number, felt), *given)
         return np.asarray(commands)
 
     def pull_back(self, number: int, commands: Floats) -> Felt:
         """Derivatives by what was felt, from those by the command."""
-        if number == len(self._given) - 1:
-            self._forget()
-        _, way = trace(partial(self._answer, number), *self._given[number])
-        by_weights, by_points, by_wave, by_heard, *self._by_state = way(commands, *self._by_state)
-        self._by_felt[number - self.reflexes.delay] = by_heard  # nobody hears of readings below 0
-        self.by_weights += by_weights
+        by_felt, (by_points, by_wave) = self.taken_back(number, commands)
         self.by_points += by_points
         self.by_commands[:, number] += by_wave
-        felt, by_points = self.reader.pull_back(number, self._by_felt.pop(number, None))
+        felt, by_points = self.reader.pull_back(number, by_felt)
         self.by_points += by_points
         return felt

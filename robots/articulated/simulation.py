@@ -148,7 +148,7 @@ def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, comp
         loop = _loop(robot, some, engine.rest() if start is None else start)
         assert loop is not None
         result = engine.run(robot.steps, **_driven(robot, some), start=start, feedback=loop)
-        felt = np.stack(loop.felt, axis=2)
+        felt = np.stack(loop.readings, axis=2)
         felt[result.status != "ok"] = np.nan
         found.append(felt)
     return np.concatenate(found)

@@ -16,11 +16,11 @@ import numpy as np
 from robots.control.cyclic import SEGMENTS, Cycle
 from robots.control.networks import LayeredNetwork
 from robots.control.oscillators import reach, waves_shifted
+from robots.control.reflex_loop import AnsweringLoop
 from robots.control.reflexes import Answering, senses_among
 from robots.control.senses import width_of
 from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, Parts, check_felt
 from robots.world import checked_place
-from taichi_sim.autodiff.arrays import trace
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import Decision, Felt, LatticeBody, LatticeProgram
@@ -112,14 +112,15 @@ class Feeling:
             object.__setattr__(self, "lights", np.array([self.reflexes.light], float))
 
 
-class ReflexLoop:
+class ReflexLoop(AnsweringLoop):
     """The reflexes of B robots in a run: decides how their muscles go on, and takes derivatives back.
 
-    Attributes:
-        by_weights: derivatives of a cost by the weights, shape (B, K), once all decisions were taken back.
-        by_swing: by what waves add to the channels at the nodes of a cycle, shape (B, C, 16).
-        readings: what was felt, so far, shape (B, width) each.
+    Attributes are those of ``AnsweringLoop``, and:
+        by_swing: derivatives by what waves add to the channels at the nodes of a cycle, shape (B, C, 16), once all
+            decisions were taken back.
     """
+
+    reader: LatticeReader
 
     def __init__(
         self, feeling: Feeling, anatomy: Anatomy, cycle: Cycle, rest: Floats, swing: Floats, first: Floats
@@ -133,16 +134,13 @@ class ReflexLoop:
             rest, swing: what channels hold without waves, shape (B, C), and what waves add, shape (B, C, 16).
             first: voxel centres at the start, shape (B, V, 3).
         """
-        self.reflexes, self.weights, self.cycle = feeling.reflexes, feeling.weights, cycle
-        self.reader = LatticeReader(self.reflexes.senses, anatomy, first, keeps=False)
-        self.seed = feeling.seed
-        self.rest, self.swing = rest, swing
+        self.cycle, self.seed, self.rest, self.swing = cycle, feeling.seed, rest, swing
         self.moves = (feeling.answers[None, :] == np.arange(len(feeling.regions))[:, None]).astype(float)  # (R, C)
         self.shares = self.moves * feeling.shares
-        self.network = self.reflexes.network(anatomy.body, feeling.regions)
-        self.oscillators = self.reflexes.oscillators_of(self.network)
         self.decisions: Sequence[Decision] = []
-        self.begin()
+        reader = LatticeReader(feeling.reflexes.senses, anatomy, first, keeps=False)
+        network = feeling.reflexes.network(anatomy.body, feeling.regions)
+        super().__init__(feeling.reflexes, feeling.weights, network, reader)
 
     def plan(self, program: LatticeProgram) -> LatticeProgram:
         """The program with a reading just before each piece of a cycle but the first."""
@@ -158,67 +156,43 @@ class ReflexLoop:
         more = np.tile(np.array(steps, program.snapshots.dtype), (batch, 1))
         return LatticeProgram(program.lengths, program.events, np.concatenate([program.snapshots, more], axis=1))
 
-    def begin(self) -> None:
-        """Forget what was felt and decided."""
-        self._at = self.swing[:, :, 1]
-        self._state: Sequence[Floats] = self.oscillators.start(len(self.swing)) if self.oscillators else ()
-        self.readings = list[Floats]()  # at every reading
-        self._given: dict[int, tuple[Floats, ...]] = {}  # to answer
-        self._forget()
+    def start(self) -> Sequence[Floats]:
+        """What waves add to the channels at the start, shape (B, C), and the state of the oscillators."""
+        return self.swing[:, :, 1], *super().start()
 
     def _forget(self) -> None:
-        """Begin to take derivatives back."""
-        self.by_weights, self.by_swing = np.zeros(self.weights.shape), np.zeros(self.swing.shape)
-        self._by_at = np.zeros(self.swing.shape[:2])
-        self._by_state = list(self.oscillators.start(len(self.swing)) if self.oscillators else ())
-        self._by_felt: dict[int, Floats] = {}
+        super()._forget()
+        self.by_swing = np.zeros(self.swing.shape)
 
-    def _feel(self, number: int, felt: Felt) -> Floats:
-        """What is felt at a reading, with noise, shape (B, width)."""
-        found = self.reader.read(number, felt)
-        if not self.reflexes.noise:
-            return found
-        drawn = np.random.default_rng((self.seed, number)).normal(0.0, self.reflexes.noise, found.shape[1])
-        return found + drawn
+    def seeds_of_noise(self, number: int) -> tuple[int, ...]:
+        """What the noise of a reading is drawn from."""
+        return self.seed, number
 
-    def _answer(self, node: int, weights: Any, swing: Any, at: Any, felt: Any, *state: Any) -> tuple[Any, ...]:
-        """Value and rate of the channels, where they go at a node of the cycle, and the oscillators' state there."""
+    def answer(self, number: int, weights: Any, felt: Any, given: Sequence[Any], state: Sequence[Any]) -> Sequence[Any]:
+        """Value and rate of the channels, given what waves add to them, and where they go at a node of the cycle."""
+        (swing,), (at, *rhythms), node = given, state, _node(number)
         if self.oscillators is None:
             added = (self.network.answer(weights, felt)[:, :, None] * self.shares).sum(axis=1)
         else:
-            state = self.oscillators.step(weights, felt, 1 / SEGMENTS, *state)
-            lead, growth = ((each[:, :, None] * self.moves).sum(axis=1) for each in state[:2])
+            rhythms = list(self.oscillators.step(weights, felt, 1 / SEGMENTS, *rhythms))
+            lead, growth = ((each[:, :, None] * self.moves).sum(axis=1) for each in rhythms[:2])
             added = waves_shifted(swing, node, lead, growth)
         onwards = swing[:, :, node] + added
-        return self.rest + at, (onwards - at) / self.cycle.segment, onwards, *state
+        return self.rest + at, (onwards - at) / self.cycle.segment, onwards, *rhythms
 
     def decide(self, number: int, felt: Felt) -> tuple[Floats, Floats]:
         """Value and rate of every channel in the next piece of the cycle."""
-        if number == 0:
-            self.begin()
-        self.readings.append(self._feel(number, felt))
-        late = number - self.reflexes.delay
-        heard = self.readings[late] if late >= 0 else np.zeros(self.readings[0].shape)
-        asked = self.weights, self.swing, self._at, heard, *self._state
-        if self.reader.keeps:
-            self._given[number] = asked
-        values, rates, self._at, *self._state = self._answer(_node(number), *asked)
+        values, rates = self.decided(number, self.reader.read(number, felt), self.swing)
         return values.ravel(), rates.ravel()
 
     def pull_back(self, number: int, values: Floats, rates: Floats) -> Felt:
         """Derivatives by what was felt, from those by the values and rates."""
-        if number == len(self.decisions) - 1:
-            self._forget()
-        shape, asked = self.swing.shape[:2], self._given[number]
-        seeds = values.reshape(shape), rates.reshape(shape), self._by_at, *self._by_state
-        _, way = trace(partial(self._answer, _node(number)), *asked)
-        by_weights, by_swing, self._by_at, by_heard, *self._by_state = way(*seeds)
-        self._by_felt[number - self.reflexes.delay] = by_heard  # nobody hears of readings below 0
-        self.by_weights += by_weights
+        shape = self.swing.shape[:2]
+        by_felt, (by_swing,) = self.taken_back(number, values.reshape(shape), rates.reshape(shape))
         self.by_swing += by_swing
         if number == 0:
-            self.by_swing[:, :, 1] += self._by_at
-        return self.reader.pull_back(number, self._by_felt.pop(number, None))
+            self.by_swing[:, :, 1] += self._by_state[0]
+        return self.reader.pull_back(number, by_felt)
 
 
 def _node(number: int) -> int:

@@ -109,7 +109,7 @@ def felt(name: str, number: int = 0, noise: float = 0.0, seed: int = 0, **given)
     loop = ReflexLoop(reflexes, sensed, np.zeros((1, width)), rhythms, np.zeros((1, 3)), seed)
     for each in range(number + 1):
         loop.decide(each, Felt(**{**now, **given}) if each == number else Felt(**now))
-    return loop.felt[-1][0]
+    return loop.readings[-1][0]
 
 
 def test_senses_feel_what_they_say():
