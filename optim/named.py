@@ -1,6 +1,6 @@
 """Robots, worlds and designs by what they are called: names, files, folders of runs, values of parameters."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from optim.runs.history import read_history
 from robots.robot import KINDS, Robot, RobotKind, World, find_robot_doing, make_robot
 from taichi_sim.base.arrays import copied
 from taichi_sim.base.checks import nearest, shown
-from taichi_sim.base.options import Option, converted
+from taichi_sim.base.options import converted
 
 MOST_TOLD = 12  # names in a message
 
@@ -44,7 +44,7 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
             raise ValueError(
                 f"{name}: is no option of {kind.title}; there are {', '.join(known)}{nearest(name, list(known))}"
             )
-        values[name] = None if value is None else _value_of(known[name], value)
+        values[name] = None if value is None else known[name].read(value)
     if isinstance(source, Robot):
         return source.changed(values)
     if (run := run_in(source)) is not None:
@@ -99,7 +99,7 @@ def world(of: Robot, name: "str | int | World | None" = None) -> World:
     if isinstance(name, int | np.integer):
         name = str(name)
     if isinstance(name, str):
-        return kind.world(read_option(kind.world_option, kind.world_type, name))
+        return kind.world(converted(kind.world_option, kind.world_type, name))
     if not hasattr(name, "where"):
         raise ValueError(f"where: {name!r} is not allowed; give one world, or its name")
     return name
@@ -159,31 +159,3 @@ def _by_name(designs: Any) -> Any:
 def some_of(names: Sequence[str], most: int = MOST_TOLD) -> str:
     """Names with commas between them, of many only the first."""
     return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
-
-
-def read_option(name: str, reads: Callable[[str], Any] | None, value: Any) -> Any:
-    """A value of an option; a text, and a number as it is written, is read as the command line reads it."""
-    if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
-        value = value.item()
-    if reads is not None and isinstance(value, int | float):
-        value = str(value)
-    return converted(name, reads, value) if isinstance(value, str) else value
-
-
-def _row_of(value: Any) -> list[float]:
-    """The numbers of a row of some, however it is given; none if it is no row of numbers."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if not isinstance(value, list | tuple) or not all(isinstance(each, int | float | np.number) for each in value):
-        return []
-    return [each.item() if isinstance(each, np.number) else each for each in value]
-
-
-def _value_of(option: Option, value: Any) -> Any:
-    """The value of an option, or a list of an option that may be repeated; one alone needs no list."""
-    if option.type is None:
-        return option.read(value.item() if isinstance(value, np.bool_) else value)
-    if not option.several:
-        return read_option(option.name, option.type, ",".join(map(str, row)) if (row := _row_of(value)) else value)
-    each = value if isinstance(value, list | tuple) else [value]
-    return [read_option(option.name, option.type, one) for one in each]

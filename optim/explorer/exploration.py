@@ -12,7 +12,7 @@ from robots.robot import KINDS, OK, Parameter, Progress, Replay, Robot, RobotKin
 from taichi_sim.base.checks import choice, nearest
 from taichi_sim.base.checks import number as checked_number
 from taichi_sim.base.compute import Compute
-from taichi_sim.base.options import Option
+from taichi_sim.base.options import Option, converted
 
 Choice = named.OptionValue | tuple[float, float] | list[Any]
 Source = str | PathLike[str] | Robot | Callable[..., Robot]
@@ -150,11 +150,7 @@ class Exploration:
         """
         given = {**self._fixed, **self.checked(values)}
         robot = self._made(given)
-        place = {
-            name: named.read_option(name, option.type, _text(given[name]))
-            for name, option in self._places.items()
-            if name in given
-        }
+        place = {name: _read(option, given[name]) for name, option in self._places.items() if name in given}
         free = {name: given[name] for name in self._parameters if name in given}
         fixed = robot.design(robot.points(named.points_of(robot, free))[0]) if robot.parameters else robot
         world = KINDS.of(robot).chosen_world(place) if place else None
@@ -266,7 +262,7 @@ class Exploration:
         if name in self._taken:
             return all(isinstance(end, numbers.Integral) for end in value)
         try:
-            named.read_option(name, option.type if option else None, f"{value[0] + 0.5}")
+            converted(name, option.type if option else None, f"{value[0] + 0.5}")
         except ValueError:
             return all(float(end).is_integer() for end in value)
         return False
@@ -299,6 +295,12 @@ def _first(value: Any) -> Any:
 def _text(value: Any) -> Any:
     """A number as the command line would have it; all else as it is."""
     return f"{value:.10g}" if _is_number(value) else value
+
+
+def _read(option: Option, value: Any) -> Any:
+    """What an option makes of a number or a text; all else, such as a world, as it is."""
+    text = _text(value)
+    return converted(option.name, option.type, text) if isinstance(text, str) else text
 
 
 def _numbers_in(described: Mapping[str, Any]) -> Iterator[tuple[str, float]]:

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qsl
 
-from optim.named import read_option
 from optim.problems import kept_point
 from optim.report.front import places
 from optim.report.one_run import OneRun
@@ -23,7 +22,7 @@ from optim.runs.history import History, read_history, read_result, runs_below
 from optim.runs.run_status import read_status_and_history
 from robots.view.player import MOST_MOTIONS
 from robots.view.player import page as player_page
-from taichi_sim.base.options import whole
+from taichi_sim.base.options import converted, whole
 
 HERE = "127.0.0.1"
 MOST_DOTS = 1000  # of a curve
@@ -84,7 +83,7 @@ class LiveRuns:
             ValueError: if it is no run among these, or has no such design.
         """
         run = self._run(folder)
-        number = read_option("member", whole(1), member) if member else None
+        number = converted("member", whole(1), member) if member else None
         if number is not None and generation != str(run.last.generation):
             raise ValueError(f"member: {folder} has gone on to generation {run.last.generation}; choose again")
         point = kept_point(run.history, run.subject.problem, number)

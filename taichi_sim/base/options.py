@@ -47,18 +47,23 @@ class Option:
         return flag_of(self.name)
 
     def read(self, given: Any) -> Any:
-        """The value that the command line would make of what a file gives: a text, a number, true, or a list of them.
+        """The value that the command line would make of what a file or a caller gives.
+
+        Args:
+            given: a text, a path, a number, true, or a list or array of them.
 
         Raises:
             ValueError: that names the option, for what is not allowed.
         """
+        if hasattr(given, "tolist"):  # of NumPy
+            given = given.tolist()
         if self.type is None:
             if not isinstance(given, bool):
                 raise ValueError(f"{self.name}: {given!r} is not allowed; give true or false")
             return given
         if self.several:
-            return [self._read_one(each) for each in (given if isinstance(given, list) else [given])]
-        return self._read_one(",".join(map(str, given)) if isinstance(given, list) else given)
+            return [self._read_one(each) for each in (given if isinstance(given, list | tuple) else [given])]
+        return self._read_one(",".join(map(str, given)) if isinstance(given, list | tuple) else given)
 
     def _read_one(self, given: Any) -> Any:
         value = converted(self.name, self.type, str(given))
