@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.measures.statistics import known_interval
+from optim.measures.statistics import known_mean
 from taichi_sim.base.arrays import Bools, Floats, Ints
 
 
@@ -59,8 +59,7 @@ class MeanOfRuns:
     def of(cls, values: Iterable[float]) -> "MeanOfRuns":
         """The mean of a value of each run, NaN of those that have none."""
         found = np.array([value for value in values if np.isfinite(value)])
-        low, high = known_interval(found)
-        return cls(float(found.mean()) if len(found) else None, low, high, len(found))
+        return cls(counted=len(found), **known_mean(found, "value"))
 
 
 @dataclass(frozen=True)

@@ -211,6 +211,13 @@ def known_interval(sample: ArrayLike) -> tuple[float | None, float | None]:
     return mean_interval(sample) if np.size(sample) > 1 else (None, None)
 
 
+def known_mean(sample: ArrayLike, name: str = "mean") -> dict[str, float | None]:
+    """The mean of a sample under a name, and its 95 % interval as ``low`` and ``high``; None for what is unknown."""
+    values = np.asarray(sample, float)
+    low, high = known_interval(values)
+    return {name: float(values.mean()) if values.size else None, "low": low, "high": high}
+
+
 def wilson(successes: int, trials: int) -> tuple[float, float]:
     """Two-sided 95 % score interval (Wilson) of a share: ``successes`` out of ``trials``, at least one."""
     interval = _scipy().binomtest(successes, trials, alternative="two-sided").proportion_ci(0.95, method="wilson")

@@ -37,7 +37,7 @@ from optim.experiments.tables import (
     write_records,
 )
 from optim.experiments.tables import where as chosen
-from optim.measures.statistics import known_interval
+from optim.measures.statistics import known_mean
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
 from optim.studies.beyond.inflatable_gradients import FASTER, replayed
@@ -224,8 +224,7 @@ def _report(folder: Path, about: Mapping[str, Any], rows: Sequence[Record]) -> N
 
 
 def _of_runs(speeds: Floats) -> dict[str, Any]:
-    low, high = known_interval(speeds)
-    return {"mean": float(speeds.mean()), "low": low, "high": high, "best": float(speeds.max())}
+    return {**known_mean(speeds), "best": float(speeds.max())}
 
 
 def _of_number(bodies: Mapping[str, Floats], count: int) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
-from optim.measures.statistics import known_interval, ratio_of_means
+from optim.measures.statistics import known_mean, ratio_of_means
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
 from optim.studies.beyond.freeform_kept import kept_speeds, kept_table
@@ -234,14 +234,11 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
 
 
 def _search(speeds: Any, rows: Sequence[Record]) -> dict[str, Any]:
-    low, high = known_interval(speeds)
     kept = [row["kept"] for row in rows if row["kept"] is not None]
     return {
         "label": ARMS[rows[0]["search"]].label,
         "seeds": len(speeds),
-        "mean": float(speeds.mean()),
-        "low": low,
-        "high": high,
+        **known_mean(speeds),
         "each": speeds.tolist(),
         "evaluations": float(np.median(column(rows, "evaluations"))),
         "kept": float(np.median(kept)) if kept else None,

@@ -26,7 +26,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import Record, cell, column, markdown, page, read_records, where, write_records
-from optim.measures.statistics import effect, holm, known_interval, mann_whitney
+from optim.measures.statistics import effect, holm, known_mean, mann_whitney
 from optim.problem import Request, judge
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import read_history
@@ -346,14 +346,11 @@ def _course(points: Sequence[Record], budget: float) -> list[float]:
 
 
 def _search(speeds: Floats, rows: Sequence[Record]) -> dict[str, Any]:
-    low, high = known_interval(speeds)
     return {
         "label": ARMS[rows[0]["search"]].label,
         "seeds": len(speeds),
         "median": float(np.median(speeds)),
-        "mean": float(speeds.mean()),
-        "low": low,
-        "high": high,
+        **known_mean(speeds),
         "each": speeds.tolist(),
         "score": _finite(float(np.median(column(rows, "score")))),
         "evaluations": float(np.median(column(rows, "evaluations"))),

@@ -19,7 +19,7 @@ from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import difference_of_means, known_interval
+from optim.measures.statistics import difference_of_means, known_mean
 from optim.problems.robot import RobotProblem
 from robots.lattice_robot.presets import light_seeker
 from robots.robot import Robot
@@ -189,14 +189,11 @@ def _difference(gradient: Floats, other: Floats) -> dict[str, float]:
 def _summary(rows: Sequence[Record], settings: LightSeeking) -> dict[str, Any]:
     """What a search found."""
     shares = column(rows, "reached") / settings.held_out
-    low, high = known_interval(shares)
     ends = [row["remaining"] for row in rows if row["remaining"] is not None]
     return {
         "label": ARMS[rows[0]["search"]].label,
         "seeds": len(rows),
-        "share": float(shares.mean()),
-        "low": low,
-        "high": high,
+        **known_mean(shares, "share"),
         "each": column(rows, "reached").astype(int).tolist(),
         "remaining": float(np.mean(ends)) if ends else None,
         "evaluations": float(np.median(column(rows, "evaluations"))),

@@ -18,7 +18,7 @@ from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
 from optim.experiments.tables import MISSING, Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import known_interval
+from optim.measures.statistics import known_mean
 from optim.problems.robot import RobotProblem
 from optim.problems.task import problem_of_task
 from robots.tasks import builtin_tasks, find_task
@@ -132,14 +132,10 @@ def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     searches = {}
     for arm in distinct(rows, "search"):
         own = [row for row in where(rows, search=arm) if row["objective"] is not None]
-        values = column(own, "objective")
-        low, high = known_interval(values)
         searches[arm] = {
             "label": ARMS[arm].label,
             "seeds": len(where(rows, search=arm)),
-            "mean": float(values.mean()) if len(values) else None,
-            "low": low,
-            "high": high,
+            **known_mean(column(own, "objective")),
             "succeeded": int(column(where(rows, search=arm), "succeeded").sum()),
             "evaluations": float(np.median(column(where(rows, search=arm), "evaluations"))),
         }

@@ -19,7 +19,7 @@ from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import known_interval, ratio_of_means
+from optim.measures.statistics import known_mean, ratio_of_means
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
 from robots.freeform.robot import FreeformRobot
@@ -161,15 +161,11 @@ def _of_robot(rows: Sequence[Record]) -> dict[str, Any]:
 
 def _summary(rows: Sequence[Record]) -> dict[str, Any]:
     """What a search found."""
-    found = column(rows, "speed")
-    low, high = known_interval(found)
     worst = [row["worst"] for row in rows if row["worst"] is not None]
     return {
         "label": ARMS[rows[0]["search"]].label,
         "seeds": len(rows),
-        "speed": float(found.mean()),
-        "low": low,
-        "high": high,
+        **known_mean(column(rows, "speed"), "speed"),
         "worst": float(np.mean(worst)) if worst else None,
         "evaluations": float(np.median(column(rows, "evaluations"))),
     }

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.tables import MISSING, cell, markdown, page
-from optim.measures.statistics import known_interval
+from optim.measures.statistics import known_mean
 from robots.inflatable.actuation import WEIGHTS
 from robots.inflatable.design import INCHING, ROLLING, InflatableDesign
 from robots.world import FLOORS, Terrain
@@ -60,11 +58,10 @@ def rows_of(copies: Sequence[Row]) -> list[dict[str, Any]]:
     rows = []
     for key, speeds in found.items():
         known = [speed for speed in speeds if math.isfinite(speed)]
-        low, high = known_interval(known)
-        mean = float(np.mean(known)) if known else None
+        means = known_mean(known)
         row = dict(zip(names, key, strict=True))
-        ratio = None if mean is None else mean / row["measured"]
-        rows.append({**row, "n": len(known), "mean": mean, "low": low, "high": high, "ratio": ratio})
+        ratio = None if means["mean"] is None else means["mean"] / row["measured"]
+        rows.append({**row, "n": len(known), **means, "ratio": ratio})
     return rows
 
 

@@ -16,6 +16,7 @@ from optim.measures.statistics import (
     difference_of_means,
     effect,
     holm,
+    known_mean,
     mann_whitney,
     mean_band,
     mean_interval,
@@ -197,6 +198,13 @@ def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
     samples = np.random.default_rng(0).normal(size=(2000, 5))
     ends = np.array([mean_interval(sample) for sample in samples])
     assert np.mean((ends[:, 0] < 0) & (ends[:, 1] > 0)) == pytest.approx(0.95, abs=0.015)
+
+
+def test_the_mean_of_a_few_runs_says_what_is_unknown():
+    assert known_mean([], "speed") == {"speed": None, "low": None, "high": None}
+    assert known_mean([2.0]) == {"mean": 2.0, "low": None, "high": None}
+    found = known_mean([1.0, 2.0, 3.0])
+    assert (found["low"], found["high"]) == mean_interval([1.0, 2.0, 3.0])
 
 
 def test_score_intervals_of_shares():

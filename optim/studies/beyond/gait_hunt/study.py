@@ -23,7 +23,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
-from optim.measures.statistics import known_interval
+from optim.measures.statistics import known_mean
 from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.history import History
 from optim.studies.beyond.gait_hunt.finalists import (
@@ -161,16 +161,13 @@ def _group(name: str, group: Sequence[Record]) -> dict[str, Any]:
     """Runs of a search: mean speed of what they have found with its 95 % interval by Student's t, and the best."""
     known = [row for row in group if row["speed"] is not None]
     speeds, hard = (column(known, name) for name in ("speed", "hard_speed"))
-    low, high = known_interval(speeds)
     return {
         "label": SEARCHES[name].label,
         "runs": len(group),
         "judged": len(known),
         "evaluations": int(np.median(column(group, "evaluations"))),
         "robot_steps": float(np.median(column(group, "robot_steps"))),
-        "speed": float(speeds.mean()) if known else None,
-        "low": low,
-        "high": high,
+        **known_mean(speeds, "speed"),
         "best": float(speeds.max()) if known else None,
         "hard_speed": float(hard.mean()) if known else None,
         "staying": int((hard >= LEAST_HARD_SPEED).sum()) if known else None,

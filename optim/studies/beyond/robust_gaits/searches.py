@@ -20,7 +20,7 @@ from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole, some_of
 from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
-from optim.measures.statistics import known_interval
+from optim.measures.statistics import known_interval, known_mean
 from optim.problems.inflatable.problem import GaitProblem
 from optim.studies.beyond.robust_gaits.judgement import judged
 from optim.studies.beyond.robust_gaits.search import kept, screened, starts_of
@@ -254,8 +254,7 @@ def _difference(rows: Sequence[Record], others: Sequence[Record]) -> dict[str, A
         for row in rows
         if row["searched"] is not None and theirs.get(row["seed"]) is not None
     ]
-    low, high = known_interval(apart)
-    return {"starts": len(apart), "difference": float(np.mean(apart)) if apart else None, "low": low, "high": high}
+    return {"starts": len(apart), **known_mean(apart, "difference")}
 
 
 def _summary(rows: Sequence[Record]) -> dict[str, Any]:
