@@ -110,8 +110,8 @@ def gradient_kernel(real: Real, grain: int, drifting: bool, uneven: bool, wet: b
                         adjoint.clear_work(cotangents)
                         respond(robots, count)
                         adjoint.reverse_response(robots, motion, cotangents, count)
-                        adjoint.unthink(robots, cotangents, t)
-                    adjoint.unsense(robots, cotangents)
-                    adjoint.unplace(robots, cotangents)
+                        adjoint.undo_think(robots, cotangents, t)
+                    adjoint.undo_sense(robots, cotangents)
+                    adjoint.undo_place(robots, cotangents)
 
     return run

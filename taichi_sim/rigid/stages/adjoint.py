@@ -46,7 +46,7 @@ from taichi_sim.rigid.stages.contact import apply_normals, fill_matrix, reduce_p
 from taichi_sim.rigid.stages.control import commanded
 from taichi_sim.rigid.stages.motion import common_motion
 from taichi_sim.rigid.stages.spatial import Reals
-from taichi_sim.rigid.stages.water import unimmerse
+from taichi_sim.rigid.stages.water import undo_immerse
 from taichi_sim.runtime import ti
 
 CARRIED, OWN = 3, 4  # pieces of ``body_slots`` and ``moving_slots`` whose cotangents become those before the step
@@ -70,7 +70,7 @@ def clear_work(cotangents: ti.template()):
 
 
 @ti.func
-def unshift_moments(robots: ti.template(), carrying: ti.template(), cotangents: ti.template(), sign):
+def undo_shift_moments(robots: ti.template(), carrying: ti.template(), cotangents: ti.template(), sign):
     """Reverse ``motion.shift_moments``; momenta are those in the memory of ``carrying``."""
     motion = ti.static(common_motion(robots, carrying))
     share = motion[6]
@@ -95,7 +95,7 @@ def unshift_moments(robots: ti.template(), carrying: ti.template(), cotangents: 
 
 
 @ti.func
-def unmove(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
+def undo_move(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
     """Reverse ``move_bodies``: cotangents of velocities, hinges' rates and the state before the step."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     if ti.static(not robots.drifting):
@@ -103,7 +103,7 @@ def unmove(robots: ti.template(), motion: ti.template(), cotangents: ti.template
             before = ti.static(gather(robots, moving_slots(robots, b)))
             moved = ti.static(laws.carried_on(*before, h, push_out, robots.drifting))
             put(motion, body_at(robots, b) + slots.CARRIED, moved[:6])
-        unshift_moments(robots, motion, cotangents, -1.0)
+        undo_shift_moments(robots, motion, cotangents, -1.0)
     root = body_at(robots, 0)
     base = ti.static(row(robots, slots.POSITION, 7) + row(robots, root + slots.VELOCITY, 6))
     to_base = ti.static(pull_back(laws.moved_base, base, (h,), row(cotangents, slots.POSITION, 7)))
@@ -164,7 +164,7 @@ def contact_slopes(robots: Block, n: Any, inputs: Reals, constants: Reals, one: 
 
 
 @ti.func
-def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count, rows):
+def undo_solve(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count, rows):
     """Reverse the solution: cotangents of bodies' places, what they carry, and hinges' wanted rates."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     gravity = ti.static(gravity_of(robots))
@@ -193,7 +193,7 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
         add(cotangents, body + slots.MOMENTUM, to[-7:-1])
         add_one(cotangents, slots.SLIP_STRENGTH, select(strength > 0.0, to[-1], 0.0 * one))
     if ti.static(robots.wet):
-        unimmerse(robots, motion, cotangents)
+        undo_immerse(robots, motion, cotangents)
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         body, parent = body_at(robots, b), parent_at(robots, b)
@@ -208,7 +208,7 @@ def unsolve(robots: ti.template(), motion: ti.template(), cotangents: ti.templat
 
 
 @ti.func
-def uncommand(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
+def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), rows):
     """Reverse ``command_hinges``: cotangents of angles, neurons and motors."""
     h, push_out = setting(robots, slots.TIME_STEP), setting(robots, slots.PUSH_OUT)
     for b in range(1, robots.plan[slots.BODIES]):
@@ -232,16 +232,16 @@ def uncommand(robots: ti.template(), motion: ti.template(), cotangents: ti.templ
 def reverse_response(robots: ti.template(), motion: ti.template(), cotangents: ti.template(), count):
     """Reverse ``step.respond`` and ``motion.move_bodies``."""
     rows = ti.min(count, 1)
-    unmove(robots, motion, cotangents)
+    undo_move(robots, motion, cotangents)
     solve_adjoint(robots, motion, cotangents, count, rows)
-    unsolve(robots, motion, cotangents, count, rows)
+    undo_solve(robots, motion, cotangents, count, rows)
     if ti.static(not robots.drifting):
-        unshift_moments(robots, robots, cotangents, 1.0)
-    uncommand(robots, motion, cotangents, rows)
+        undo_shift_moments(robots, robots, cotangents, 1.0)
+    undo_command(robots, motion, cotangents, rows)
 
 
 @ti.func
-def unthink(robots: ti.template(), cotangents: ti.template(), step):
+def undo_think(robots: ti.template(), cotangents: ti.template(), step):
     """Reverse ``think``: cotangents of neurons before the step, weights, commands and sensors."""
     memory, gain = setting(robots, slots.MEMORY), setting(robots, slots.GAIN)
     motors = robots.plan[slots.MOTORS]
@@ -262,7 +262,7 @@ def unthink(robots: ti.template(), cotangents: ti.template(), step):
 
 
 @ti.func
-def unsense(robots: ti.template(), cotangents: ti.template()):
+def undo_sense(robots: ti.template(), cotangents: ti.template()):
     """Reverse ``sense_light``: cotangents of the places of light sensors."""
     for s in range(robots.plan[slots.LIGHTS]):
         pieces = ti.static(eye_slots(robots, s))
@@ -272,7 +272,7 @@ def unsense(robots: ti.template(), cotangents: ti.template()):
 
 
 @ti.func
-def unplace(robots: ti.template(), cotangents: ti.template()):
+def undo_place(robots: ti.template(), cotangents: ti.template()):
     """Reverse ``place_bodies``, leaves first: cotangents of the base's pose and the angles."""
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back

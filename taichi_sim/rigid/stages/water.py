@@ -188,7 +188,7 @@ def immerse(robots: ti.template()):
 
 
 @ti.func
-def unimmerse(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
+def undo_immerse(robots: ti.template(), motion: ti.template(), cotangents: ti.template()):
     """Reverse ``immerse`` in the adjoint motion z: cotangents of portions, poses and what bodies carry."""
     constants = ti.static(_constants(robots))
     one = 0.0 * read(robots, slots.POSITION) + 1.0
