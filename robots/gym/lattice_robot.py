@@ -130,35 +130,35 @@ class Rewarded(Batch):
         assert len(which) == self.count
         seeds, worlds = np.divmod(ways, len(self.episodes.worlds))
         felt, e = self.episodes.begin(seeds, worlds), self.episodes
-        own = e.positions[:, : e.own]
-        self._left, self._heights = e.steps, own[..., 2].mean(axis=1)
-        self._start, self._turned = e.start.mean(axis=1), np.zeros(len(own))  # from which the light is told
-        self._before = own
+        self._before = e.positions[:, : e.own]
+        self._left, self._heights = e.steps, self._middles()[:, 2]
+        self._start, self._turned = e.start.mean(axis=1), np.zeros(self.count)  # from which the light is told
         self._value = self._values()
         return felt
 
     def _values(self) -> Floats:
-        e = self.episodes
-        own, ahead = e.positions[:, : e.own], e.robot.direction
+        """What robots have gained since the start, shape (B,): rewards are how it grows."""
+        if self.gain == "turn":
+            return self._turns()
+        robot = self.episodes.robot
         if self.gain == "light":
-            value = -self._light_distances()
-        elif self.gain == "prop":
-            value = self._prop_middles() @ ahead
+            reached = -self._light_distances()
         elif self.gain == "rise":
-            self._heights = np.fmax(self._heights, own[..., 2].mean(axis=1))
-            value = self._heights
-        elif self.gain == "turn":
-            (x0, y0), (x1, y1) = (
-                [each[..., axis] - each[..., axis].mean(axis=1, keepdims=True) for axis in (0, 1)]
-                for each in (self._before, own)
-            )
-            self._turned = self._turned + np.arctan2((x0 * y1 - y0 * x1).sum(axis=1), (x0 * x1 + y0 * y1).sum(axis=1))
-            self._before = own
-            return self._turned
+            self._heights = np.fmax(self._heights, self._middles()[:, 2])
+            reached = self._heights
         else:
-            value = self._middles() @ ahead
-        found: Floats = value / e.robot.length
+            reached = (self._prop_middles() if self.gain == "prop" else self._middles()) @ robot.direction
+        found: Floats = reached / robot.length
         return found
+
+    def _turns(self) -> Floats:
+        """How far robots have turned to the left since the start, seen from above, shape (B,) [rad]."""
+        e = self.episodes
+        before, now = self._before[..., :2], e.positions[:, : e.own, :2]
+        (x0, y0), (x1, y1) = (np.moveaxis(each - each.mean(axis=1, keepdims=True), -1, 0) for each in (before, now))
+        self._turned = self._turned + np.arctan2((x0 * y1 - y0 * x1).sum(axis=1), (x0 * x1 + y0 * y1).sum(axis=1))
+        self._before = e.positions[:, : e.own]
+        return self._turned
 
     def advance(self, actions: Floats) -> tuple[Observation, Floats, Bools, Bools]:
         """Play the next piece of the cycle."""
