@@ -116,7 +116,7 @@ def build_parser(asked: str = "") -> argparse.ArgumentParser:
     return parser
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str | os.PathLike[str]] | None = None) -> int:
     """Run a command.
 
     Returns:
@@ -129,7 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError:
         return _fail("", "failed: the working directory was deleted; change to another one", FAILED)
     try:
-        words = sys.argv[1:] if arguments is None else arguments
+        words = sys.argv[1:] if arguments is None else [os.fspath(word) for word in arguments]
         asked = next(iter(words), "")
         args = build_parser("" if asked.startswith("-") else asked).parse_args(words)
     except SystemExit as stop:  # after help, versions, or a wrong option
