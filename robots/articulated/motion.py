@@ -49,6 +49,28 @@ def driven_motion(
     return rigid_motion(tree, frames, robot, name=name, channels=channels, lights=lights)
 
 
+def motion_of(
+    robot: "ArticulatedRobot", frames: Frames | None, world: World, number: int = 0, name: str = ""
+) -> Motion:
+    """The motion of a robot of a file on its ground, with its sensors, commands and light.
+
+    Args:
+        robot: the robot.
+        frames: frames of the engine's result.
+        world: where it moved.
+        number: of the robot in the batch.
+        name: of the motion; that of the robot by default.
+
+    Raises:
+        ValueError: for results without frames.
+    """
+    lights = [] if robot.light is None else [robot.light]
+    sensors = [*(f"{body} on ground" for body in robot.senses.touch), *(["light"] if robot.light else [])]
+    tree, told = robot.model.tree, name or robot.name
+    motion = driven_motion(tree, frames, sensors, robot.drives, number, name=told, lights=lights)
+    return on_its_ground(motion, robot, world)
+
+
 def on_its_ground(motion: Motion, robot: "ArticulatedRobot", world: World) -> Motion:
     """The motion with the ground of its world, tilted, uneven or below water; in a fluid below all that it reaches."""
     if not isinstance(world, Terrain):

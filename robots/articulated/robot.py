@@ -179,7 +179,7 @@ class ArticulatedRobot(Robot):
         eyes = [] if self.light is None else [(self.model.tree.bodies[0].name, (0.0, 0.0, 0.0))]
         return Senses(self.model.senses.touch, eyes)
 
-    @property
+    @cached_property
     def physics(self) -> rigid.World:
         """Time step and gravity of the model; friction and slip as asked for."""
         own = self.model.world
@@ -290,12 +290,10 @@ class ArticulatedRobot(Robot):
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
         """The motion of the robot, with its sensors and commands."""
-        from robots.articulated.motion import driven_motion, on_its_ground
+        from robots.articulated.motion import motion_of
 
-        (run,), lights = outcome.result.runs, [] if self.light is None else [self.light]
-        sensors = [*(f"{body} on ground" for body in self.senses.touch), *(["light"] if self.light else [])]
-        motion = driven_motion(self.model.tree, run.frames, sensors, self.drives, name=name, lights=lights)
-        return on_its_ground(motion, self, world)
+        (run,) = outcome.result.runs
+        return motion_of(self, run.frames, world, name=name)
 
     def facts(self) -> Facts:
         """Body, drives and trial."""

@@ -108,7 +108,7 @@ def differentiate(
 def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> ArticulatedResult:
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
-    engine, start = _engine(robot, trial.world, trial.compute)
+    engine, start = engine_in(robot, trial.world, trial.compute)
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     wanted = dict.fromkeys("distance" if name == "speed" else name for name in trial.gradients)
@@ -141,7 +141,7 @@ def _end_slopes(robot: "ArticulatedRobot", name: str, result: RigidResult) -> di
 
 def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, compute: Compute) -> Floats:
     """What robots with reflexes feel at N points, (N, P), at every decision, (N, S, T); NaN of those that diverge."""
-    engine, start = _engine(robot, world, compute)
+    engine, start = engine_in(robot, world, compute)
     found = []
     for first in range(0, len(points), ROBOTS_AT_ONCE):
         some = points[first : first + ROBOTS_AT_ONCE]
@@ -154,7 +154,7 @@ def felt_over_time(robot: "ArticulatedRobot", points: Floats, world: World, comp
     return np.concatenate(found)
 
 
-def _engine(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:
+def engine_in(robot: "ArticulatedRobot", world: World, compute: Compute) -> tuple[RigidEngine, State | None]:
     """The engine that moves a robot in a world, and its state at the start; None as its file has it."""
     relief, physics = relief_under(robot, world), physics_in(robot, world)
     engine = RigidEngine(robot.model.tree, physics, robot.senses, robot.network, ground=relief, **compute.options)
@@ -316,10 +316,15 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
     return np.tile(direction, (len(places), 1)), of_orientation, of_angles
 
 
+def first_centre(tree: Tree) -> Floats:
+    """Centre of mass of a robot as its file has it, from where distances count, (1, 3) [m]."""
+    begin, still = np.array([tree.ordered[0][0].position], float), np.array([[1.0, 0.0, 0.0, 0.0]])
+    return centres(tree, begin, still, np.zeros((1, len(tree.hinges))))
+
+
 def _result(robot: "ArticulatedRobot", runs: list[RigidResult], gradients: Mapping[str, Floats]) -> ArticulatedResult:
-    tree, still = robot.model.tree, np.array([[1.0, 0.0, 0.0, 0.0]])
-    begin = np.array([tree.ordered[0][0].position], float)
-    start = centres(tree, begin, still, np.zeros((1, len(tree.hinges))))
+    tree = robot.model.tree
+    start = first_centre(tree)
     centre = np.concatenate([centres(tree, run.position, run.orientation, run.angles) for run in runs])
     status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
     own = {each.name: np.concatenate([told(robot, each, run) for run in runs]) for each in robot.own_measures}

@@ -50,6 +50,7 @@ def task_settings(task: Task) -> dict[str, Any]:
 _made: dict[str, tuple[str, int | None, Mapping[str, Any]]] = {
     **ENVIRONMENTS,
     "morpholab/LatticeRobot-v0": ("lattice_robot:LatticeRobot", None, {}),
+    "morpholab/ArticulatedRobot-v0": ("articulated:Articulated", None, {}),
     **{
         f"morpholab/{name.capitalize()}-v0": ("lattice_robot:LatticeRobot", None, task_settings(task))
         for name, task in builtin_tasks().items()

@@ -8,8 +8,12 @@ import numpy as np
 
 from robots.gym.batch import Account, Batch, Observation, checked_actions
 from robots.gym.pictures import RENDER_MODES, Pictures
+from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Bytes, Ints
+from taichi_sim.base.checks import shown
 from taichi_sim.base.compute import Compute, ComputeOptions
+
+FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
 
 
 def compute_of(environment: type, given: ComputeOptions) -> Compute:
@@ -24,6 +28,22 @@ def compute_of(environment: type, given: ComputeOptions) -> Compute:
         if name not in options:
             raise ValueError(f"{name}: is unknown to {environment.__name__}; give {', '.join([*known, *options])}")
     return Compute.given({"precision": "f32", **given})
+
+
+def named_world(given: object) -> Terrain:
+    """The terrain that is given, or that a name means.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    if isinstance(given, Terrain):
+        return given
+    if not isinstance(given, str):
+        raise ValueError(f"world: {shown(given)} is not allowed; give a terrain, or its name")
+    try:
+        return Terrain.parse(given)
+    except ValueError as error:
+        raise ValueError(f"world: {str(error).removeprefix('terrain: ')}") from None
 
 
 class RobotEnvironment(gymnasium.Env[Observation, Any]):

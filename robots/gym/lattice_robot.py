@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from robots.gym.batch import SEEDS, Batch, Observation
-from robots.gym.environment import RobotEnvironment, RobotVector, compute_of
+from robots.gym.environment import FARTHEST, RobotEnvironment, RobotVector, compute_of, named_world
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.simulation import LatticeRobotResult
@@ -23,7 +23,6 @@ from taichi_sim.base.compute import Compute, ComputeOptions
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
-FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
 # What is felt by default is fixed: a policy that was learned expects these numbers in this order.
 USUAL_SENSES = ("strain", "touch", "tilt", "slip", "velocity", "clock")
 LIT_SENSES = ("strain", "touch", "tilt", "slip", "velocity", "light", "clock")  # where there is a light
@@ -53,19 +52,7 @@ def _worlds(given: Worlds) -> list[Terrain]:
         ValueError: for anything else.
     """
     several: Sequence[object] = given if isinstance(given, list | tuple) else [given]
-    return [_world(each) for each in several]
-
-
-def _world(given: object) -> Terrain:
-    """The terrain that is given, or that a name means."""
-    if isinstance(given, Terrain):
-        return given
-    if not isinstance(given, str):
-        raise ValueError(f"world: {shown(given)} is not allowed; give a terrain, its name, or several of them")
-    try:
-        return Terrain.parse(given)
-    except ValueError as error:
-        raise ValueError(f"world: {str(error).removeprefix('terrain: ')}") from None
+    return [named_world(each) for each in several]
 
 
 class Rewarded(Batch):

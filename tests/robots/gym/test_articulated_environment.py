@@ -1,0 +1,180 @@
+"""Robots of files as environments: against what ``simulate`` gives, and against themselves in batches."""
+
+import copy
+import math
+import pickle
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+from articulated_files import CRAWLER
+from gymnasium.utils.env_checker import check_env
+
+import robots.gym  # registers the environments
+from robots.articulated import ArticulatedRobot, simulate
+from robots.articulated.reflexes import DriveReflexes
+from robots.articulated.simulation import rhythm
+from robots.gym.articulated import ArticulatedEnvironment, ArticulatedVector
+from robots.own_measures import OwnMeasure
+from robots.world import Terrain
+
+NAME = "morpholab/ArticulatedRobot-v0"
+PRECISE = {"precision": "f64", "threads": 1}
+HIGH = OwnMeasure("high", "m", law=lambda motion: motion.places[:, 0, 2])
+pytestmark = pytest.mark.filterwarnings("ignore:model. ignored")
+
+
+def crawler(**settings) -> ArticulatedRobot:
+    """Three bodies with two drives, for 13 commands, the last of them shorter."""
+    return ArticulatedRobot(CRAWLER, **{"duration": 0.25, "friction": 0.8, **settings})
+
+
+def moved(robot: ArticulatedRobot) -> np.ndarray:
+    """A point of the robot at which it moves."""
+    low, high = np.array([(p.low, p.high) for p in robot.parameters]).T
+    return low + (high - low) * np.random.default_rng(1).uniform(0.3, 0.7, len(low))
+
+
+def played(environment, actions) -> tuple[float, np.ndarray, dict]:
+    """The sum of rewards, all observations, and the last ``info``."""
+    observation, _ = environment.reset(seed=0)
+    gained, seen = 0.0, [observation]
+    for number, action in enumerate(actions):
+        observation, reward, terminated, truncated, info = environment.step(action)
+        gained, seen = gained + reward, [*seen, observation]
+        assert not terminated and truncated == (number == len(actions) - 1)
+    return gained, np.array(seen), info
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("world", ["flat", "hill:6", "rough:0.01,0.2", "ramp:-5+water:0.05", "flat+sand:3e4"])
+def test_no_difference_plays_the_rhythm(world):
+    robot = crawler(own_measures=(HIGH,))
+    point, terrain = moved(robot), Terrain.parse(world)
+    whole = simulate(robot, point[None], terrain=terrain, **PRECISE)
+    environment = ArticulatedEnvironment(robot.design(point), world, actions="differences", **PRECISE)
+    gained, _, info = played(environment, np.zeros((13, 2)))
+    assert info["distance"] == whole.distance[0] and info["high"] == whole.own["high"][0]
+    assert info["speed"] == whole.distance[0] / 0.25 and info["left"] == 0
+    begun = environment.reset()[1]["distance"]
+    assert gained * robot_length(environment) == pytest.approx(whole.distance[0] - begun, rel=1e-9)
+
+
+def robot_length(environment: ArticulatedEnvironment) -> float:
+    """In which rewards are told [m]."""
+    return environment._batch._sensed.length
+
+
+@pytest.mark.kernels
+def test_commands_of_a_rhythm_move_the_robot_as_the_rhythm_does():
+    robot = crawler()
+    point = moved(robot)
+    environment = ArticulatedEnvironment(robot, **PRECISE)
+    _, seen, info = played(environment, rhythm(robot, point[None])[0])
+    assert info["distance"] == simulate(robot, point[None], **PRECISE).distance[0]
+    assert seen.shape == (14, 2 + 2 + 2 + 2)  # angles, tilt, velocity, touch
+    assert np.abs(seen[-1, :2]).max() > 0.05 and set(np.unique(seen[:, 6:])) <= {0.0, 1.0}
+
+
+@pytest.mark.kernels
+def test_it_passes_the_check_of_gymnasium():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message="model: ignored.*")
+        check_env(gymnasium.make(NAME, robot=crawler(), render_mode="rgb_array", **PRECISE).unwrapped)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_robots_of_a_batch_move_as_they_do_alone(precision):
+    given = {"robot": crawler(light=(1.0, 0.5, 0.1)), "gain": "light", "precision": precision}
+    many = gymnasium.make_vec(NAME, num_envs=3, vectorization_mode="vector_entry_point", **given)
+    assert isinstance(many, ArticulatedVector)
+    actions = np.random.default_rng(0).uniform(-1, 1, (13, 3, 2))
+    many.reset(seed=0)
+    together = [many.step(action) for action in actions]
+    for robot in range(3):
+        alone = ArticulatedEnvironment(**given)
+        alone.reset(seed=robot)
+        for action, (observations, rewards, *_, infos) in zip(actions, together, strict=True):
+            observation, reward, _, _, info = alone.step(action[robot])
+            np.testing.assert_array_equal(observation, observations[robot])
+            assert reward == rewards[robot] and info["light_distance"] == infos["light_distance"][robot]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda given: pickle.loads(pickle.dumps(given))])
+def test_a_copy_goes_on_from_the_midst_of_an_episode(copied):
+    environment = ArticulatedEnvironment(crawler(), actions="differences", **PRECISE)
+    environment.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (13, 2))
+    for action in actions[:5]:
+        environment.step(action)
+    other = copied(environment)
+    for action in actions[5:]:
+        first, again = environment.step(action), other.step(action)
+        np.testing.assert_equal(first, again)
+
+
+@pytest.mark.kernels
+def test_who_leans_too_far_has_fallen():
+    environment = ArticulatedEnvironment(crawler(), most_lean=1.0, **PRECISE)
+    environment.reset()
+    ended, lean = False, 0.0
+    while not ended:
+        assert lean <= 1.0
+        _, _, ended, cut, info = environment.step(np.array([1.0, -1.0]))
+        lean = info["lean"]
+        assert not cut or ended
+    assert lean > 1.0 and not info["diverged"]
+
+
+@pytest.mark.kernels
+def test_a_robot_that_diverges_loses_all():
+    robot = crawler(time_step=0.02, duration=2.0)
+    environment = ArticulatedEnvironment(robot, **PRECISE)
+    environment.reset()
+    gained, over, sign = 0.0, False, 1.0
+    while not over:
+        _, reward, ended, cut, info = environment.step(np.array([sign, -sign]))
+        gained, over, sign = gained + reward, ended or cut, -sign
+    assert np.isfinite(gained) and (not info["diverged"] or gained == -1.0)
+
+
+@pytest.mark.kernels
+def test_pictures_show_the_robot_on_its_ground():
+    environment = ArticulatedEnvironment(crawler(light=(0.6, 0.3, 0.1)), "hill:10", render_mode="rgb_array", **PRECISE)
+    environment.reset()
+    first = environment.render()
+    environment.step(np.array([1.0, -1.0]))
+    assert first.shape == (360, 640, 3) and (environment.render() != first).any()
+
+
+def test_what_is_wrong_is_told():
+    robot = crawler()
+    for given, told in (
+        ({"robot": None}, "robot: None is no articulated robot"),
+        ({"robot": "rolling"}, "robot: 'rolling' is no articulated robot"),
+        ({"gain": "light"}, "gain: light is not allowed without one"),
+        ({"gain": "fame"}, "gain: 'fame'"),
+        ({"actions": "forces"}, "actions: 'forces'"),
+        ({"senses": ("light",)}, "senses: light is not allowed without sensors"),
+        ({"senses": ("smell",)}, "senses: 'smell'"),
+        ({"world": "flat+light:1,1"}, "terrain: "),
+        ({"world": ["flat", "hill:3"]}, "world: "),
+        ({"most_lean": 400}, "most_lean: 400"),
+        ({"robot": crawler(controller="network")}, "robot: one with a network is not allowed"),
+    ):
+        with pytest.raises(ValueError, match=told):
+            ArticulatedEnvironment(**{"robot": robot, **given})
+    with pytest.warns(UserWarning, match="do not act in an environment"):
+        ArticulatedEnvironment(crawler(reflexes=DriveReflexes(("tilt",))))
+
+
+def test_its_entry_is_registered():
+    assert (
+        robots.gym.ENVIRONMENTS
+        and NAME in gymnasium.registry
+        and math.isclose(ArticulatedEnvironment(crawler()).metadata["render_fps"], 50.0)
+    )
