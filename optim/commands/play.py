@@ -117,7 +117,7 @@ def _link(args: argparse.Namespace) -> contextlib.AbstractContextManager["Link"]
     from robots.hardware.controller import file_link, serial_link
 
     if args.port is None:
-        return file_link(args.to)
+        return file_link(args.to, live=not args.no_wait)
     return serial_link(args.port, args.baud or 115200, 2.0 if args.ready is None else args.ready)
 
 

@@ -14,6 +14,8 @@ from taichi_sim.base.checks import shown
 from taichi_sim.base.compute import Compute, ComputeOptions
 
 FARTHEST = 100.0  # of what is felt: numbers beyond are cut off
+# A robot that was interrupted within a step stands somewhere between two.
+UNBEGUN = "reset the environment before its first step, and after one that was interrupted"
 
 
 def compute_of(environment: type, given: ComputeOptions) -> Compute:
@@ -69,6 +71,7 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         super().reset(seed=seed)
         which = np.arange(1)
         way = self._batch.way(dict(options or {}), self.np_random)
+        self._begun = False
         self._account.begin(which, self._batch.begin(which, np.array([way])))
         self._pictures.begin(which)
         self._begun = True
@@ -83,11 +86,13 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
             ValueError: for an action that is not in its space.
         """
         if not self._begun:
-            raise RuntimeError("reset the environment before its first step")
+            raise RuntimeError(UNBEGUN)
         if self._batch.left == 0:
             raise RuntimeError("reset the environment: the robot's cycles are over")
         given = checked_actions(self.action_space, action)
+        self._begun = False  # until the step is whole
         reward = self._account.book(*self._batch.advance(given[None]))
+        self._begun = True
         ended, observed = bool(self._account.ended[0]), self._account.observed[0].copy()
         return observed, float(reward[0]), ended, self._batch.left == 0, self._info()
 
@@ -124,6 +129,7 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.metadata = {**self.metadata, "render_fps": 1 / batch.seconds}
         self._generators = [np.random.default_rng() for _ in range(batch.count)]
         self._steps, self._over = np.zeros(batch.count, np.int64), np.ones(batch.count, bool)
+        self._whole = True  # no step was interrupted
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode of all robots.
@@ -144,8 +150,10 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         each = {name: self._each(name, value) for name, value in options.items()}
         own = [{name: values[robot] for name, values in each.items()} for robot in which]
         ways = [self._batch.way(one, self._generators[robot]) for one, robot in zip(own, which, strict=True)]
+        self._whole = False
         self._account.begin(which, self._batch.begin(which, np.array(ways)))
         self._pictures.begin(which)
+        self._whole = True
         self._steps[which], self._over[which] = 0, False
 
     def _each(self, name: str, given: Any) -> Any:
@@ -157,11 +165,14 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """Apply an action of each robot, shape (N, ...); those whose episodes are over begin anew instead."""
+        if not self._whole:
+            raise RuntimeError(UNBEGUN)
         anew, reward = self._over.copy(), np.zeros(self.num_envs)
         if not anew.all():
             given = checked_actions(self.action_space, actions)
+            self._whole = False
             reward = np.where(anew, 0.0, self._account.book(*self._batch.advance(given)))
-            self._steps += 1
+            self._steps, self._whole = self._steps + 1, True
         if anew.any():
             self._begin(np.flatnonzero(anew), {})
         ended, cut = self._account.ended, self._cut(anew)

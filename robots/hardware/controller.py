@@ -128,10 +128,11 @@ def _drain(descriptor: int) -> None:
 
 
 @contextlib.contextmanager
-def file_link(path: str) -> Iterator[Link]:
+def file_link(path: str, live: bool = False) -> Iterator[Link]:
     """A new or empty file, a named pipe or a device to write, or standard output for ``-``.
 
-    A new file is removed if sending fails, so that the same can be tried again; after an interruption it stays.
+    A new file is removed if sending fails, so that the same can be tried again; after an interruption it stays. A pipe
+    that is ``live`` holds few lines: whoever reads slowly makes samples late, and hears at once when lines vent.
 
     Raises:
         ValueError: if it cannot be opened, or has content.
@@ -139,6 +140,8 @@ def file_link(path: str) -> Iterator[Link]:
     """
     if path == "-":
         sys.stdout.flush()
+        if live:
+            _shorten_pipe(sys.stdout.fileno())
         yield Link(sys.stdout.fileno(), "standard output")
         return
     check_takes_lines(path)
@@ -148,6 +151,8 @@ def file_link(path: str) -> Iterator[Link]:
         exclusive = os.O_CREAT | os.O_EXCL if new and not os.path.islink(path) else os.O_CREAT
         descriptor = os.open(path, os.O_WRONLY | exclusive, 0o644)
     try:
+        if live:
+            _shorten_pipe(descriptor)
         yield Link(descriptor, path)
     except Exception:
         if new:  # who has opened it reads on, also the lines that vent
@@ -156,6 +161,12 @@ def file_link(path: str) -> Iterator[Link]:
         raise
     finally:
         os.close(descriptor)
+
+
+def _shorten_pipe(descriptor: int) -> None:
+    """Let a pipe hold as little as it can; by default it holds a minute of lines that nobody has read."""
+    with contextlib.suppress(AttributeError, OSError):  # a system without such pipes, no pipe, or one that is full
+        fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, select.PIPE_BUF)
 
 
 def check_takes_lines(path: str) -> None:

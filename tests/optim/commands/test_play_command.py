@@ -263,6 +263,26 @@ def test_pipes_and_empty_files_take_a_stream(morpholab, folder):
     assert (folder / "empty").read_bytes() == (folder / "target").read_bytes() != b""
 
 
+def test_a_reader_that_lags_behind_makes_the_stream_late_and_hears_at_once(morpholab, folder):
+    """A pipe of the usual size would hold a minute of lines that nobody has read, and vent after that."""
+    os.mkfifo(folder / "pipe")
+    heard = list[bytes]()
+
+    def read_slowly():
+        with open(folder / "pipe", "rb", buffering=0) as pipe:
+            while some := pipe.read(60):  # about a line
+                heard.append(some)
+                time.sleep(0.01 if b"STOP" in b"".join(heard) else 0.2)
+
+    reader = threading.Thread(target=read_slowly)
+    reader.start()
+    code, _, told = morpholab("play gait.csv --to pipe --format csv --rate 20 --late 0.3")
+    begun = time.monotonic()
+    reader.join()
+    assert code == 1 and "late, more than --late 0.3" in told
+    assert b"".join(heard).count(b"STOP") == 1 and time.monotonic() - begun < 5
+
+
 def test_a_file_in_which_sending_failed_is_not_in_the_way(morpholab, folder, monkeypatch):
     line = "play gait.csv --to lines.jsonl --no-wait"
     with monkeypatch.context() as broken:

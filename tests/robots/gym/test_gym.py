@@ -12,6 +12,7 @@ from robots.braitenberg import BASELINE, PUBLISHED, contralateral, trace
 from robots.gym import ENVIRONMENTS
 from robots.gym.batch import FAILED_RETURN
 from robots.gym.policies import LinearPolicy, NeuronPolicy, RandomPolicy, episode
+from robots.gym.quadruped import QuadrupedEnvironment, QuadrupedVector
 from robots.inflatable import INCHING, ROLLING, SMALL, InflatableActuation, InflatableDesign, simulate
 from robots.inflatable.schedule import GaitSchedule
 from taichi_sim.vehicle import VehicleTask
@@ -48,6 +49,30 @@ def test_every_environment_passes_the_check(name):
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*not symmetric.*")
         check_env(make(name, render_mode="rgb_array").unwrapped)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("many", [False, True])
+def test_a_step_that_was_interrupted_must_be_followed_by_a_reset(many, monkeypatch):
+    """The robot stands between two steps then; going on would give wrong numbers without a word."""
+    one, several = QuadrupedEnvironment(), QuadrupedVector(2)
+    environment, action = (several, np.zeros((2, 8))) if many else (one, np.zeros(8))
+    environment.reset(seed=0)
+    before = environment.step(action)
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(environment._batch, "_observe", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            environment.step(action)
+    with pytest.raises(RuntimeError, match="after one that was interrupted"):
+        environment.step(action)
+    with pytest.raises(ValueError, match="light"):
+        environment.reset(options={"light": 7})
+    environment.reset(seed=0)
+    np.testing.assert_equal(environment.step(action), before)
 
 
 @pytest.mark.kernels
