@@ -23,6 +23,8 @@ Strategy = Literal["rand/1/bin", "rand/2/bin", "best/1/bin", "current-to-pbest/1
 OTHERS = {"rand/1/bin": 3, "rand/2/bin": 5, "best/1/bin": 3, "current-to-pbest/1/bin": 3}  # members drawn for a trial
 PBEST = 0.1  # p of current-to-pbest: the part of the population that counts as best
 
+USUAL_DITHER = 0.3  # how far weights of trials are drawn from the weight
+
 
 @dataclass(eq=False, kw_only=True)
 class DifferentialEvolution(PopulationSearch):
@@ -57,12 +59,15 @@ class DifferentialEvolution(PopulationSearch):
     population: int = whole(60, 4, MOST_POINTS)
     strategy: Strategy = "current-to-pbest/1/bin"
     weight: float = number(0.5, 0.0, 2.0)
-    dither: float = number(0.3, 0.0, "weight")
+    dither: float = number(USUAL_DITHER, 0.0, "weight")
     crossover: float = number(0.5, 0.0, 1.0)
     trials: int = whole(0, 0, "population")
     bounds: Bounds = "reflect"
 
     def __post_init__(self) -> None:
+        if self.dither == USUAL_DITHER > self.weight >= 0:  # it is the weight that was given
+            allowed = f"give dither from 0 to {self.weight:g}, too"
+            raise ValueError(f"weight: {self.weight:g} is not allowed with a dither of {self.dither:g}; {allowed}")
         super().__post_init__()
         checks.integer("population", self.population, OTHERS[self.strategy] + 1, MOST_POINTS)
         self.inner = _widened(self.space)

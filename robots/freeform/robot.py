@@ -16,7 +16,7 @@ from robots.freeform.fields import PARAMETRISATIONS, RESOLUTION, Fields, Paramet
 from robots.freeform.grid import Grid
 from robots.freeform.palette import Palette, palette_of
 from robots.freeform.solid import Solid, drives_of, solid_of
-from robots.freeform.trials import try_variants
+from robots.freeform.trials import counts_of, try_variants
 from robots.lattice_robot.measures import checked_target, measures_among, measures_of
 from robots.lattice_robot.props import time_step_among
 from robots.lattice_robot.robot import LatticeRobot
@@ -24,7 +24,7 @@ from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
 from robots.lattice_robot.soft_motion import TOLD_ANYWAY
 from robots.own_measures import OwnMeasure, checked_own_measures, names_of
-from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
+from robots.robot import Facts, Measure, Outcome, Parameter, Replay, Robot, Trial, World
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import mapped
@@ -296,6 +296,15 @@ class FreeformRobot(Robot):
             raise ValueError(f"point: it is no robot: {solid.fault}")
         amplitude, phase = self.waves(solid, points)
         return self.built(solid, amplitude[0], phase[0])
+
+    def replay(self, point: ArrayLike, world: World, **given: Any) -> Replay:
+        """Try one design and build its motion, see :meth:`Robot.replay`; its cells and channels are told, too."""
+        found = super().replay(point, world, **given)
+        points = self.points(point)
+        told = counts_of([self.solid_at(self.parametrisation(points), 0)], found.outcome.status)
+        return dataclasses.replace(
+            found, outcome=dataclasses.replace(found.outcome, measures={**found.outcome.measures, **told})
+        )
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robots of N points move."""

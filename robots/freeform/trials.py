@@ -107,10 +107,13 @@ def _true(cases: Cases, points: Floats) -> LatticeRobotResult:
         for each, told in cases.parts((worlds + rows).ravel(), done, len(alike)):
             parts.append((each, _built(told, solids[rows[0]], points[each % count], each // count)))
     found = _assembled(cases, parts, np.array([solid.fault for solid in solids]), points.shape[1])
+    return replace(found, measures={**found.measures, **counts_of(solids * len(cases.robots), found.status)})
+
+
+def counts_of(solids: Sequence[Solid], status: NDArray[np.str_]) -> dict[str, Floats]:
+    """How many cells and channels robots have, by these names, shape (N,) each; NaN of those that have no measures."""
     counts = {"cells": [len(solid.cells) for solid in solids], "channels": [solid.count for solid in solids]}
-    tiled = {name: np.tile(each, len(cases.robots)) for name, each in counts.items()}
-    ours = {name: np.where(found.status == "ok", each, np.nan) for name, each in tiled.items()}
-    return replace(found, measures={**found.measures, **ours})
+    return {name: np.where(status == "ok", each, np.nan) for name, each in counts.items()}
 
 
 def _assembled(

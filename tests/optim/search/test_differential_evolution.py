@@ -215,6 +215,7 @@ def test_given_starts_belong_to_the_first_and_vary_around():
         ({"population": 3, "strategy": "rand/1/bin"}, "population: 3 is not allowed; give a whole number, at least 4"),
         ({"population": 5, "strategy": "rand/2/bin"}, "population: 5 is not allowed; give a whole number, at least 6"),
         ({"weight": 2.5}, "weight: 2.5 is not allowed; give a number from 0 to 2"),
+        ({"weight": 0.1}, "weight: 0.1 is not allowed with a dither of 0.3; give dither from 0 to 0.1, too"),
         ({"dither": 0.6}, "dither: 0.6 is not allowed; give a number from 0 to 0.5"),
         ({"crossover": np.nan}, "crossover: nan is not allowed"),
         ({"trials": 61}, "trials: 61 is not allowed; give a whole number, at most 60"),

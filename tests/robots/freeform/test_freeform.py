@@ -267,6 +267,8 @@ def test_trials_of_true_designs_count_cells_and_channels():
     found = made.simulate(points, Terrain(), compute=F64).measures
     assert found["cells"][0] == 30 and found["channels"][0] == 1 and np.isnan(found["cells"][1])
     assert 4 <= found["cells"][2] < 30 and found["channels"][2] == 2
+    alone = made.replay(points[2], Terrain(), compute=F64).outcome
+    assert [alone.measures[name][0] for name in ("cells", "channels")] == [found["cells"][2], 2]
     assert "cells" not in made.simulate(points, Terrain(), compute=F64, sharpness=2.0).measures
 
 
