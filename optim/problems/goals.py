@@ -9,7 +9,7 @@ Searches maximise all that they are told, so a goal that is minimised is told ne
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,7 +22,7 @@ from robots.robot import Measure, Outcome, World
 from robots.tasks import Success, is_bound
 from robots.uncertainty import Score
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import nearest
+from taichi_sim.base.checks import nearest, shown
 from taichi_sim.base.short_text import shortest
 
 MINIMISE = "minimise:"
@@ -95,9 +95,11 @@ def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
     Raises:
         ValueError: for two words, a goal given twice, a text that is no goal, and limits of nothing.
     """
-    texts = [given] if isinstance(given, str) else list(given)
+    texts = [given] if isinstance(given, str) else list(given) if isinstance(given, Iterable) else [given]
     if not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"objective: {given!r} is not allowed; give texts")
+        raise ValueError(
+            f"objective: {shown(given)} is not allowed; give names; one of your own gets its by an entry point"
+        )
     if len(texts) == 1 and texts[0] in OBJECTIVES:
         return texts[0]
     words = [text for text in texts if text in WORDS]

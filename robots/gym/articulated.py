@@ -11,6 +11,7 @@ from robots.articulated.rigid_motion import told
 from robots.articulated.robot import ArticulatedRobot
 from robots.articulated.senses import SENSES, DriveReader
 from robots.articulated.simulation import centres, engine_in, first_centre, on_ground, rhythm, sensed_of
+from robots.control.reflexes import senses_among
 from robots.control.senses import width_of
 from robots.gym.batch import Batch, Observation
 from robots.gym.environment import FARTHEST, RobotEnvironment, RobotVector, compute_of, named_world
@@ -72,10 +73,10 @@ class Driven(Batch):
         self._check(self._robot)
         self._strength = number("strength", strength, 0.0, 2.0)
         self._most_lean = None if most_lean is None else number("most_lean", most_lean, 0.0, 180.0, "degrees")
-        self._senses = self._usual_senses() if senses is None else tuple(senses)
+        self._senses = self._usual_senses() if senses is None else senses_among(SENSES)("senses", senses)
         self._sensed, self._engine = sensed_of(self._robot), engine_in(self._robot, self._world, compute)
         for name in self._senses:
-            if not SENSES[choice("senses", name, SENSES)].width(self._sensed):
+            if not SENSES[name].width(self._sensed):
                 raise ValueError(f"senses: {name} is not allowed without sensors of it in {self._robot.name}")
         width = width_of(SENSES, self._senses, self._sensed)
         observed = gymnasium.spaces.Box(-FARTHEST, FARTHEST, (width,), np.float64)

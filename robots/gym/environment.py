@@ -129,7 +129,7 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self.metadata = {**self.metadata, "render_fps": 1 / batch.seconds}
         self._generators = [np.random.default_rng() for _ in range(batch.count)]
         self._steps, self._over = np.zeros(batch.count, np.int64), np.ones(batch.count, bool)
-        self._whole = True  # no step was interrupted
+        self._whole = False  # begun, and no step was interrupted
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
         """Begin an episode of all robots.

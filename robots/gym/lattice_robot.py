@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any, Unpack
 import gymnasium
 import numpy as np
 
+from robots.control.reflexes import senses_among
 from robots.gym.batch import SEEDS, Batch, Observation
 from robots.gym.environment import FARTHEST, RobotEnvironment, RobotVector, compute_of, named_world
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.robot import LatticeRobot
+from robots.lattice_robot.senses import SENSES
 from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
 from robots.world import Terrain
@@ -78,7 +80,7 @@ class Rewarded(Batch):
         """Take what a ``LatticeRobotEnvironment`` takes."""
         worlds, found = _worlds(world), _lattice_robot(robot, cycles)
         lit = all(found.light_in(terrain) for terrain in worlds)
-        feels = senses or (LIT_SENSES if lit else USUAL_SENSES)
+        feels = (LIT_SENSES if lit else USUAL_SENSES) if senses is None else senses_among(SENSES)("senses", senses)
         count = whole_number("num_envs", batch, 1)
         if (own := found.fixed.reflexes) is not None and np.any(own.weights):
             warnings.warn(

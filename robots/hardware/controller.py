@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import io
 import os
 import select
 import stat
@@ -140,9 +141,13 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
     """
     if path == "-":
         sys.stdout.flush()
+        try:
+            descriptor = sys.stdout.fileno()
+        except io.UnsupportedOperation:  # of a notebook, or of who calls the command as a function
+            raise ValueError("to: - is not allowed, as standard output is no file here; name a file") from None
         if live:
-            _shorten_pipe(sys.stdout.fileno())
-        yield Link(sys.stdout.fileno(), "standard output")
+            _shorten_pipe(descriptor)
+        yield Link(descriptor, "standard output")
         return
     check_takes_lines(path)
     new = not os.path.exists(path)

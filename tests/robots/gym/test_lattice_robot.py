@@ -298,7 +298,7 @@ def test_seeds_draw_worlds():
         (("flat", "flat+light:1,0"), r"world: flat\+light:1.0,0.0 is not allowed beside flat"),
         (("flat", "nowhere"), "world: 'nowhere' is unknown"),
         (("flat", 3), "world: 3 is not allowed; give a terrain"),
-        (3, "world: 3 is not allowed; give a terrain, its name, or several"),
+        (3, "world: 3 is not allowed; give a terrain, or its name"),
     ],
 )
 def test_worlds_that_cannot_share_a_batch_are_refused(world, message):
