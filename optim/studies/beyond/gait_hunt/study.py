@@ -69,7 +69,7 @@ class Hunt(Finals):
     @property
     def budget(self) -> float:
         """Robot-steps of a run."""
-        return self.evaluations * PUBLISHED_COST
+        return float(self.evaluations * PUBLISHED_COST)
 
 
 Run = tuple[str, int]  # search and seed
