@@ -65,7 +65,8 @@ class DifferentialEvolution(PopulationSearch):
     bounds: Bounds = "reflect"
 
     def __post_init__(self) -> None:
-        if self.dither == USUAL_DITHER > self.weight >= 0:  # it is the weight that was given
+        is_number = isinstance(self.weight, int | float)
+        if is_number and self.dither == USUAL_DITHER > self.weight >= 0:  # it is the weight that was given
             allowed = f"give dither from 0 to {self.weight:g}, too"
             raise ValueError(f"weight: {self.weight:g} is not allowed with a dither of {self.dither:g}; {allowed}")
         super().__post_init__()

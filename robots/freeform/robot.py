@@ -24,12 +24,13 @@ from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
 from robots.lattice_robot.soft_motion import TOLD_ANYWAY
 from robots.own_measures import OwnMeasure, checked_own_measures, names_of
-from robots.robot import Facts, Measure, Outcome, Parameter, Replay, Robot, Trial, World
+from robots.robot import FRAMES, HERE, Facts, Measure, Outcome, Parameter, Progress, Replay, Robot, Trial, World
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
 from taichi_sim.autodiff.arrays import mapped
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import built, choice, number, whole_number
+from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import counted
 from taichi_sim.lattice.time_steps import afloat
 
@@ -297,14 +298,21 @@ class FreeformRobot(Robot):
         amplitude, phase = self.waves(solid, points)
         return self.built(solid, amplitude[0], phase[0])
 
-    def replay(self, point: ArrayLike, world: World, **given: Any) -> Replay:
+    def replay(
+        self,
+        point: ArrayLike,
+        world: World,
+        *,
+        frames: int = FRAMES,
+        name: str = "",
+        compute: Compute = HERE,
+        progress: Progress | None = None,
+    ) -> Replay:
         """Try one design and build its motion, see :meth:`Robot.replay`; its cells and channels are told, too."""
-        found = super().replay(point, world, **given)
-        points = self.points(point)
-        told = counts_of([self.solid_at(self.parametrisation(points), 0)], found.outcome.status)
-        return dataclasses.replace(
-            found, outcome=dataclasses.replace(found.outcome, measures={**found.outcome.measures, **told})
-        )
+        found = super().replay(point, world, frames=frames, name=name, compute=compute, progress=progress)
+        solid = self.solid_at(self.parametrisation(self.points(point)), 0)
+        measures = {**found.outcome.measures, **counts_of([solid], found.outcome.status)}
+        return dataclasses.replace(found, outcome=dataclasses.replace(found.outcome, measures=measures))
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
         """Let the robots of N points move."""
