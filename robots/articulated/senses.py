@@ -36,8 +36,9 @@ class Moment:
 
     Attributes:
         sensed: of the robot.
-        span: time between readings [s].
+        span: time since the reading before, or between readings [s].
         number: of the reading, from 0.
+        time: since the first reading [s].
         points: of rhythms, whose first number is the frequency [Hz], (B, 1 + 3 M).
         position: of the base's centre, (B, 3) [m].
         orientation: of the base, (B, 4).
@@ -50,6 +51,7 @@ class Moment:
     sensed: Sensed
     span: float
     number: int
+    time: float
     points: Any
     position: Any
     orientation: Any
@@ -87,7 +89,7 @@ def _light(moment: Moment) -> Any:
 
 
 def _clock(moment: Moment) -> Any:
-    angle = 2 * np.pi * moment.points[:, 0] * (moment.number * moment.span)
+    angle = 2 * np.pi * moment.points[:, 0] * moment.time
     return np.stack([np.sin(angle), np.cos(angle)], axis=1)
 
 
@@ -117,7 +119,11 @@ SENSES = {
 
 
 class DriveReader(SenseReader):
-    """Reads what articulated robots feel; see ``SenseReader``."""
+    """Reads what articulated robots feel; see ``SenseReader``.
+
+    Attributes are those of ``SenseReader``, and:
+        sooner: by how much the present reading is sooner than its time, as where a trial ends before that [s].
+    """
 
     table, place = SENSES, "position"
 
@@ -131,12 +137,12 @@ class DriveReader(SenseReader):
             points: of the rhythms, (B, 1 + 3 M).
             first: where the bases' centres are at the start, (B, 3) [m].
         """
-        self.sensed, self.span, self.points = sensed, span, points
+        self.sensed, self.span, self.points, self.sooner = sensed, span, points, 0.0
         super().__init__(names, first)
 
     def moment(self, number: int, arrays: dict[str, Any]) -> Moment:
         """What senses read at a reading."""
-        return Moment(self.sensed, self.span, number, **arrays)
+        return Moment(self.sensed, self.span - self.sooner, number, number * self.span - self.sooner, **arrays)
 
     def read(self, number: int, felt: Felt) -> Floats:
         """What is felt at reading 0, 1, ..., (B, width)."""

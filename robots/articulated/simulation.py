@@ -15,7 +15,7 @@ from robots.robot import Place, Progress, Trial, World
 from robots.terrain_fields import not_taken
 from robots.world import FLUID_FIELDS, Terrain, terrain_of
 from taichi_sim import rigid
-from taichi_sim.base.arrays import Floats, Ints
+from taichi_sim.base.arrays import Floats, Ints, along
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.short_text import ShortText
 from taichi_sim.rigid import RigidEngine, RigidResult, State, Tree, poses
@@ -328,4 +328,4 @@ def _result(robot: "ArticulatedRobot", runs: list[RigidResult], gradients: Mappi
     centre = np.concatenate([centres(tree, run.position, run.orientation, run.angles) for run in runs])
     status, steps = (np.concatenate([getattr(run, name) for run in runs]) for name in ("status", "steps"))
     own = {each.name: np.concatenate([told(robot, each, run) for run in runs]) for each in robot.own_measures}
-    return ArticulatedResult((centre - start) @ robot.direction, centre, status, steps, tuple(runs), own, gradients)
+    return ArticulatedResult(along(centre - start, robot.direction), centre, status, steps, tuple(runs), own, gradients)

@@ -14,7 +14,7 @@ def senses_among(names: Collection[str]) -> Callable[[str, Any], tuple[str, ...]
     """Make the check of a field that holds one or more of these names, none twice."""
 
     def check(field_name: str, value: Any) -> tuple[str, ...]:
-        if isinstance(value, str) or not value or len(set(value)) < len(value):
+        if isinstance(value, str) or not isinstance(value, Collection) or not value or len(set(value)) < len(value):
             allowed = f"give one or more of {', '.join(names)}, none twice"
             raise ValueError(f"{field_name}: {value!r} is not allowed; {allowed}")
         return tuple(checks.choice(field_name, each, names) for each in value)

@@ -15,9 +15,9 @@ from robots.control.reflexes import senses_among
 from robots.control.senses import width_of
 from robots.gym.batch import Batch, Observation
 from robots.gym.environment import FARTHEST, RobotEnvironment, RobotVector, compute_of, named_world
-from robots.robot import FixedRobot, find_robot_doing, make_robot
+from robots.robot import FixedRobot, World, find_robot_doing, make_robot
 from robots.world import Terrain
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.arrays import Bools, Floats, Ints, along
 from taichi_sim.base.checks import choice, number, shown
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.rigid import Frames, RigidResult
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 ACTIONS = ("commands", "differences")
 GAINS = ("progress", "light")
+TOLD = ("diverged", "left", "position", "lean", "distance", "light_distance", "speed")  # names in ``info``
 
 Given = ArticulatedRobot | FixedRobot | str | Path
 
@@ -43,6 +44,18 @@ def robot_of(given: Given | None) -> tuple[ArticulatedRobot, Floats]:
     if not isinstance(robot, ArticulatedRobot):
         raise ValueError(f"robot: {shown(given)} is no articulated robot; give one, or its file, such as ant.xml")
     return robot, robot.start if point is None else point
+
+
+def _ground(given: Terrain | str) -> World:
+    """The ground that is given, or that a name means.
+
+    Raises:
+        ValueError: for anything else, and what is more than ground.
+    """
+    try:
+        return on_ground(named_world(given))
+    except ValueError as error:
+        raise ValueError(f"world: {str(error).partition(': ')[2]}") from None
 
 
 class Driven(Batch):
@@ -67,10 +80,10 @@ class Driven(Batch):
     ) -> None:
         """Take what an ``ArticulatedEnvironment`` takes."""
         self._robot, point = robot_of(robot)
-        self._world = on_ground(named_world(world))
+        self._world = _ground(world)
         self._differs = choice("actions", actions, ACTIONS) == "differences"
         self.gain = choice("gain", gain, GAINS)
-        self._check(self._robot)
+        self._check(self._robot, point)
         self._strength = number("strength", strength, 0.0, 2.0)
         self._most_lean = None if most_lean is None else number("most_lean", most_lean, 0.0, 180.0, "degrees")
         self._senses = self._usual_senses() if senses is None else senses_among(SENSES)("senses", senses)
@@ -86,15 +99,19 @@ class Driven(Batch):
         self._first_centre = first_centre(self._robot.model.tree)
         self._points = np.tile(point, (count, 1))[:, : self._robot.rhythm_size]
 
-    def _check(self, robot: ArticulatedRobot) -> None:
+    def _check(self, robot: ArticulatedRobot, point: Floats) -> None:
         """Refuse what the robot has not got, and tell of what does not act."""
         if self.gain == "light" and robot.light is None:
             raise ValueError("gain: light is not allowed without one; give a robot with light=(x, y, z)")
         if robot.controller != "rhythm":
             raise ValueError("robot: one with a network is not allowed, as actions are in its place; give a rhythm")
-        if robot.reflexes is not None:
-            told = f"the reflexes of {robot.name} do not act in an environment; its actions drive it instead"
-            warnings.warn(told, stacklevel=2)
+        for own in robot.own_measures:
+            if own.name in TOLD:
+                raise ValueError(f"own_measures: {own.name} is not allowed in an environment, whose info has it")
+        free = point[robot.rhythm_size :]
+        if robot.reflexes is not None and np.any(free if robot.reflexes.weights is None else robot.reflexes.weights):
+            why = f"the reflexes of {robot.name} do not act in an environment; its actions drive it instead"
+            warnings.warn(why, stacklevel=2)
 
     def _usual_senses(self) -> tuple[str, ...]:
         """What is felt by default: a policy that was learned expects these numbers in this order."""
@@ -114,6 +131,8 @@ class Driven(Batch):
         lights = None if robot.light is None else np.array([robot.light])
         self._session = engine.session(batch=self.count, lights=lights, start=start)
         self._done, self._commands = 0, np.zeros((self.count, self._sensed.drives))
+        self._distance: Floats = np.zeros(self.count)
+        self._over = np.zeros(self.count, bool)  # who has fallen or diverged: nothing more is told of it
         self._rhythm = rhythm(robot, self._points) if self._differs else None
         found = self._session.advance(steps=0)
         first = np.array(found.position, float)
@@ -129,25 +148,28 @@ class Driven(Batch):
             low, high = np.minimum(wave, -1.0), np.maximum(wave, 1.0)
             self._commands = np.clip(wave + self._strength * actions, low, high)
         robot, before = self._robot, self._value
-        found = self._session.advance(self._commands, min(robot.hold, robot.steps - self._done * robot.hold))
-        self._done += 1
-        felt = self._feel(found)
+        steps = min(robot.hold, robot.steps - self._done * robot.hold)
+        found = self._session.advance(self._commands, steps)
+        self._done, self._reader.sooner = self._done + 1, (robot.hold - steps) * robot.physics.time_step
+        felt, failed = self._feel(found), found.status != "ok"
         fell = np.zeros(self.count, bool) if self._most_lean is None else self._lean > self._most_lean
-        return felt, self._value - before, fell, found.status != "ok"
+        self._over = self._over | fell | failed
+        return felt, self._value - before, fell, failed
 
     def _feel(self, found: RigidResult) -> Observation:
-        """What robots feel as they now are, and how far they came."""
-        now, ok = (found.position, found.orientation, found.angles, found.readings), found.status == "ok"
+        """What robots feel as they now are, and how far they came; those whose episodes are over stay as they were."""
+        now = found.position, found.orientation, found.angles, found.readings
+        goes_on = (found.status == "ok") & ~self._over
+        distance = along(centres(self._robot.model.tree, *now[:3]) - self._first_centre, self._robot.direction)
         seen = self._seen if self._done else now
         self._seen: tuple[Floats, ...] = tuple(
-            np.where(ok[:, None], each, before) for each, before in zip(now, seen, strict=True)
+            np.where(goes_on[:, None], each, before) for each, before in zip(now, seen, strict=True)
         )
-        way = centres(self._robot.model.tree, *now[:3]) - self._first_centre
-        self._found, self._distance = found, way @ self._robot.direction
+        self._found, self._distance = found, np.where(goes_on, distance, self._distance)
         _, x, y, _ = self._seen[1].T
         self._lean = np.degrees(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
         reached = self._distance if self.gain == "progress" else -self._light_distances()
-        self._value = np.where(ok, reached, np.nan) / self._sensed.length
+        self._value = np.where(found.status == "ok", reached, np.nan) / self._sensed.length
         return np.nan_to_num(self._reader.read(self._done, Felt(*now)))
 
     def _light_distances(self) -> Floats:
@@ -165,13 +187,14 @@ class Driven(Batch):
         if not self.left:
             found["speed"] = self._distance / (robot.steps * robot.physics.time_step)
             found |= {each.name: told(robot, each, self._found) for each in robot.own_measures}
+            found |= {name: np.where(self._over, np.nan, found[name]) for name in found if name not in TOLD[:-1]}
         return found
 
     def motion(self, robot: int) -> "Motion":
         """A robot on its ground, with its light."""
         from robots.articulated.motion import motion_of
 
-        times = np.array([self._done * self.seconds])
+        times = np.array([self._done * self.seconds - self._reader.sooner])
         frames = Frames(times, *(each[None] for each in (*self._seen, self._commands)))
         return motion_of(self._robot, frames, self._world, robot)
 

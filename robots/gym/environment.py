@@ -32,7 +32,7 @@ def compute_of(environment: type, given: ComputeOptions) -> Compute:
     return Compute.given({"precision": "f32", **given})
 
 
-def named_world(given: object) -> Terrain:
+def named_world(given: object, allowed: str = "give a terrain, or its name") -> Terrain:
     """The terrain that is given, or that a name means.
 
     Raises:
@@ -41,7 +41,7 @@ def named_world(given: object) -> Terrain:
     if isinstance(given, Terrain):
         return given
     if not isinstance(given, str):
-        raise ValueError(f"world: {shown(given)} is not allowed; give a terrain, or its name")
+        raise ValueError(f"world: {shown(given)} is not allowed; {allowed}")
     try:
         return Terrain.parse(given)
     except ValueError as error:
@@ -74,8 +74,8 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         self._begun = False
         self._account.begin(which, self._batch.begin(which, np.array([way])))
         self._pictures.begin(which)
-        self._begun = True
-        return self._account.observed[0].copy(), self._info()
+        info, self._begun = self._info(), True
+        return self._account.observed[0].copy(), info
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Apply an action.
@@ -88,13 +88,13 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         if not self._begun:
             raise RuntimeError(UNBEGUN)
         if self._batch.left == 0:
-            raise RuntimeError("reset the environment: the robot's cycles are over")
+            raise RuntimeError("reset the environment: its episode is over")
         given = checked_actions(self.action_space, action)
         self._begun = False  # until the step is whole
         reward = self._account.book(*self._batch.advance(given[None]))
+        ended, observed, info = bool(self._account.ended[0]), self._account.observed[0].copy(), self._info()
         self._begun = True
-        ended, observed = bool(self._account.ended[0]), self._account.observed[0].copy()
-        return observed, float(reward[0]), ended, self._batch.left == 0, self._info()
+        return observed, float(reward[0]), ended, self._batch.left == 0, info
 
     def render(self) -> Bytes | None:
         """A picture of the robot as it is: red, green, blue, shape (H, W, 3); None without a render mode."""
@@ -110,8 +110,8 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
     """Many robots as one batch; with the same actions each moves as it does alone, to the bit.
 
     The step after the last of an episode begins it anew, whatever the action (``AutoresetMode.NEXT_STEP``). Most
-    robots begin together: then a robot that diverges rests until the episodes of all are over, and only then its own
-    is told to be over, as whoever counts episodes takes the next step to begin another one.
+    robots begin together: then one that diverges or falls rests until the episodes of all are over, and only then its
+    own is told to be over, as whoever counts episodes takes the next step to begin another one.
     """
 
     metadata = {  # noqa: RUF012 - what Gymnasium asks for
@@ -143,7 +143,8 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
             if one is not None:
                 self._generators[robot], _ = gymnasium.utils.seeding.np_random(int(one))
         self._begin(np.arange(self.num_envs), options or {})
-        return self._account.observed.copy(), self._info()
+        info, self._whole = self._info(), True
+        return self._account.observed.copy(), info
 
     def _begin(self, which: Ints, options: dict[str, Any]) -> None:
         """Begin episodes of some robots."""
@@ -153,7 +154,6 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._whole = False
         self._account.begin(which, self._batch.begin(which, np.array(ways)))
         self._pictures.begin(which)
-        self._whole = True
         self._steps[which], self._over[which] = 0, False
 
     def _each(self, name: str, given: Any) -> Any:
@@ -172,13 +172,14 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
             given = checked_actions(self.action_space, actions)
             self._whole = False
             reward = np.where(anew, 0.0, self._account.book(*self._batch.advance(given)))
-            self._steps, self._whole = self._steps + 1, True
+            self._steps += 1
         if anew.any():
             self._begin(np.flatnonzero(anew), {})
         ended, cut = self._account.ended, self._cut(anew)
         over = ended | cut
         self._over = np.full(self.num_envs, over.all()) if self._batch.together else over
-        return self._account.observed.copy(), reward, ended & self._over, cut & self._over, self._info()
+        info, self._whole = self._info(), True
+        return self._account.observed.copy(), reward, ended & self._over, cut & self._over, info
 
     def _cut(self, anew: Bools) -> Bools:
         """Which episodes are cut off before they ended; none that has only begun."""

@@ -18,7 +18,7 @@ from robots.lattice_robot.senses import SENSES
 from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
 from robots.world import Terrain
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.arrays import Bools, Floats, Ints, along
 from taichi_sim.base.checks import choice, number, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 
@@ -54,7 +54,7 @@ def _worlds(given: Worlds) -> list[Terrain]:
         ValueError: for anything else.
     """
     several: Sequence[object] = given if isinstance(given, list | tuple) else [given]
-    return [named_world(each) for each in several]
+    return [named_world(each, "give a terrain, its name, or several of them") for each in several]
 
 
 class Rewarded(Batch):
@@ -136,7 +136,7 @@ class Rewarded(Batch):
             self._heights = np.fmax(self._heights, self._middles()[:, 2])
             reached = self._heights
         else:
-            reached = (self._prop_middles() if self.gain == "prop" else self._middles()) @ robot.direction
+            reached = along(self._prop_middles() if self.gain == "prop" else self._middles(), robot.direction)
         found: Floats = reached / robot.length
         return found
 

@@ -49,7 +49,7 @@ class Link:
             try:
                 if not select.select([], [self._descriptor], [], STUCK)[1]:
                     raise PlayFailed(f"{self.name}: takes nothing for {STUCK:g} s; is the controller reading?")
-                rest = rest[os.write(self._descriptor, rest) :]
+                rest = rest[os.write(self._descriptor, rest[: select.PIPE_BUF]) :]
             except BlockingIOError:
                 continue
             except OSError as error:
@@ -145,9 +145,8 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
             descriptor = sys.stdout.fileno()
         except io.UnsupportedOperation:  # of a notebook, or of who calls the command as a function
             raise ValueError("to: - is not allowed, as standard output is no file here; name a file") from None
-        if live:
-            _shorten_pipe(descriptor)
-        yield Link(descriptor, "standard output")
+        with _short_pipe(descriptor) if live else contextlib.nullcontext():
+            yield Link(descriptor, "standard output")
         return
     check_takes_lines(path)
     new = not os.path.exists(path)
@@ -156,9 +155,8 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
         exclusive = os.O_CREAT | os.O_EXCL if new and not os.path.islink(path) else os.O_CREAT
         descriptor = os.open(path, os.O_WRONLY | exclusive, 0o644)
     try:
-        if live:
-            _shorten_pipe(descriptor)
-        yield Link(descriptor, path)
+        with _short_pipe(descriptor) if live else contextlib.nullcontext():
+            yield Link(descriptor, path)
     except Exception:
         if new:  # who has opened it reads on, also the lines that vent
             with contextlib.suppress(OSError):
@@ -168,10 +166,19 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
         os.close(descriptor)
 
 
-def _shorten_pipe(descriptor: int) -> None:
-    """Let a pipe hold as little as it can; by default it holds a minute of lines that nobody has read."""
+@contextlib.contextmanager
+def _short_pipe(descriptor: int) -> Iterator[None]:
+    """Let a pipe hold as little as it can for a while; by default it holds a minute of lines that nobody has read."""
+    before = None
     with contextlib.suppress(AttributeError, OSError):  # a system without such pipes, no pipe, or one that is full
+        before = fcntl.fcntl(descriptor, fcntl.F_GETPIPE_SZ)
         fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, select.PIPE_BUF)
+    try:
+        yield
+    finally:
+        if before is not None:
+            with contextlib.suppress(OSError):
+                fcntl.fcntl(descriptor, fcntl.F_SETPIPE_SZ, before)
 
 
 def check_takes_lines(path: str) -> None:

@@ -15,6 +15,15 @@ Bytes = NDArray[np.uint8]
 Arrays = dict[str, NDArray[Any]]  # by name, as an .npz file holds them
 
 
+def along(ways: Floats, direction: Floats) -> Floats:
+    """How far each of N ways, shape (N, D), leads along a direction, shape (N,): the bits that it has alone.
+
+    A product of all at once would sum in an order that depends on how many there are.
+    """
+    found: Floats = (ways[:, None] @ direction)[:, 0]
+    return found
+
+
 def copied(values: Any) -> Floats:
     """Values as an array of its own, with NaN where a masked array hides them."""
     own = np.array(values, float)

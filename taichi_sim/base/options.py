@@ -5,12 +5,16 @@ import contextlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields
+from numbers import Real
+from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
 
 from taichi_sim.base import checks
 
 T = TypeVar("T")
+
+_SPELLED = (str, PathLike, Real)  # what a caller may give as the command line would spell it
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,8 @@ class Option:
         """The value that the command line would make of what a file or a caller gives.
 
         Args:
-            given: a text, a path, a number, true, or a list or array of them.
+            given: a text, a path, a number, true, or a list or array of them; all else, such as a description, is
+                taken as it is.
 
         Raises:
             ValueError: that names the option, for what is not allowed.
@@ -63,10 +68,11 @@ class Option:
             return given
         if self.several:
             return [self._read_one(each) for each in (given if isinstance(given, list | tuple) else [given])]
-        return self._read_one(",".join(map(str, given)) if isinstance(given, list | tuple) else given)
+        is_row = isinstance(given, list | tuple) and all(isinstance(each, _SPELLED) for each in given)
+        return self._read_one(",".join(map(str, given)) if is_row else given)
 
     def _read_one(self, given: Any) -> Any:
-        value = converted(self.name, self.type, str(given))
+        value = converted(self.name, self.type, str(given)) if isinstance(given, _SPELLED) else given
         if self.choices and value not in self.choices:
             raise ValueError(f"{self.name}: {value!r} is unknown; choose one of {', '.join(map(str, self.choices))}")
         return value

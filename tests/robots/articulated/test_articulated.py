@@ -9,9 +9,12 @@ import pytest
 from articulated_files import CART as URDF
 from articulated_files import CRAWLER
 
+from optim.named import robot as robot_named
 from robots.articulated import ArticulatedRobot, differentiate, load_robot, simulate
+from robots.articulated.reflexes import DriveReflexes
 from robots.articulated.robot import robot_of_record
 from robots.articulated.simulation import GROUND, centre_slopes, centres, relief_under, rhythm
+from robots.own_measures import OwnMeasure
 from robots.robot import KINDS, Place, Trial, find_robot, load_design, make_robot
 from robots.uncertainty import HELD_OUT, Risk, Uncertainty, judge_uncertain
 from robots.view.motion import Ground
@@ -42,6 +45,21 @@ def test_what_is_free_follows_from_the_model():
     sensors = ("touch front", "touch trunk", "light")
     assert [p.name for p in seeing.parameters] == [f"{s} to {drive}" for s in sensors for drive in "ab"]
     assert ArticulatedRobot(URDF).drives == ("axle",)
+
+
+@pytest.mark.kernels
+def test_distances_along_any_heading_have_the_bits_of_a_robot_alone():
+    robot = crawler(heading=33.0)
+    points = some_points(robot, 5)
+    together = simulate(robot, points, **HERE).distance
+    assert together.tolist() == [simulate(robot, point[None], **HERE).distance[0] for point in points]
+
+
+def test_options_from_python_may_be_descriptions(tmp_path):
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    reflexes, own = DriveReflexes(("tilt",)), OwnMeasure("high", "m", law=lambda motion: motion.places[:, 0, 2])
+    made = robot_named(tmp_path / "crawler.xml", reflexes=reflexes, own_measures=[own], duration=np.float32(0.5))
+    assert (made.reflexes, made.own_measures, made.duration) == (reflexes, (own,), 0.5)
 
 
 def test_a_urdf_robot_is_fixed_by_an_option(tmp_path):

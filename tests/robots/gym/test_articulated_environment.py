@@ -1,6 +1,7 @@
 """Robots of files as environments: against what ``simulate`` gives, and against themselves in batches."""
 
 import copy
+import dataclasses
 import math
 import pickle
 import warnings
@@ -86,9 +87,10 @@ def test_it_passes_the_check_of_gymnasium():
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("precision", ["f32", "f64"])
-def test_robots_of_a_batch_move_as_they_do_alone(precision):
-    given = {"robot": crawler(light=(1.0, 0.5, 0.1)), "gain": "light", "precision": precision}
+@pytest.mark.parametrize(("precision", "gain"), [("f32", "light"), ("f64", "progress")])
+def test_robots_of_a_batch_move_as_they_do_alone(precision, gain):
+    robot = crawler(light=(1.0, 0.5, 0.1), heading=30.0)
+    given = {"robot": robot, "gain": gain, "precision": precision}
     many = gymnasium.make_vec(NAME, num_envs=3, vectorization_mode="vector_entry_point", **given)
     assert isinstance(many, ArticulatedVector)
     actions = np.random.default_rng(0).uniform(-1, 1, (13, 3, 2))
@@ -100,7 +102,10 @@ def test_robots_of_a_batch_move_as_they_do_alone(precision):
         for action, (observations, rewards, *_, infos) in zip(actions, together, strict=True):
             observation, reward, _, _, info = alone.step(action[robot])
             np.testing.assert_array_equal(observation, observations[robot])
-            assert reward == rewards[robot] and info["light_distance"] == infos["light_distance"][robot]
+            assert reward == rewards[robot]
+            assert {name: infos[name][robot].tolist() for name in info} == {
+                name: np.asarray(value).tolist() for name, value in info.items()
+            }
 
 
 @pytest.mark.kernels
@@ -131,15 +136,86 @@ def test_who_leans_too_far_has_fallen():
 
 
 @pytest.mark.kernels
-def test_a_robot_that_diverges_loses_all():
-    robot = crawler(time_step=0.02, duration=2.0)
-    environment = ArticulatedEnvironment(robot, **PRECISE)
-    environment.reset()
-    gained, over, sign = 0.0, False, 1.0
-    while not over:
-        _, reward, ended, cut, info = environment.step(np.array([sign, -sign]))
-        gained, over, sign = gained + reward, ended or cut, -sign
-    assert np.isfinite(gained) and (not info["diverged"] or gained == -1.0)
+def test_who_has_fallen_in_a_batch_rests():
+    """Nothing more is told of it until the episodes of all are over, and it has no measures."""
+    many = ArticulatedVector(2, crawler(own_measures=(HIGH,)), most_lean=1.0, **PRECISE)
+    many.reset(seed=0)
+    told = [many.step(np.array([[1.0, -1.0], [0.0, 0.0]])) for _ in range(13)]
+    leans = np.array([infos["lean"] for *_, infos in told])
+    fell = int(np.argmax(leans[:, 0] > 1.0))
+    assert 0 < fell < 12 and leans[:, 1].max() < 1.0
+    for name in ("lean", "position", "distance"):
+        assert all((infos[name][0] == told[fell][-1][name][0]).all() for *_, infos in told[fell:])
+    assert all(rewards[0] == 0.0 for _, rewards, *_ in told[fell + 1 :])
+    _, _, ended, cut, infos = told[-1]
+    assert ended.tolist() == [True, False] and cut.tolist() == [False, True]
+    for name in ("speed", "high"):
+        assert np.isnan(infos[name]).tolist() == [True, False]
+
+
+@pytest.mark.kernels
+def test_a_robot_that_diverges_loses_all(monkeypatch):
+    many = ArticulatedVector(2, crawler(), **PRECISE)
+    alone = ArticulatedEnvironment(crawler(), **PRECISE)
+    many.reset(seed=0)
+    alone.reset(seed=1)
+    actions, gained = np.random.default_rng(0).uniform(-1, 1, (13, 2, 2)), np.zeros(2)
+    for number, action in enumerate(actions):
+        session = many._batch._session
+
+        def broken(commands, steps, session=session):
+            found = type(session).advance(session, commands, steps)
+            status, position = found.status.copy(), found.position.copy()
+            status[0], position[0] = "diverged", np.nan
+            return dataclasses.replace(found, status=status, position=position)
+
+        if number >= 4:
+            monkeypatch.setattr(session, "advance", broken)
+        observed, rewards, ended, _, infos = many.step(action)
+        gained += rewards
+        assert np.isfinite(observed).all() and infos["diverged"].tolist() == [number >= 4, False]
+        observation, reward, *_ = alone.step(action[1])
+        assert reward == rewards[1] and (observation == observed[1]).all()
+    assert gained[0] == pytest.approx(-1.0) and ended.tolist() == [True, False]
+
+
+@pytest.mark.kernels
+def test_the_last_command_may_be_shorter_than_the_others():
+    """Velocities are those of its own time."""
+    robot = crawler(command_rate=50.0, duration=0.25)
+    environment = ArticulatedEnvironment(robot, senses=("velocity", "clock"), actions="differences", **PRECISE)
+    _, seen, info = played(environment, np.zeros((13, 2)))
+    places = [environment.reset()[1]["position"], *(environment.step(np.zeros(2))[-1]["position"] for _ in range(13))]
+    last = robot.steps - 12 * robot.hold
+    assert 0 < last < robot.hold
+    expected = (places[-1] - places[-2])[:2] / (robot_length(environment) * last * robot.physics.time_step)
+    np.testing.assert_allclose(seen[-1, :2], expected, rtol=1e-12)
+    turned = 2 * np.pi * robot.start[0] * robot.duration
+    np.testing.assert_allclose(seen[-1, 2:], [np.sin(turned), np.cos(turned)], atol=1e-12)
+    assert info["left"] == 0
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("many", [False, True])
+def test_an_interruption_in_the_users_own_law_is_noticed(many):
+    def law(motion):
+        if interrupting:
+            raise KeyboardInterrupt
+        return motion.places[:, 0, 2]
+
+    interrupting, robot = False, crawler(own_measures=(OwnMeasure("own", law=law),), duration=0.04)
+    environment = ArticulatedVector(2, robot, **PRECISE) if many else ArticulatedEnvironment(robot, **PRECISE)
+    action = np.zeros((2, 2) if many else 2)
+    environment.reset(seed=0)
+    environment.step(action)
+    interrupting = True
+    with pytest.raises(KeyboardInterrupt):
+        environment.step(action)
+    with pytest.raises(RuntimeError, match="after one that was interrupted"):
+        environment.step(action)
+    interrupting = False
+    environment.reset(seed=0)
+    environment.step(action)
 
 
 @pytest.mark.kernels
@@ -161,7 +237,10 @@ def test_what_is_wrong_is_told():
         ({"actions": "forces"}, "actions: 'forces'"),
         ({"senses": ("light",)}, "senses: light is not allowed without sensors"),
         ({"senses": ("smell",)}, "senses: 'smell'"),
-        ({"world": "flat+light:1,1"}, "terrain: "),
+        ({"senses": "tilt"}, "senses: 'tilt' is not allowed; give one or more"),
+        ({"senses": 5}, "senses: 5 is not allowed; give one or more"),
+        ({"robot": crawler(own_measures=(OwnMeasure("lean", law=HIGH.law),))}, "own_measures: lean is not allowed"),
+        ({"world": "flat+light:1,1"}, "world: "),
         ({"world": ["flat", "hill:3"]}, "world: "),
         ({"most_lean": 400}, "most_lean: 400"),
         ({"robot": crawler(controller="network")}, "robot: one with a network is not allowed"),
@@ -169,7 +248,7 @@ def test_what_is_wrong_is_told():
         with pytest.raises(ValueError, match=told):
             ArticulatedEnvironment(**{"robot": robot, **given})
     with pytest.warns(UserWarning, match="do not act in an environment"):
-        ArticulatedEnvironment(crawler(reflexes=DriveReflexes(("tilt",))))
+        ArticulatedEnvironment(crawler(reflexes=DriveReflexes(("tilt",), weights=(0.1,) * 6)))
 
 
 def test_its_entry_is_registered():

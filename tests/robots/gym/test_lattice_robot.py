@@ -106,7 +106,7 @@ def test_episodes_end_with_the_cycles_and_begin_anew():
     alone.reset()
     ends = [alone.step(still[0])[3] for _ in range(2 * 16 - 1)]
     assert ends == [False] * 30 + [True]
-    with pytest.raises(RuntimeError, match="cycles are over"):
+    with pytest.raises(RuntimeError, match="its episode is over"):
         alone.step(still[0])
 
 
@@ -298,7 +298,7 @@ def test_seeds_draw_worlds():
         (("flat", "flat+light:1,0"), r"world: flat\+light:1.0,0.0 is not allowed beside flat"),
         (("flat", "nowhere"), "world: 'nowhere' is unknown"),
         (("flat", 3), "world: 3 is not allowed; give a terrain"),
-        (3, "world: 3 is not allowed; give a terrain, or its name"),
+        (3, "world: 3 is not allowed; give a terrain, its name, or several"),
     ],
 )
 def test_worlds_that_cannot_share_a_batch_are_refused(world, message):
