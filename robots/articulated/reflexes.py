@@ -94,6 +94,12 @@ def network_of(reflexes: DriveReflexes, sensed: Sensed) -> LayeredNetwork:
     return network
 
 
+def changed_command(wave: Any, added: Any) -> Any:
+    """A rhythm's command with something added: it stays from -1 to 1, unless the rhythm itself goes beyond."""
+    low, high = np.minimum(value_of(wave), -1.0), np.maximum(value_of(wave), 1.0)
+    return np.minimum(np.maximum(wave + added, low), high)
+
+
 class ReflexLoop(AnsweringLoop):
     """The reflexes of B robots in a run: decides the commands of their drives, and takes derivatives back.
 
@@ -134,8 +140,7 @@ class ReflexLoop(AnsweringLoop):
             angle = 2 * np.pi * (span * number + drives[:, :, 1])
             larger = (1.0 + state[1]) * np.sin(angle + 2 * np.pi * state[0])
             added = drives[:, :, 0] * (larger - np.sin(angle))
-        low, high = np.minimum(value_of(wave), -1.0), np.maximum(value_of(wave), 1.0)
-        return np.minimum(np.maximum(wave + added, low), high), *state
+        return changed_command(wave, added), *state
 
     def decide(self, number: int, felt: Felt) -> Floats:
         """The command of all drives, (B, M)."""

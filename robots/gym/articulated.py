@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 import gymnasium
 import numpy as np
 
+from robots.articulated.reflexes import changed_command
 from robots.articulated.rigid_motion import told
 from robots.articulated.robot import ArticulatedRobot
 from robots.articulated.senses import SENSES, DriveReader
@@ -144,9 +145,7 @@ class Driven(Batch):
         """Give all drives a command each, and keep it for its time."""
         self._commands = actions
         if self._rhythm is not None:
-            wave = self._rhythm[:, self._done]
-            low, high = np.minimum(wave, -1.0), np.maximum(wave, 1.0)
-            self._commands = np.clip(wave + self._strength * actions, low, high)
+            self._commands = changed_command(self._rhythm[:, self._done], self._strength * actions)
         robot, before = self._robot, self._value
         steps = min(robot.hold, robot.steps - self._done * robot.hold)
         found = self._session.advance(self._commands, steps)
