@@ -1,8 +1,9 @@
 """Compute random robots in every way there is, and their gradients: ``make fuzz-physics CASES=10000``.
 
-Drivers, batches and runs in parts must give the same bits; exact gradients must agree with central differences where
-nothing happens in between. What was done is kept line by line in ``build/fuzz/physics``, in a folder for each state of
-the physics and of the cases, so a run that is cut off goes on; ``--case N`` computes a case again and tells of it.
+Soft robots and articulated ones: drivers, batches and runs in parts must give the same bits; exact gradients must agree
+with central differences where nothing happens in between. What was done is kept line by line in ``build/fuzz/physics``,
+in a folder for each state of the physics and of the cases, so a run that is cut off goes on; ``--case N`` computes a
+case again and tells of it.
 """
 
 import argparse
@@ -11,56 +12,97 @@ import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
-from physics_bits import differences  # noqa: E402
-from physics_cases import make_case  # noqa: E402
-from physics_gradients import AGREES, STEPS, check_gradients  # noqa: E402
+import physics_bits  # noqa: E402
+import physics_cases  # noqa: E402
+import physics_gradients  # noqa: E402
+import rigid_bits  # noqa: E402
+import rigid_cases  # noqa: E402
+import rigid_gradients  # noqa: E402
+from physics_directions import AGREES, STEPS  # noqa: E402
 
 from taichi_sim.base.line_files import append_line, complete_lines, keep_lines  # noqa: E402
 
-SOURCES = ("taichi_sim/lattice", "taichi_sim/ground", "taichi_sim/autodiff")  # with the cases, what results depend on
-FIRST_GRADIENT = 1_000_000  # cases of gradients are others than those of bits
+EACH = 1_000_000  # numbers of cases: those of bits and of gradients of soft robots, then of articulated ones
 
 
-def folder() -> Path:
-    """Where the lines of these sources are."""
-    paths = [path for part in SOURCES for path in sorted((ROOT / part).rglob("*.py"))]
-    paths += sorted(Path(__file__).parent.glob("physics_*.py"))
-    told = hashlib.sha256(b"".join(path.read_bytes() for path in paths))
-    return ROOT / "build/fuzz/physics" / told.hexdigest()[:12]
+@dataclass(frozen=True)
+class Robots:
+    """Robots of an engine, and what is done with them.
+
+    Attributes:
+        sources: folders of files on which results depend, beside those of all.
+        make_case: the case of a number.
+        differences: what differs between ways to compute a case, and what one of them found.
+        make_smooth: the case of a number, with derivatives.
+        check_gradients: a line for each direction of a case; None if it diverged.
+    """
+
+    sources: tuple[str, ...]
+    make_case: Callable[[int], Any]
+    differences: Callable[[Any], tuple[list[str], dict[str, np.ndarray]]]
+    make_smooth: Callable[[int], Any]
+    check_gradients: Callable[[Any], list[dict] | None]
+
+    def bits(self, number: int) -> dict:
+        """What came of a case in all drivers, as a line of the log."""
+        case = self.make_case(number)
+        differs, found = self.differences(case)
+        lost, steps = int((found["status"] != "ok").sum()), int(found["steps"].sum())
+        line = {"features": case.features, "robots": len(found["status"]), "diverged": lost, "differs": differs}
+        return line | {"steps": steps}
+
+    def gradients(self, number: int) -> dict:
+        """What came of the gradients of a case, as a line of the log."""
+        case = self.make_smooth(number)
+        return {"features": case.features, "directions": self.check_gradients(case)}
+
+    def folder(self) -> Path:
+        """Where the lines of these sources are."""
+        parts = ("taichi_sim/ground", "taichi_sim/autodiff", "tests/fuzz", *self.sources)
+        paths = [path for part in parts for path in sorted((ROOT / part).rglob("*.py"))]
+        told = hashlib.sha256(b"".join(path.read_bytes() for path in paths))
+        return ROOT / "build/fuzz/physics" / told.hexdigest()[:12]
 
 
-def forwards(number: int) -> dict:
-    """What came of a case in all drivers, as a line of the log."""
-    case = make_case(number)
-    differs, packed = differences(case)
-    voxels, robots = case.bodies[0].voxel_count, len(case.bodies)
-    lost = int((packed["status"] != "ok").sum())
-    line = {"features": case.features, "voxels": voxels, "robots": robots, "diverged": lost, "differs": differs}
-    return line | {"steps": int(packed["steps"].sum())}
+KINDS = {
+    "soft": Robots(
+        ("taichi_sim/lattice",),
+        physics_cases.make_case,
+        physics_bits.differences,
+        physics_cases.make_case,
+        physics_gradients.check_gradients,
+    ),
+    "articulated": Robots(
+        ("taichi_sim/rigid",),
+        rigid_cases.make_case,
+        rigid_bits.differences,
+        rigid_gradients.make_smooth_case,
+        rigid_gradients.check_gradients,
+    ),
+}
+TASKS = [(kind, task) for kind in KINDS for task in ("bits", "gradients")]
 
 
-def backwards(number: int) -> dict:
-    """What came of the gradients of a case, as a line of the log."""
-    case = make_case(number)
-    return {"features": case.features, "directions": check_gradients(case)}
-
-
-TASKS = {"forwards": forwards, "gradients": backwards}
-
-
-def do(name: str, first: int, count: int, seconds: float) -> list[dict]:
-    """The lines of all cases, those in the log and those still to do; no more once the time is over."""
-    path = folder() / f"{name}.jsonl"
+def do(which: int, count: int, seconds: float) -> list[dict]:
+    """The lines of so many cases of one of ``TASKS``, in the log and still to do; no more once the time is over."""
+    kind, name = TASKS[which]
+    robots, first = KINDS[kind], which * EACH
+    path = robots.folder() / f"{kind}-{name}.jsonl"
     path.parent.mkdir(parents=True, exist_ok=True)
     whole = complete_lines(path)
     keep_lines(path, len(whole))  # the last may be cut off
     lines = {line["case"]: line for line in map(json.loads, whole)}
-    wanted, started, task = range(first, first + count), time.monotonic(), TASKS[name]
+    wanted, started, task = range(first, first + count), time.monotonic(), getattr(robots, name)
     for number in wanted:
         if number in lines:
             continue
@@ -73,29 +115,27 @@ def do(name: str, first: int, count: int, seconds: float) -> list[dict]:
         append_line(path, json.dumps(line))
         lines[number] = json.loads(json.dumps(line))
         if number % 100 == 99:
-            print(f"{name}: {number - first + 1} of {count}", file=sys.stderr, flush=True)
+            print(f"{kind}, {name}: {number - first + 1} of {count}", file=sys.stderr, flush=True)
     return [lines[number] for number in wanted if number in lines]
 
 
-def report(bits: list[dict], gradients: list[dict]) -> list[str]:
-    """What came of all cases, in lines for people and for docs/faults.md."""
-    lines = []
-    if bits:
-        whole = [line for line in bits if "raised" not in line]
-        robots, lost = (sum(line[key] for line in whole) for key in ("robots", "diverged"))
-        steps = sum(line["steps"] for line in whole)
-        lines += [f"{len(bits)} cases, {robots} robots of which {lost} diverged, {steps} steps of robots: "
-                  f"{sum(_failed(line) for line in bits)} cases differ or fail.", "",
-                  "| cases with | cases | differ or fail |", "| --- | ---: | ---: |"]  # fmt: skip
-        counts = Counter(feature for line in bits for feature in line["features"])
-        failed = Counter(feature for line in bits if _failed(line) for feature in line["features"])
-        lines += [f"| {feature} | {count} | {failed[feature]} |" for feature, count in counts.most_common()]
-        lines += [f"case {line['case']}: {line.get('raised') or line['differs']}" for line in bits if _failed(line)]
-    return lines + (report_gradients(gradients) if gradients else [])
+def report(lines: list[dict]) -> list[str]:
+    """What came of cases of bits, in lines for people and for docs/faults.md."""
+    whole = [line for line in lines if "raised" not in line]
+    robots, lost, steps = (sum(line[key] for line in whole) for key in ("robots", "diverged", "steps"))
+    counts = Counter(feature for line in lines for feature in line["features"])
+    failed = Counter(feature for line in lines if _failed(line) for feature in line["features"])
+    found = [f"{len(lines)} cases, {robots} robots of which {lost} diverged, {steps} steps of robots: "
+             f"{sum(map(_failed, lines))} cases differ or fail.", "",
+             "| cases with | cases | differ or fail |", "| --- | ---: | ---: |"]  # fmt: skip
+    found += [f"| {feature} | {count} | {failed[feature]} |" for feature, count in counts.most_common()]
+    return found + [f"case {line['case']}: {line.get('raised') or line['differs']}" for line in lines if _failed(line)]
 
 
 def _failed(line: dict) -> bool:
-    return bool(line.get("raised") or line.get("differs"))
+    every = line.get("directions") or ()
+    odd = any(one.get("because", "").startswith("unexplained") or one.get("differs") for one in every)
+    return bool(line.get("raised") or line.get("differs") or odd)
 
 
 def report_gradients(lines: list[dict]) -> list[str]:
@@ -117,7 +157,7 @@ def report_gradients(lines: list[dict]) -> list[str]:
     drivers = [(line["case"], one["differs"]) for line in whole for one in line["directions"] if one.get("differs")]
     odd += [f"case {number}: {differs}" for number, differs in drivers]
     beyond = sum(counts["beyond"] for counts in table.values())
-    found = ["", f"{len(lines)} cases with gradients, {lost} diverged; {len(every)} directions, {beyond} of them "
+    found = [f"{len(lines)} cases with gradients, {lost} diverged; {len(every)} directions, {beyond} of them "
              f"({100 * beyond / max(len(every), 1):.2f} %) beyond {AGREES:g} at steps of "
              f"{', '.join(f'{step:g}' for step in STEPS)}; {len(drivers)} cases in which drivers differ.", "",
              "| direction | directions | cost depends on it | beyond | unexplained |",
@@ -131,21 +171,25 @@ def report_gradients(lines: list[dict]) -> list[str]:
 def main() -> int:
     """Do the cases, report; 1 if any differs, fails, or has gradients that nothing explains."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=1000, help="to compute in all drivers")
-    parser.add_argument("--gradients", type=int, default=50, help="cases with gradients")
-    parser.add_argument("--seconds", type=float, default=float("inf"), help="for each of the two; then report")
+    parser.add_argument("--cases", type=int, default=1000, help="to compute in all drivers, of each kind of robots")
+    parser.add_argument("--gradients", type=int, default=50, help="cases with gradients, of each kind of robots")
+    parser.add_argument("--seconds", type=float, default=float("inf"), help="for each of these; then report")
+    parser.add_argument("--only", choices=sorted(KINDS), help="robots of this kind")
     parser.add_argument("--case", type=int, help="compute this case only, and tell all")
     args = parser.parse_args()
     if args.case is not None:
-        found = (backwards if args.case >= FIRST_GRADIENT else forwards)(args.case)
-        print(json.dumps(found, indent=1))
+        kind, name = TASKS[args.case // EACH]
+        print(json.dumps(getattr(KINDS[kind], name)(args.case), indent=1))
         return 0
-    gradients = do("gradients", FIRST_GRADIENT, args.gradients, args.seconds) if args.gradients else []
-    bits = do("forwards", 0, args.cases, args.seconds) if args.cases else []
-    print("\n".join(report(bits, gradients)), flush=True)
-    odd = any(one.get("because", "").startswith("unexplained") or one.get("differs")
-              for line in gradients for one in line.get("directions") or ())  # fmt: skip
-    return int(odd or any(map(_failed, [*bits, *gradients])))
+    odd = False
+    for which, (kind, name) in enumerate(TASKS):
+        count = args.gradients if name == "gradients" else args.cases
+        if count and args.only in (None, kind):
+            lines = do(which, count, args.seconds)
+            told = report_gradients(lines) if name == "gradients" else report(lines)
+            print(f"{kind.capitalize()} robots, {name}", *told, "", sep="\n", flush=True)
+            odd = odd or any(map(_failed, lines))
+    return int(odd)
 
 
 if __name__ == "__main__":

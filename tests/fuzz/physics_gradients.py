@@ -1,11 +1,12 @@
 """Exact gradients of random cases against central differences, and what happened where the two do not agree."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from physics_cases import EDGE, Case, Reflex, scales
+from physics_directions import Direction, judge
 
 from taichi_sim.lattice import LatticeEngine, LatticeProgram, LatticeState, Relief
 from taichi_sim.lattice.engine import LatticeResult
@@ -13,10 +14,6 @@ from taichi_sim.lattice.gradient import LatticeGradient
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 
-AGREES = 1e-4  # relative
-STEPS = (1e-5, 1e-6, 1e-7)  # of central differences, in units of what a variable may change by
-MORE_STEPS = (1e-3, 1e-4, 1e-8, 1e-9)  # tried where none of those agrees
-CANCELLED = 0.01  # derivatives below this share of what is usual in a random direction are relative to that share
 DIRECTIONS = 2  # of each kind of variable
 PARTS = ("positions", "orientations", "velocities", "angular_velocities")
 SIZES = {"positions": EDGE, "orientations": 0.1, "velocities": 0.1, "angular_velocities": 5.0}
@@ -62,23 +59,6 @@ class Cost:
         found = {n: by(getattr(result, n) - self.start[n], w) for n, w in self.recorded.items()}
         last = {n: getattr(state, n) - (self.start["positions"] if n == "positions" else 0.0) for n in PARTS}
         return found | {"state": LatticeState(*(by(last[name], self.last[name]) for name in PARTS))}
-
-
-@dataclass(frozen=True, eq=False)
-class Direction:
-    """A way to change the first robot of a case.
-
-    Attributes:
-        kind: what it changes.
-        moved: the case with its robot changed by so many units.
-        slope: derivative of the cost along it, by the exact gradient.
-        usual: how large that is in a random direction.
-    """
-
-    kind: str
-    moved: Callable[[float], Case]
-    slope: float
-    usual: float
 
 
 def gradient_of(case: Case, cost: Cost, driver: str, room: float = 1e9) -> LatticeGradient | None:
@@ -199,22 +179,6 @@ def costs(cases: Sequence[Case], cost: Cost) -> np.ndarray:
     return cost.of(engine, engine.run(case.program, feedback=case.reflex))
 
 
-def central(directions: Sequence[Direction], steps: Sequence[float], cost: Cost) -> np.ndarray:
-    """Central differences, shape (directions, steps)."""
-    cases = [one.moved(sign * step) for one in directions for step in steps for sign in (1, -1)]
-    values = costs(cases, cost).reshape(len(directions), len(steps), 2)
-    found: np.ndarray = (values[..., 0] - values[..., 1]) / (2 * np.asarray(steps))
-    return found
-
-
-def errors_of(directions: Sequence[Direction], found: np.ndarray) -> np.ndarray:
-    """Relative errors of central differences, shape (directions, steps)."""
-    slope, usual = (np.array([getattr(one, name) for one in directions])[:, None] for name in ("slope", "usual"))
-    scale = np.maximum(np.maximum(np.abs(found), np.abs(slope)), CANCELLED * usual)
-    error: np.ndarray = np.where(scale > 0, np.abs(found - slope) / np.maximum(scale, 1e-300), 0.0)
-    return error
-
-
 def check_gradients(case: Case) -> list[dict] | None:
     """Every direction of a case's first robot: its kind, errors by step, what explains them; None if it diverged."""
     case = case.of([0])
@@ -223,30 +187,13 @@ def check_gradients(case: Case) -> list[dict] | None:
     if gradient is None:
         return None
     directions = directions_of(case, gradient, np.random.default_rng((case.number, 2)))
-    errors = errors_of(directions, central(directions, STEPS, cost))
-    found = []
-    for one, error in zip(directions, errors, strict=True):
-        line = {"kind": one.kind, "errors": [float(f"{e:.2e}") for e in error], "slope": one.slope, "usual": one.usual}
-        if not error.min() <= AGREES:
-            line["because"] = explain(one, cost, int(case.program.lengths[0]))
-        found.append(line)
+    steps = int(case.program.lengths[0])
+    found = judge(directions, lambda cases: costs(cases, cost), lambda one, step: events_between(one, step, steps))
     drivers = disagreements_of_drivers(case, cost, gradient)
     return [*found, {"kind": "drivers", "differs": drivers}]
 
 
 # what happened
-
-
-def explain(direction: Direction, cost: Cost, steps: int) -> str:
-    """Why central differences do not agree: another step does, or what happened in one of the runs only."""
-    further = errors_of([direction], central([direction], MORE_STEPS, cost))[0]
-    events = sorted({name for step in STEPS[1:] for name in events_between(direction, step, steps)})
-    told = f"events: {', '.join(events)}" if events else "no events"
-    if further.min() <= AGREES:
-        return f"{told}; agrees with steps of {MORE_STEPS[int(further.argmin())]:g}"
-    if events:
-        return told
-    return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"
 
 
 def events_between(direction: Direction, step: float, steps: int) -> set[str]:
