@@ -23,7 +23,7 @@ NOTHING = -1  # where a trial has ended, or has found nothing yet
 
 
 @dataclass(frozen=True, eq=False)
-class Trials:
+class SearchEvaluations:
     """Evaluations of R searches, at most B each; -1 or NaN beyond the last."""
 
     points: Floats  # shape (R, B, D)
@@ -33,7 +33,7 @@ class Trials:
 
     @property
     def arrays(self) -> Arrays:
-        """Arrays of the trials by name, to be saved in a file; ``Trials(**arrays)`` are the same again."""
+        """Arrays of the trials by name, to be saved in a file; ``SearchEvaluations(**arrays)`` are the same again."""
         return dict(vars(self))
 
     @property
@@ -92,7 +92,7 @@ def record_trials(
     environments: int = 4,
     until_solved: bool = False,
     progress: Progress = None,
-) -> Trials:
+) -> SearchEvaluations:
     """Run a search with each seed, side by side; details of the problem say how many environments points ``solved``."""
     size = len(seeds), budget
     points, solved = np.full((*size, problem.space.size), np.nan), np.full(size, NOTHING, np.int8)
@@ -114,7 +114,7 @@ def record_trials(
     methods = [build_method(method, problem.space, {**settings, "seed": seed}) for seed in seeds]
     check_fit(methods[0], problem)
     run_with_budget(methods, budget, evaluate, observe, progress)
-    return Trials(points, objectives[0], solved, with_gradient)
+    return SearchEvaluations(points, objectives[0], solved, with_gradient)
 
 
 def _check(arrays: Arrays) -> None:
@@ -126,13 +126,13 @@ def _check(arrays: Arrays) -> None:
 
 
 def computed_trials(
-    folder: ResultsFolder | None, arms: Mapping[str, Callable[..., Trials]], progress: Progress
-) -> dict[str, Trials]:
+    folder: ResultsFolder | None, arms: Mapping[str, Callable[..., SearchEvaluations]], progress: Progress
+) -> dict[str, SearchEvaluations]:
     """Load or run the trials of every arm of a study, each :func:`record_trials` with all but ``progress``."""
 
-    def arrays(run: Callable[..., Trials], progress: Progress) -> Arrays:
+    def arrays(run: Callable[..., SearchEvaluations], progress: Progress) -> Arrays:
         return run(progress=progress).arrays
 
     parts = {name: partial(arrays, run) for name, run in arms.items()}
     found = computed(folder, parts, progress, "trials_{}", _check)
-    return {name: Trials(**arrays) for name, arrays in found.items()}
+    return {name: SearchEvaluations(**arrays) for name, arrays in found.items()}

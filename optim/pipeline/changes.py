@@ -14,7 +14,7 @@ import numpy as np
 from optim.experiments.results import Progress, cached
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
-from optim.pipeline.trials import State, Trials
+from optim.pipeline.trials import KeptSimulations, State
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
@@ -39,7 +39,7 @@ class Change:
     faults: tuple[str, ...]  # limits that it exceeds, a line each; none if it went well
 
 
-def find_change(before: State, after: State, trials: Trials, progress: Progress = None) -> Change:
+def find_change(before: State, after: State, trials: KeptSimulations, progress: Progress = None) -> Change:
     """The first way from a gait to another that goes well; else the one with the fewest faults.
 
     The shape changes where the robot comes from, or where it goes to. Into water and out of it, it changes there, and
@@ -77,7 +77,7 @@ def part_name(key: str) -> str:
     return "".join(c if c.isalnum() else "_" for c in key)
 
 
-def _play(legs: Sequence[Leg], trials: Trials, progress: Progress) -> Arrays:
+def _play(legs: Sequence[Leg], trials: KeptSimulations, progress: Progress) -> Arrays:
     """What the runs of a change and the next gait, the last two legs, came to; and that of the next gait alone."""
     place, robots = len(legs) - 2, range(trials.task.runs)
     run = trials.journey(legs, part_of(progress, 0, 3, 2), RECORD_EVERY)
@@ -131,7 +131,7 @@ def cross(
     states: tuple[State, State],
     change: Change | None,
     single: tuple[str, InflatableDesign],
-    trials: Trials,
+    trials: KeptSimulations,
     progress: Progress = None,
 ) -> Crossing:
     """Simulate a change of terrain and perhaps of shape; both terrains are ground, or both fluids."""

@@ -12,7 +12,7 @@ from optim.pipeline.machine import change_name
 from optim.pipeline.package import Package
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
 from optim.pipeline.task import PipelineTask, slug
-from optim.pipeline.trials import State, Trials, check_working, speeds_of
+from optim.pipeline.trials import KeptSimulations, State, check_working, speeds_of
 from optim.runs import open_run, run_search
 from optim.runs.config import GROUND_FILES
 from optim.runs.generation import Generation
@@ -77,7 +77,7 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
         NoWorkingGait: for a terrain without a gait that works.
     """
     check_folder(folder, (SEARCHES, SIMULATED, PACKAGE))
-    trials = Trials(task, ResultsFolder(folder / SIMULATED, KIND, settings_of(task)), threads)
+    trials = KeptSimulations(task, ResultsFolder(folder / SIMULATED, KIND, settings_of(task)), threads)
     candidates = find_gaits(task, folder / SEARCHES, part_of(progress, 0, 20, 10), threads)
     speeds = speeds_of(candidates, trials, part_of(progress, 10, 20, 4))
     check_working(speeds, task)
@@ -124,7 +124,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
 
 
 def _choose(
-    plans: Sequence[Plan], planned: Sequence[Sequence[State]], trials: Trials, progress: Progress
+    plans: Sequence[Plan], planned: Sequence[Sequence[State]], trials: KeptSimulations, progress: Progress
 ) -> tuple[int, Changes, list[str]]:
     """The number of the fastest plan whose changes of shape go well, these, and why faster ones were rejected.
 
@@ -141,7 +141,7 @@ def _choose(
     return 0, every[0], rejected
 
 
-def _changes(states: Sequence[State], trials: Trials, progress: Progress) -> Changes:
+def _changes(states: Sequence[State], trials: KeptSimulations, progress: Progress) -> Changes:
     """The changes of shape between states, there and back: from each to each other."""
     pairs, found = list(permutations(states, 2)), Changes()
     for number, (a, b) in enumerate(pairs):

@@ -44,7 +44,7 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Trials:
+class KeptSimulations:
     """Simulations of a task, whose results a folder keeps."""
 
     task: PipelineTask  # says which robot, how often and how precisely
@@ -77,8 +77,10 @@ class Trials:
         return cached(self.folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play)["speeds"]
 
 
-def speeds_of(designs: Mapping[str, InflatableDesign], trials: Trials, progress: Progress = None) -> dict[str, Floats]:
-    """Speeds of gaits by name on all terrains, as :meth:`Trials.speeds`, shape (terrains, runs) each."""
+def speeds_of(
+    designs: Mapping[str, InflatableDesign], trials: KeptSimulations, progress: Progress = None
+) -> dict[str, Floats]:
+    """Speeds of gaits by name on all terrains, as :meth:`KeptSimulations.speeds`, shape (terrains, runs) each."""
     terrains, found = trials.task.terrains, {}
     total = len(designs) * len(terrains)
     for number, (name, design) in enumerate(designs.items()):

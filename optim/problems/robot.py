@@ -20,7 +20,7 @@ from optim.problems.limits import LOST, broken_limits
 from optim.problems.objectives import RobotObjective
 from optim.problems.robot_designing import RobotDesigning, subject_of
 from optim.problems.uncertain import (
-    Trials,
+    TrialWorlds,
     check_drawn,
     check_part,
     checked_uncertain,
@@ -200,9 +200,9 @@ class JudgedRobot(RobotDesigning):
         return self._judged([mean_outcome(each) for each in zip(*outcomes, strict=True)], *found, lost)
 
     @cached_property
-    def _trials(self) -> Trials:
+    def _trials(self) -> TrialWorlds:
         """Its worlds; as they are in each draw, if something is uncertain."""
-        return Trials.of(self.offered, self.tried_in, self.uncertain, self.draws)
+        return TrialWorlds.of(self.offered, self.tried_in, self.uncertain, self.draws)
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
         """How the best robot does over draws that the search has not seen, where something is uncertain."""

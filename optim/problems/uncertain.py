@@ -80,7 +80,7 @@ def check_part(size: int, what: str, count: int, over: str) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Trials:
+class TrialWorlds:
     """Where a robot is tried: in its worlds; as they are in each of K draws, if something is uncertain.
 
     Attributes:

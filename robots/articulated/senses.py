@@ -31,7 +31,7 @@ class Sensed:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Reading:
     """What senses of B robots read; its arrays may be traced.
 
     Attributes:
@@ -61,35 +61,35 @@ class Moment:
     earlier: Any
 
 
-def _touch(moment: Moment) -> Any:
-    return moment.readings[:, : moment.sensed.touch]
+def _touch(reading: Reading) -> Any:
+    return reading.readings[:, : reading.sensed.touch]
 
 
-def _angles(moment: Moment) -> Any:
-    return moment.angles
+def _angles(reading: Reading) -> Any:
+    return reading.angles
 
 
-def _tilt(moment: Moment) -> Any:
-    w, x, y, z = (moment.orientation[:, part] for part in range(4))
+def _tilt(reading: Reading) -> Any:
+    w, x, y, z = (reading.orientation[:, part] for part in range(4))
     return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x)], axis=1)
 
 
-def _velocity(moment: Moment) -> Any:
-    return (moment.position - moment.before)[:, :2] / (moment.sensed.length * moment.span)
+def _velocity(reading: Reading) -> Any:
+    return (reading.position - reading.before)[:, :2] / (reading.sensed.length * reading.span)
 
 
-def _acceleration(moment: Moment) -> Any:
-    gained = way_gained(moment.number, moment.position, moment.before, moment.earlier)
-    return gained / (moment.sensed.length * moment.span * moment.span)
+def _acceleration(reading: Reading) -> Any:
+    gained = way_gained(reading.number, reading.position, reading.before, reading.earlier)
+    return gained / (reading.sensed.length * reading.span * reading.span)
 
 
-def _light(moment: Moment) -> Any:
-    touch = moment.sensed.touch
-    return moment.readings[:, touch : touch + 1]
+def _light(reading: Reading) -> Any:
+    touch = reading.sensed.touch
+    return reading.readings[:, touch : touch + 1]
 
 
-def _clock(moment: Moment) -> Any:
-    angle = 2 * np.pi * moment.points[:, 0] * moment.time
+def _clock(reading: Reading) -> Any:
+    angle = 2 * np.pi * reading.points[:, 0] * reading.time
     return np.stack([np.sin(angle), np.cos(angle)], axis=1)
 
 
@@ -140,9 +140,9 @@ class DriveReader(SenseReader):
         self.sensed, self.span, self.points, self.sooner = sensed, span, points, 0.0
         super().__init__(names, first)
 
-    def moment(self, number: int, arrays: dict[str, Any]) -> Moment:
+    def reading(self, number: int, arrays: dict[str, Any]) -> Reading:
         """What senses read at a reading."""
-        return Moment(self.sensed, self.span - self.sooner, number, number * self.span - self.sooner, **arrays)
+        return Reading(self.sensed, self.span - self.sooner, number, number * self.span - self.sooner, **arrays)
 
     def read(self, number: int, felt: Felt) -> Floats:
         """What is felt at reading 0, 1, ..., (B, width)."""

@@ -69,7 +69,7 @@ def as_list(bodies: Body | Sequence[Body]) -> list[Body]:
 
 
 @dataclass(frozen=True, eq=False)
-class Trials(Generic[Body]):
+class ControllerTrials(Generic[Body]):
     """N controllers, each in E environments, which change fastest.
 
     Attributes:

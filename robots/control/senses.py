@@ -21,7 +21,7 @@ class Sense:
     Attributes:
         description: what is felt, with its unit.
         width: how many numbers it is, from what a kind of robot knows of the robot.
-        read: those numbers at a moment of the kind's own type, shape (B, width); its arrays may be traced.
+        read: those numbers, from a reading of the kind's own type, shape (B, width); its arrays may be traced.
     """
 
     description: str
@@ -47,13 +47,13 @@ def way_gained(number: int, now: Any, before: Any, earlier: Any) -> Any:
 
 
 class SenseReader:
-    """Reads senses of B robots at one moment after the other, and takes derivatives back through what was felt.
+    """Reads senses of B robots one reading after the other, and takes derivatives back through what was felt.
 
     It alone remembers where robots were at the last two readings. Reading number 0 forgets what was before.
 
     Attributes:
         table: senses of this kind of robot, by name.
-        place: which array of a moment says where robots are.
+        place: which array of a reading says where robots are.
         names: of the senses that are read, in order.
         first: where robots were put, in the shape of their places.
         keeps: whether it notes what derivatives need.
@@ -71,7 +71,7 @@ class SenseReader:
         self._earlier: Floats
         self._begin()
 
-    def moment(self, number: int, arrays: dict[str, Any]) -> Any:
+    def reading(self, number: int, arrays: dict[str, Any]) -> Any:
         """What senses read at a reading; ``arrays`` are ``before``, ``earlier`` and all that was read, by name."""
         raise NotImplementedError
 
@@ -117,5 +117,5 @@ class SenseReader:
         return np.zeros(self.first.shape), np.zeros(self.first.shape)
 
     def _feel(self, number: int, arrays: dict[str, Any]) -> Any:
-        moment = self.moment(number, arrays)
-        return np.concatenate([self.table[name].read(moment) for name in self.names], axis=1)
+        reading = self.reading(number, arrays)
+        return np.concatenate([self.table[name].read(reading) for name in self.names], axis=1)

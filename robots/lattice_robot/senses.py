@@ -154,7 +154,7 @@ class Anatomy:
 
 
 @dataclass(frozen=True, eq=False)
-class Moment:
+class Reading:
     """What senses of B robots read; its arrays may be traced.
 
     Attributes:
@@ -181,57 +181,57 @@ class Moment:
         return self.anatomy.nearness(self.positions)[:, None, :] * self.anatomy.members
 
 
-def _strain(moment: Moment) -> Any:
-    return (moment.strains[:, None, :] * moment.anatomy.links).sum(axis=2) / STRAIN
+def _strain(reading: Reading) -> Any:
+    return (reading.strains[:, None, :] * reading.anatomy.links).sum(axis=2) / STRAIN
 
 
-def _touch(moment: Moment) -> Any:
-    return moment.touching.sum(axis=2)
+def _touch(reading: Reading) -> Any:
+    return reading.touching.sum(axis=2)
 
 
-def _tilt(moment: Moment) -> Any:
-    w, x, y, z = (moment.orientations[:, :, part].mean(axis=1) for part in range(4))
+def _tilt(reading: Reading) -> Any:
+    w, x, y, z = (reading.orientations[:, :, part].mean(axis=1) for part in range(4))
     return np.concatenate([(2 * (x * z + w * y))[:, None], (2 * (y * z - w * x))[:, None]], axis=1)
 
 
-def _slip(moment: Moment) -> Any:
-    touching, moved = moment.touching, moment.positions - moment.before
+def _slip(reading: Reading) -> Any:
+    touching, moved = reading.touching, reading.positions - reading.before
     gone = [(moved[:, None, :, axis] * touching).sum(axis=2) for axis in (0, 1)]
     away = np.sqrt(gone[0] * gone[0] + gone[1] * gone[1] + STILL * STILL) - STILL
-    return away / (moment.anatomy.length * PER_READING * SPEED)
+    return away / (reading.anatomy.length * PER_READING * SPEED)
 
 
-def _velocity(moment: Moment) -> Any:
-    moved = (moment.positions - moment.before).mean(axis=1)[:, :2]
-    return moved / (moment.anatomy.length * PER_READING * SPEED)
+def _velocity(reading: Reading) -> Any:
+    moved = (reading.positions - reading.before).mean(axis=1)[:, :2]
+    return moved / (reading.anatomy.length * PER_READING * SPEED)
 
 
-def _acceleration(moment: Moment) -> Any:
-    gained = way_gained(moment.number, moment.positions, moment.before, moment.earlier).mean(axis=1)
-    return gained / (moment.anatomy.length * PER_READING * PER_READING)
+def _acceleration(reading: Reading) -> Any:
+    gained = way_gained(reading.number, reading.positions, reading.before, reading.earlier).mean(axis=1)
+    return gained / (reading.anatomy.length * PER_READING * PER_READING)
 
 
-def _light(moment: Moment) -> Any:
+def _light(reading: Reading) -> Any:
     """Brightness at the middle of every driven region: 1 at the light, 1/2 a length away from it."""
-    anatomy, total = moment.anatomy, 0.0
+    anatomy, total = reading.anatomy, 0.0
     assert anatomy.lights is not None
     for axis in (0, 1):
-        middle = (moment.positions[:, None, :, axis] * anatomy.members).sum(axis=2)
+        middle = (reading.positions[:, None, :, axis] * anatomy.members).sum(axis=2)
         total = total + ((middle - (anatomy.origin[axis] + anatomy.lights[:, axis, None])) / anatomy.length) ** 2
     return 1.0 / (1.0 + total)
 
 
-def _clock(moment: Moment) -> Any:
-    angle = 2 * np.pi * (((moment.number + 1) % SEGMENTS) / SEGMENTS)
-    return np.broadcast_to([np.sin(angle), np.cos(angle)], (len(moment.positions), 2))
+def _clock(reading: Reading) -> Any:
+    angle = 2 * np.pi * (((reading.number + 1) % SEGMENTS) / SEGMENTS)
+    return np.broadcast_to([np.sin(angle), np.cos(angle)], (len(reading.positions), 2))
 
 
-def _pressure(moment: Moment) -> Any:
+def _pressure(reading: Reading) -> Any:
     """By Boyle's law, as no gas comes or goes from one reading to the next; before the first one it may."""
-    anatomy = moment.anatomy
-    if moment.number == 0:
-        return np.zeros((len(moment.positions), len(anatomy.chambers)))
-    return (anatomy.volumes(moment.before) / anatomy.volumes(moment.positions) - 1.0) / RISE
+    anatomy = reading.anatomy
+    if reading.number == 0:
+        return np.zeros((len(reading.positions), len(anatomy.chambers)))
+    return (anatomy.volumes(reading.before) / anatomy.volumes(reading.positions) - 1.0) / RISE
 
 
 def _one_each(parts: Parts) -> int:
@@ -278,9 +278,9 @@ class LatticeReader(SenseReader):
         self.anatomy = anatomy
         super().__init__(names, first, keeps)
 
-    def moment(self, number: int, arrays: dict[str, Any]) -> Moment:
+    def reading(self, number: int, arrays: dict[str, Any]) -> Reading:
         """What senses read at a reading."""
-        return Moment(self.anatomy, number, **arrays)
+        return Reading(self.anatomy, number, **arrays)
 
     def read(self, number: int, felt: Felt) -> Floats:
         """What is felt at reading 0, 1, ..., shape (B, width)."""

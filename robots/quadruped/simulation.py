@@ -8,7 +8,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.control.neural import GRAVITY, SLIP, TIME_STEP, Lights, Trials, as_list, check_weights
+from robots.control.neural import GRAVITY, SLIP, TIME_STEP, ControllerTrials, Lights, as_list, check_weights
 from robots.quadruped.body import (
     AS_RUN,
     LIGHT_HEIGHT,
@@ -102,7 +102,7 @@ def simulate(
     Raises:
         ValueError: for what is not allowed.
     """
-    trials = Trials.of("robots", robots, check_weights(weights, SENSORS, MOTORS), lights, LIGHT_HEIGHT)
+    trials = ControllerTrials.of("robots", robots, check_weights(weights, SENSORS, MOTORS), lights, LIGHT_HEIGHT)
     found, tape = trials.run(engine(trials.bodies, variant, width=width, **compute), steps, record_every, gradients)
     slopes = None
     if tape:

@@ -8,7 +8,7 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from robots.control.neural import GRAVITY, SLIP, TIME_STEP, Lights, Trials, as_list
+from robots.control.neural import GRAVITY, SLIP, TIME_STEP, ControllerTrials, Lights, as_list
 from robots.rover.body import LIGHT_HEIGHT, LIGHTS, SENSES, STEPS, Rover
 from taichi_sim.base.arrays import Bools, Floats
 from taichi_sim.base.compute import ComputeOptions
@@ -99,7 +99,7 @@ def simulate(
     Raises:
         ValueError: for what is not allowed.
     """
-    trials = Trials.of("rovers", rovers, controllers(weights), lights, LIGHT_HEIGHT)
+    trials = ControllerTrials.of("rovers", rovers, controllers(weights), lights, LIGHT_HEIGHT)
     found, tape = trials.run(engine(trials.bodies, width=width, **compute), steps, record_every, gradients)
     slopes = None
     if tape:

@@ -24,7 +24,7 @@ from optim.experiments.figures import COLOURS, COLUMN, figure
 from optim.experiments.results import Progress, cached, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, where, write_records
-from optim.experiments.trials import Trials, computed_trials, record_trials
+from optim.experiments.trials import SearchEvaluations, computed_trials, record_trials
 from optim.measures.overlap import learnability_of, resistance_of
 from optim.measures.pareto import non_dominated
 from optim.plots.fronts import draw_points
@@ -147,7 +147,7 @@ class PreOptimisation(Settings):
     threads: Threads = None  # of the CPU; changes no result
 
 
-def front_of(trials: Sequence[Trials]) -> list[Record]:
+def front_of(trials: Sequence[SearchEvaluations]) -> list[Record]:
     """The non-dominated designs of several searches together, by falling effort.
 
     Returns:

@@ -22,7 +22,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logar
 from optim.experiments.results import Part, Progress, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, where, write_table
-from optim.experiments.trials import NOTHING, Trials, computed_trials, first_time, record_trials
+from optim.experiments.trials import NOTHING, SearchEvaluations, computed_trials, first_time, record_trials
 from optim.measures.statistics import mean_band
 from optim.plots.curves import draw_band
 from optim.problems.braitenberg import VehicleProblem
@@ -86,7 +86,9 @@ class CoOptimisation(Settings):
         return {**numbers, "problem": self.problem().describe()}
 
 
-def solved_tables(settings: CoOptimisation, found: Mapping[str, Trials], reported: Mapping[str, Ints]) -> Tables:
+def solved_tables(
+    settings: CoOptimisation, found: Mapping[str, SearchEvaluations], reported: Mapping[str, Ints]
+) -> Tables:
     """When each trial solved all, and how many environments are solved after each evaluation, with a band.
 
     ``reported`` is the number of the point that each trial would report after each evaluation, shape (R, B).
@@ -102,7 +104,7 @@ def solved_tables(settings: CoOptimisation, found: Mapping[str, Trials], reporte
     return {TIMES: times, SOLVED: curves}
 
 
-def distances_of_reported(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
+def distances_of_reported(problem: VehicleProblem, trials: SearchEvaluations, reported: Ints, _: Progress) -> Arrays:
     """Distances, from decimated signals, of everything that trials reported: ``raw``, ``normalised``, shape (R, B).
 
     They are those of points, NaN for all that were never reported.
@@ -113,7 +115,7 @@ def distances_of_reported(problem: VehicleProblem, trials: Trials, reported: Int
     return distances_of(problem, trials.points, shown, decimation(problem.task))
 
 
-def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints, _: Progress) -> Arrays:
+def distances_at_the_end(problem: VehicleProblem, trials: SearchEvaluations, reported: Ints, _: Progress) -> Arrays:
     """Distances, from full signals, of what trials report in the end and that solves all; NaN where it does not."""
     rows, last = np.arange(len(reported)), reported[:, -1]
     chosen = (last != NOTHING) & (trials.solved[rows, last] == len(problem.task.starts))
@@ -122,7 +124,7 @@ def distances_at_the_end(problem: VehicleProblem, trials: Trials, reported: Ints
 
 def homeostasis_tables(
     settings: CoOptimisation,
-    found: Mapping[str, Trials],
+    found: Mapping[str, SearchEvaluations],
     reported: Mapping[str, Ints],
     folder: ResultsFolder,
     progress: Progress,

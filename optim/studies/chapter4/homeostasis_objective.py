@@ -23,7 +23,7 @@ from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logar
 from optim.experiments.results import Progress, cached, computed, write_json
 from optim.experiments.study import Count, Settings, Several, Study
 from optim.experiments.tables import Record, column, where, write_records
-from optim.experiments.trials import NOTHING, Trials, computed_trials, record_trials
+from optim.experiments.trials import NOTHING, SearchEvaluations, computed_trials, record_trials
 from optim.measures import learnability, resistance
 from optim.problem import Evaluation
 from optim.problems.braitenberg import VehicleProblem
@@ -106,7 +106,9 @@ class HomeostasisObjective(Settings):
         return {**self.searches.describe(), **numbers, "borg": BORG, "box": BOX}
 
 
-def reported(settings: HomeostasisObjective, found: Mapping[str, Trials], folder: ResultsFolder) -> dict[str, Floats]:
+def reported(
+    settings: HomeostasisObjective, found: Mapping[str, SearchEvaluations], folder: ResultsFolder
+) -> dict[str, Floats]:
     """Points that each way reports, shape (R, D); NaN in the rows of trials that solved nothing.
 
     With the objective and with selection it is the most homeostatic solution that was evaluated, by decimated signals,
@@ -137,7 +139,7 @@ def _largest(values: Floats, allowed: Bools) -> Ints:
     return np.where(np.isfinite(shown).any(axis=1), shown.argmax(axis=1), NOTHING)
 
 
-def _points(trials: Trials, chosen: Ints) -> Floats:
+def _points(trials: SearchEvaluations, chosen: Ints) -> Floats:
     points = trials.points[np.arange(len(chosen)), np.maximum(chosen, 0)]
     return np.where((chosen == NOTHING)[:, None], np.nan, points)
 

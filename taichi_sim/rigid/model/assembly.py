@@ -42,7 +42,7 @@ class Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class Frame:
     """A frame: a position and axes, in the world, with the robot at rest.
 
     Attributes:
@@ -53,9 +53,9 @@ class Place:
     position: Floats
     rotation: Floats
 
-    def then(self, position: Floats, rotation: Floats) -> "Place":
+    def then(self, position: Floats, rotation: Floats) -> "Frame":
         """Convert a frame that is given relative to this one to the world."""
-        return Place(self.position + self.rotation @ position, self.rotation @ rotation)
+        return Frame(self.position + self.rotation @ position, self.rotation @ rotation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class Lump:
         return abs(float(small)) <= _NONE * float(large)
 
     @classmethod
-    def of(cls, mass: float, place: Place, inertia: Floats) -> "Lump":
+    def of(cls, mass: float, place: Frame, inertia: Floats) -> "Lump":
         """Place a mass, whose inertia is given in the axes of that place."""
         return cls(mass, place.position, place.rotation @ inertia @ place.rotation.T)
 
@@ -199,7 +199,7 @@ def computable(name: str, inertia: Floats) -> Floats:
     return inertia
 
 
-def placed(solid: Solid | Cylinder, name: str, place: Place) -> Solid:
+def placed(solid: Solid | Cylinder, name: str, place: Frame) -> Solid:
     """Put a solid, along the third axis if it is round, at a place in the world, where it touches the ground.
 
     Raises:

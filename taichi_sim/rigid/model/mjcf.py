@@ -14,10 +14,10 @@ from taichi_sim.base.checks import positive
 from taichi_sim.rigid.model.assembly import (
     OUTSIDE,
     USUAL,
+    Frame,
     Lump,
     Model,
     Part,
-    Place,
     depth_of,
     rest_within,
     tree_of,
@@ -130,7 +130,7 @@ class _Reader:
                 solid = self.defaults.resolved(geom, "main")
                 check_solid(solid, self.compiler)
                 self.contacts.add(solid)
-        base, world = self.base, Place(np.zeros(3), np.eye(3))
+        base, world = self.base, Frame(np.zeros(3), np.eye(3))
         loose = [_is_free(joint) for joint in self._joints_of(base, "main")]
         hanging = bool(loose) and not loose[0]
         if hanging:
@@ -146,7 +146,7 @@ class _Reader:
         found = [child for child in body if child.tag in ("joint", "freejoint")]
         return [self.defaults.resolved(each, childclass) for each in found]
 
-    def _read_body(self, body: Element, parent: str | None, carrier: Place, childclass: str, still: bool) -> None:
+    def _read_body(self, body: Element, parent: str | None, carrier: Frame, childclass: str, still: bool) -> None:
         """Read a body and those on it; ``still`` says whether what carries it does not move."""
         joints = self._joints_of(body, childclass)
         childclass = body.get("childclass", childclass)
@@ -194,7 +194,7 @@ class _Reader:
             raise ValueError(f"{named(joint)}: springdamper is not allowed without an actuator; there are no springs")
         return found
 
-    def _read_hinge(self, joint: Element, place: Place, parent: str, child: str) -> tuple[Place, Hinge]:
+    def _read_hinge(self, joint: Element, place: Frame, parent: str, child: str) -> tuple[Frame, Hinge]:
         """Read a joint: the place of the body when its hinge is at rest, and the hinge."""
         if (kind := joint.get("type", "hinge")) != "hinge":
             raise ValueError(f"{named(joint)}: type {kind!r} is not allowed here; give hinges, and a free base")
@@ -209,7 +209,7 @@ class _Reader:
             rest, moved_in = rest_within(span, reference)
             self.ignored |= {OUTSIDE: None} if moved_in else {}
         turn = Rotation.from_rotvec(axis * (rest - reference)).as_matrix()
-        moved = Place(anchor + turn @ (place.position - anchor), turn @ place.rotation)
+        moved = Frame(anchor + turn @ (place.position - anchor), turn @ place.rotation)
         motor, command = self._motor(joint, name, span, rest)
         stops = None if span is None or self.flags.get("limit") else (span[0] - rest, span[1] - rest)
         return moved, Hinge(parent, child, anchor, axis, motor, command, stops, rest)

@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from taichi_sim.base.arrays import Floats
-from taichi_sim.rigid.model.assembly import Cylinder, Lump, Place, placed, possible_inertia, solid_of
+from taichi_sim.rigid.model.assembly import Cylinder, Frame, Lump, placed, possible_inertia, solid_of
 from taichi_sim.rigid.model.mjcf_compiler import Compiler, turn_to
 from taichi_sim.rigid.model.mjcf_contact import Contacts
 from taichi_sim.rigid.model.mjcf_schema import TURNS, checked, notes
@@ -27,11 +27,11 @@ def check_solid(geom: Element, compiler: Compiler) -> None:
         ValueError: for sizes or places that are not allowed.
     """
     if geom.get("type", "sphere") in _SIZES:
-        _read_geom(geom, geom.get("type", "sphere"), Place(np.zeros(3), np.eye(3)), compiler)
+        _read_geom(geom, geom.get("type", "sphere"), Frame(np.zeros(3), np.eye(3)), compiler)
 
 
 def read_matter(
-    body: Element, geoms: Sequence[Element], place: Place, compiler: Compiler, contacts: Contacts, still: bool
+    body: Element, geoms: Sequence[Element], place: Frame, compiler: Compiler, contacts: Contacts, still: bool
 ) -> tuple[Lump, list[Solid], list[Solid]]:
     """Read the mass of a body, its solids that touch, and those that do not but have a part in its mass.
 
@@ -86,7 +86,7 @@ def read_matter(
     return lump, shapes, immersed
 
 
-def _in_water(solid: Solid | Cylinder, name: str, at: Place) -> list[Solid]:
+def _in_water(solid: Solid | Cylinder, name: str, at: Frame) -> list[Solid]:
     """A solid that touches nothing as water finds it; none of a kind that cannot be placed there."""
     try:
         return [placed(solid, name, at)]
@@ -94,7 +94,7 @@ def _in_water(solid: Solid | Cylinder, name: str, at: Place) -> list[Solid]:
         return []
 
 
-def _read_inertial(inertial: Element, owner: str, place: Place, compiler: Compiler) -> tuple[Place, float, Floats]:
+def _read_inertial(inertial: Element, owner: str, place: Frame, compiler: Compiler) -> tuple[Frame, float, Floats]:
     """Read the place, the mass and the inertia in that place's axes, of an inertial."""
     full = "fullinertia" in inertial.attrib
     if full and (beside := [name for name in ("diaginertia", *TURNS) if name in inertial.attrib]):
@@ -114,7 +114,7 @@ def _mass(element: Element, mass: float) -> float:
     return not_negative(element, "mass", mass)
 
 
-def _read_geom(geom: Element, kind: str, place: Place, compiler: Compiler) -> tuple[Place, Solid | Cylinder]:
+def _read_geom(geom: Element, kind: str, place: Frame, compiler: Compiler) -> tuple[Frame, Solid | Cylinder]:
     """Read a solid and its place."""
     if kind not in _SIZES or "mesh" in geom.attrib or "hfield" in geom.attrib:
         kind = kind if kind not in _SIZES else "mesh"
@@ -131,8 +131,8 @@ def _read_geom(geom: Element, kind: str, place: Place, compiler: Compiler) -> tu
     return at, solid_of(kind, named(geom), size[: _SIZES[kind]].tolist())
 
 
-def _between(geom: Element, kind: str, place: Place) -> tuple[Place, float]:
-    """Place of a solid that reaches from one point to another, and half its length [m]."""
+def _between(geom: Element, kind: str, place: Frame) -> tuple[Frame, float]:
+    """Frame of a solid that reaches from one point to another, and half its length [m]."""
     ends: Floats = numbers(geom, "fromto", None, 6).reshape(2, 3)
     along = ends[0] - ends[1]  # the third axis, as MuJoCo has it
     length = float(np.linalg.norm(along))

@@ -14,10 +14,10 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.rigid.model.assembly import (
     OUTSIDE,
     USUAL,
+    Frame,
     Lump,
     Model,
     Part,
-    Place,
     placed,
     possible_inertia,
     raised,
@@ -58,7 +58,7 @@ def read_urdf(
     world = USUAL if time_step is None else replace(USUAL, time_step=float(time_step))
     speed = min(speed, 1 / world.time_step)  # a drive makes up for at most all of what lacks in a step
     fixed = fixed or (base == "world" and single(links["world"], "inertial") is None)  # so ROS fixes robots
-    places = {base: Place(np.zeros(3), np.eye(3))}
+    places = {base: Frame(np.zeros(3), np.eye(3))}
     balanced = any(keyword(each, "balanceinertia", "false", "true") == "true" for each in root.iterfind(_COMPILER))
     parts, commands = [_part(links[base], None, places[base], balanced)], list[str]()
     for joint in _outwards(joints, base):
@@ -125,8 +125,8 @@ def _origin(element: Element) -> tuple[Floats, Floats]:
 
 
 def _hang(
-    joint: Element, carrier: Place, angles: dict[str, float], speed: float, fastest: float, command: int
-) -> tuple[Place, Joint]:
+    joint: Element, carrier: Frame, angles: dict[str, float], speed: float, fastest: float, command: int
+) -> tuple[Frame, Joint]:
     """Read a joint at the place of its parent: the place of its child, and the joint itself."""
     kind, place = joint.get("type", ""), carrier.then(*_origin(joint))
     parent, child = _link_of(joint, "parent"), _link_of(joint, "child")
@@ -182,7 +182,7 @@ def _range(joint: Element) -> tuple[float, float]:
     return number(limit, "lower", "0"), number(limit, "upper", "0")
 
 
-def _part(link: Element, joint: Joint | None, place: Place, balanced: bool) -> Part:
+def _part(link: Element, joint: Joint | None, place: Frame, balanced: bool) -> Part:
     """Read a link as a part at its place in the world; impossible inertias are balanced, or refused."""
     lump, inertial = Lump(), single(link, "inertial")
     if inertial is not None:
@@ -196,7 +196,7 @@ def _part(link: Element, joint: Joint | None, place: Place, balanced: bool) -> P
     return Part(link.get("name", ""), joint, lump, tuple(shapes))
 
 
-def _solid(collision: Element, link: Element, place: Place) -> Solid:
+def _solid(collision: Element, link: Element, place: Frame) -> Solid:
     geometry = single(collision, "geometry")
     solids = list(geometry) if geometry is not None else []
     if len(solids) != 1 or solids[0].tag not in _SIZES:

@@ -8,7 +8,7 @@ from scipy.stats import mannwhitneyu
 
 from optim.experiments.comparison import compare, describe_times, ranked
 from optim.experiments.results import cached, write_json
-from optim.experiments.trials import Trials, computed_trials, first_time, record_trials
+from optim.experiments.trials import SearchEvaluations, computed_trials, first_time, record_trials
 from optim.problem import Evaluation
 from optim.search import Borg
 from optim.space import Space, Variable
@@ -69,7 +69,7 @@ def test_a_gradient_costs_as_many_evaluations_more_as_there_are_variables():
     first = trials.first()
     assert first[0] > 6 and first[1] <= 5  # on its way up, and among the candidates, which need no gradient
     assert trials.cost().tolist() == [5 + 3 * (first[0] - 5), first[1]]
-    never = Trials(trials.points, trials.objectives, np.zeros_like(trials.solved), trials.with_gradient)
+    never = SearchEvaluations(trials.points, trials.objectives, np.zeros_like(trials.solved), trials.with_gradient)
     assert (never.first() == -1).all() and (never.cost() == -1).all()
 
 
@@ -91,7 +91,7 @@ def test_what_is_reported_is_the_best_of_the_archive_by_its_sum():
 def test_nothing_is_reported_before_the_first_success():
     objectives = np.array([[[np.nan], [2.0], [1.0]]])
     solved = np.array([[0, 3, 4]], np.int8)
-    trials = Trials(np.zeros((1, 3, 2)), objectives, solved, np.zeros((1, 3), bool))
+    trials = SearchEvaluations(np.zeros((1, 3, 2)), objectives, solved, np.zeros((1, 3), bool))
     assert trials.reported(0.1).tolist() == [[-1, 1, 1]]
     assert trials.of_points(solved, trials.reported(0.1), 0).tolist() == [[0, 3, 3]]
     assert first_time(solved >= 4).tolist() == [3] and first_time(solved > 4).tolist() == [-1]

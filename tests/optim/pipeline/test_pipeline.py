@@ -17,7 +17,7 @@ from optim.pipeline.changes import best_single_gait
 from optim.pipeline.plans import best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.run import find_gaits
 from optim.pipeline.task import read_task
-from optim.pipeline.trials import NoWorkingGait, State, Trials, check_working
+from optim.pipeline.trials import KeptSimulations, NoWorkingGait, State, check_working
 from robots.calibration import Properties, load_calibration, save_properties
 from robots.hardware import export_csv, read_csv
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, ROLLING, SMALL
@@ -301,7 +301,7 @@ def test_a_crossing_is_kept_for_its_own_gaits_alone(tmp_path, monkeypatch):
 
     monkeypatch.setattr(trials, "simulate_journey", journey)
     task = task_of(tmp_path, "terrains = ['flat', 'hill:15']\ngaits = ['rolling']\nruns = 2")
-    kept = Trials(task, ResultsFolder(tmp_path / "kept", "pipeline", {}))
+    kept = KeptSimulations(task, ResultsFolder(tmp_path / "kept", "pipeline", {}))
     rolling, inching = ([State(t, name, DESIGNS[name], [0.1, 0.1]) for t in task.terrains] for name in DESIGNS)
     for states, again in ((rolling, 3), (rolling, 1), (inching, 3)):
         played.clear()

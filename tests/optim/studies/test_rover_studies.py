@@ -11,7 +11,7 @@ import pytest
 
 from optim.experiments.data import Data
 from optim.experiments.tables import read_records, read_table, write_records
-from optim.experiments.trials import Trials
+from optim.experiments.trials import SearchEvaluations
 from optim.studies.catalogue import STUDIES as CATALOGUE
 from optim.studies.chapter3 import rover_pre_optimisation, rover_success, rover_sweep
 from optim.studies.chapter3.rover_pre_optimisation import PreOptimisation, RoverProblem, front_of
@@ -80,7 +80,9 @@ def test_objectives_of_the_base_body_are_those_of_its_runs():
 def test_a_front_falls_so_that_the_last_that_solves_all_has_the_least_effort():
     objectives = np.array([[-4, -9], [-4, -7], [-9, -2], [-5, -6], [-9, -3], [np.nan, np.nan]], float)
     solved = np.array([4, 4, 1, 3, 2, 0], np.int8)
-    front = front_of([Trials(np.arange(6.0)[None, :, None], objectives[None], solved[None], np.zeros((1, 6), bool))])
+    front = front_of(
+        [SearchEvaluations(np.arange(6.0)[None, :, None], objectives[None], solved[None], np.zeros((1, 6), bool))]
+    )
     assert [row["point"].item() for row in front] == [1, 3, 2] and [row["effort"] for row in front] == [7, 6, 2]
     assert [row["solved"] for row in front] == [4, 3, 1] and [row["distance"] for row in front] == [4, 5, 9]
 
