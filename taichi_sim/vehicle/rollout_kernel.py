@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, any_lane
 from taichi_sim.autodiff.tracing import primitive, select, sqrt
-from taichi_sim.runtime import element, kernel_of, ti
+from taichi_sim.bundling import kernel_of
+from taichi_sim.runtime import element, ti
 from taichi_sim.vehicle import equations
 from taichi_sim.vehicle.task import Wiring
 

@@ -7,7 +7,8 @@ import pytest
 
 from taichi_sim import runtime
 from taichi_sim.autodiff.lanes import Real
-from taichi_sim.runtime import kernel_of, ti
+from taichi_sim.bundling import kernel_of
+from taichi_sim.runtime import ti
 
 
 class Sums(NamedTuple):

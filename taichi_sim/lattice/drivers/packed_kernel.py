@@ -23,6 +23,7 @@ from taichi_sim.autodiff.lanes import (
     vector,
 )
 from taichi_sim.autodiff.tracing import primitive, select
+from taichi_sim.bundling import kernel_of
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.drivers.packed_contact import (
@@ -74,7 +75,7 @@ from taichi_sim.lattice.stages.gauges import keep_strains, share_slots
 from taichi_sim.lattice.stages.groups import group_stage
 from taichi_sim.lattice.stages.link import link_axes, link_forces, past_slot
 from taichi_sim.lattice.stages.voxel import voxel_stage
-from taichi_sim.runtime import GRAIN, emit, kernel_of, ti
+from taichi_sim.runtime import GRAIN, emit, ti
 
 
 class Memories(NamedTuple):

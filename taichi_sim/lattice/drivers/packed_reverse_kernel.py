@@ -19,6 +19,7 @@ from taichi_sim.autodiff.lanes import (
     store_all,
 )
 from taichi_sim.autodiff.tracing import primitive, pull_back, select
+from taichi_sim.bundling import kernel_of
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import mark_types
 from taichi_sim.lattice.drivers.packed_contact import Record
@@ -62,7 +63,7 @@ from taichi_sim.lattice.stages.link import (
 )
 from taichi_sim.lattice.stages.undo import Undo, in_parts, take_all
 from taichi_sim.lattice.stages.voxel import voxel_adjoint
-from taichi_sim.runtime import GRAIN, element, emit, kernel_of, ti
+from taichi_sim.runtime import GRAIN, element, emit, ti
 
 BACK_WIDTH = 10  # of a link pack: cotangents of the poses at its "+" ends, and of their transverse strains
 STRAINS = 7

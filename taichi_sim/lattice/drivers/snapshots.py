@@ -9,7 +9,8 @@ from functools import lru_cache
 from typing import Any
 
 from taichi_sim.autodiff.lanes import Real
-from taichi_sim.runtime import kernel_of, ti
+from taichi_sim.bundling import kernel_of
+from taichi_sim.runtime import ti
 
 
 @ti.func

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from taichi_sim.autodiff.lanes import Real, consecutive, ints, load, load_all, store, store_all
 from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.bundling import kernel_of
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types
 from taichi_sim.lattice.laws import contact
@@ -25,7 +26,7 @@ from taichi_sim.lattice.stages.groups import derive_group, derive_rest, evaluate
 from taichi_sim.lattice.stages.link import end_slots, link_axes, link_stage
 from taichi_sim.lattice.stages.memory import CONTACT_ON, FORCE, LINKS, MONITOR, PAIRS, SQUARES, STATE_SLOTS, SURFACE
 from taichi_sim.lattice.stages.voxel import voxel_stage
-from taichi_sim.runtime import kernel_of, ti
+from taichi_sim.runtime import ti
 
 FAR = 1e30  # stands in MOVED for: farther than REBUILD_DISTANCE
 FEWEST_THREADS, MOST_THREADS = 1 << 9, 1 << 17  # of a launch; Taichi launches the most where it knows no number

@@ -10,6 +10,7 @@ from typing import Any
 
 from taichi_sim.autodiff.lanes import Real, ints
 from taichi_sim.autodiff.tracing import primitive
+from taichi_sim.bundling import kernel_of
 from taichi_sim.lattice.drivers.marks import ACTIVE, STATE, mark_types, meet_events_back
 from taichi_sim.lattice.drivers.stepped_kernels import Has, Record, spread
 from taichi_sim.lattice.program import QUANTITY_COUNT
@@ -30,7 +31,7 @@ from taichi_sim.lattice.stages.link import link_adjoint
 from taichi_sim.lattice.stages.memory import GROUPS, LINKS, RESTS, SQUARES, STATE_SLOTS, VOXELS
 from taichi_sim.lattice.stages.undo import Undo
 from taichi_sim.lattice.stages.voxel import voxel_adjoint
-from taichi_sim.runtime import element, emit, kernel_of, ti
+from taichi_sim.runtime import element, emit, ti
 
 
 @primitive
