@@ -1,5 +1,6 @@
 """Robots, worlds and designs by what they are called: names, files, folders of runs, values of parameters."""
 
+import os
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -77,7 +78,7 @@ def run_in(source: str | PathLike[str] | Robot) -> Path | None:
     if not isinstance(source, str | PathLike):
         raise ValueError(f"robot: {shown(source)} is not allowed; give a robot, or its name or file, such as 'rolling'")
     folder = Path(source)
-    return folder if folder.is_dir() and (folder / "config.toml").exists() else None
+    return folder if os.path.isdir(folder) and (folder / "config.toml").exists() else None  # False of a name too long
 
 
 def robots() -> dict[str, str]:

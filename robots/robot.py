@@ -4,6 +4,7 @@ A kind of robot makes a :class:`Robot` of options or of a file. A robot has para
 worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by which it is judged.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,7 @@ def find_robot(text: str) -> tuple[RobotKind, str | None] | None:
     for name in KINDS.builtin:
         if text in KINDS[name].designs:
             return KINDS[name], text
-    if Path(text).is_file():
+    if os.path.isfile(text):  # False of a name too long
         return kind_of_file(Path(text)), text
     if text in KINDS:
         return KINDS[text], None
@@ -95,7 +96,7 @@ def _check_no_folder(field: str, text: str) -> None:
     """Refuse a folder, such as that of a run, with the design in it, and the empty text, which would be one."""
     if not text:
         raise ValueError(f"{field}: '' is not allowed; give a name or a file")
-    if (path := Path(text)).is_dir():
+    if os.path.isdir(path := Path(text)):
         best = path / BEST_DESIGN
         raise ValueError(
             f"{field}: {text} is a folder; give {best if best.is_file() else 'a file of a robot or a design'}"

@@ -6,6 +6,7 @@ numbers.
 """
 
 import operator
+import os
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -215,7 +216,7 @@ def find_task(given: str | Path) -> Task:
     if str(given) in known:
         return known[str(given)]
     path = Path(given)
-    if not path.suffix and not path.exists():
+    if not path.suffix and not os.path.exists(path):
         raise ValueError(
             f"task: {str(given)!r} is unknown; give a file, or one of {', '.join(known)}"
             f"{nearest(str(given), list(known))}"

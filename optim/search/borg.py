@@ -63,7 +63,8 @@ class Borg(PopulationSearch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for epsilon in self.epsilons if isinstance(self.epsilons, Sequence) else [self.epsilons]:
+        several = isinstance(self.epsilons, Sequence) and not isinstance(self.epsilons, str)
+        for epsilon in self.epsilons if several else [self.epsilons]:
             checks.number("epsilons", epsilon, 1e-12, 1e12)
         known = OperatorParameters.__dataclass_fields__
         for name in self.operators or {}:

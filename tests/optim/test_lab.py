@@ -53,6 +53,7 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
         (lambda: ml.robot("soft-quadruped", heading="north"), "heading: "),
         (lambda: ml.robot(ml.robot("rolling"), presure=9000), "presure: is no option of .*did you mean pressure"),
         (lambda: ml.robot("quadrupd"), "robot: 'quadrupd' is unknown; did you mean quadruped"),
+        (lambda: ml.robot("x" * 5000), "robot: 'x+' is unknown"),
         (
             lambda: ml.simulate(None),
             "^robot: None is not allowed; give a robot, or its name or file, such as 'rolling'$",

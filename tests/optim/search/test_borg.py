@@ -185,6 +185,7 @@ def test_settings_without_sense_are_refused():
         ({"epsilons": 0.0}, "epsilons: 0.0 is not allowed; give a number from 1e-12"),
         ({"children": 0}, "children: 0 is not allowed; give a whole number, at least 1"),
         ({"epsilons": [0.1, "a"]}, "epsilons: 'a' is not allowed"),
+        ({"epsilons": ""}, "epsilons: '' is not allowed"),
         ({"window": 0}, "window: 0 is not allowed; give a whole number, at least 1"),
         ({"operators": {"sbx": 1}}, "operators: 'sbx' is unknown; its parameters are parents, sbx_index"),
         ({"operators": {"de_rate": 2}}, "de_rate: 2 is not allowed; give a number from 0 to 1"),
