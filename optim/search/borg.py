@@ -63,8 +63,7 @@ class Borg(PopulationSearch):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        several = isinstance(self.epsilons, Sequence) and not isinstance(self.epsilons, str)
-        for epsilon in self.epsilons if several else [self.epsilons]:
+        for epsilon in self.epsilons if isinstance(self.epsilons, Sequence) and self.epsilons else [self.epsilons]:
             checks.number("epsilons", epsilon, 1e-12, 1e12)
         known = OperatorParameters.__dataclass_fields__
         for name in self.operators or {}:

@@ -135,7 +135,7 @@ def _spans(run: Run) -> list[tuple[int, int]]:
     """First and last step of launches: one of no steps, then one for each command that is due."""
     steps, hold, commands = (int(run.plan[place]) for place in (slots.STEPS, slots.HOLD, slots.COMMANDS))
     starts = [number * hold for number in range(commands) if number * hold < steps]
-    return [(0, 0), *zip(starts, [*starts[1:], steps], strict=True)]
+    return [(0, 0), *zip(starts, [*starts[1:], steps] if starts else [], strict=True)]  # none in a run of no steps
 
 
 def _decide(run: Run, every: Sequence[Rolled], feedback: Feedback, number: int) -> None:

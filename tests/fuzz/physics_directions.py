@@ -9,6 +9,7 @@ import numpy as np
 AGREES = 1e-4  # relative
 STEPS = (1e-5, 1e-6, 1e-7)  # of central differences, in units of what a variable may change by
 MORE_STEPS = (1e-3, 1e-4, 1e-8, 1e-9)  # tried where none of those agrees
+ROUGH = 1e-10  # costs, which are about 1, that differ by less from smooth ones do so by rounding
 CANCELLED = 0.01  # derivatives below this share of what is usual in a random direction are relative to that share
 
 
@@ -62,11 +63,15 @@ def errors_of(directions: Sequence[Direction], found: np.ndarray) -> np.ndarray:
 
 def explain(direction: Direction, costs: Costs, events: Events) -> str:
     """Why central differences do not agree: another step does, or what happened in one of the runs only."""
-    further = errors_of([direction], central([direction], MORE_STEPS, costs))[0]
+    differences = central([direction], (*STEPS, *MORE_STEPS), costs)
+    further = errors_of([direction], differences[:, len(STEPS) :])[0]
+    apart = float((np.abs(differences - direction.slope) * (*STEPS, *MORE_STEPS)).max())
     happened = sorted({name for step in STEPS[1:] for name in events(direction, step)})
     told = f"events: {', '.join(happened)}" if happened else "no events"
     if further.min() <= AGREES:
         return f"{told}; agrees with steps of {MORE_STEPS[int(further.argmin())]:g}"
     if happened:
         return told
+    if apart <= ROUGH:
+        return f"{told}; rounding"
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"

@@ -95,6 +95,15 @@ def test_derivatives_go_through_decisions():
     assert np.array_equal(again.commands, found.commands)
 
 
+def test_in_a_run_of_no_steps_nothing_is_decided():
+    """Robots are where they start, and derivatives are those of the start."""
+    engine, feedback = robots(), Linear(some_commands(), 1.0)
+    tape = engine.record(0, commands=some_commands(), hold=HOLD, feedback=feedback)
+    assert not feedback.felt and np.array_equal(tape.result.position, np.repeat(engine.rest().position, 3, 0))
+    found = tape.pull_back(position=np.ones((3, 3)))
+    assert np.array_equal(found.position, np.ones((3, 3))) and not found.commands.any()
+
+
 def test_robots_that_run_in_parts_decide_together(monkeypatch):
     """With the bits of one part."""
     commands = some_commands(40)
