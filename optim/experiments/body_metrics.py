@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Whole
 from optim.measures import homeostasis
@@ -166,7 +167,8 @@ def measure_body(
         _climb(Climb(space, tries, settings, run), folder, part_of(progress, len(parts) + run, steps)) for run in runs
     ]
     everywhere = np.concatenate(parts)[succeeded.all(axis=1)][:FELT_BY]
-    felt = cached(folder, "felt", partial(tries.felt, everywhere))["distance"]
+    distances = partial(check_arrays, {"distance": Allowed(("N",), 0.0)})
+    felt = cached(folder, "felt", partial(tries.felt, everywhere), distances)["distance"]
     interval = (float(felt.mean()), *mean_interval(felt), len(felt)) if len(felt) > 1 else None
     return BodyMetrics(succeeded, sampled_metrics(succeeded), SeveralRuns.of(climbed) if climbed else None, interval)
 
@@ -255,6 +257,14 @@ class Climb:
         short = self.tries.shortfalls(points)
         return {"points": points, "short": short, "climber": np.arange(self.settings.climbers), "distance": short}
 
+    def check(self, arrays: Arrays) -> None:
+        """Refuse a file that holds no climbers of this run and the mutations that they kept, by a ValueError."""
+        climbers, environments = self.settings.climbers, len(self.tries.environments.worlds)
+        points = Allowed((climbers, self.space.size), float(self.space.low.min()), float(self.space.high.max()))
+        short = Allowed((climbers, environments), failed=np.nan)
+        climber, distance = Allowed(("N",), 0, climbers - 1, kind="i"), Allowed(("N", environments), failed=np.nan)
+        check_arrays({"points": points, "short": short, "climber": climber, "distance": distance}, arrays)
+
     def generations(self, state: Arrays, numbers: Sequence[int]) -> Arrays:
         """Climbers after some generations, with the mutations that they kept."""
         points, short = state["points"].copy(), state["short"].copy()
@@ -273,12 +283,12 @@ class Climb:
 
 def _climb(climb: Climb, folder: ResultsFolder | None, progress: Progress) -> RunMeasures:
     """M1 to M4 of a run of climbers."""
-    state = cached(folder, climb.name(0), climb.first)
+    state = cached(folder, climb.name(0), climb.first, climb.check)
     kept = [state]
     last_of_all = climb.settings.generations
     marks = [*range(0, last_of_all, GENERATIONS_AT_ONCE), last_of_all]
     for first, last in pairwise(marks):
-        state = cached(folder, climb.name(last), partial(climb.generations, state, range(first, last)))
+        state = cached(folder, climb.name(last), partial(climb.generations, state, range(first, last)), climb.check)
         kept.append(state)
         if progress:
             progress(last / last_of_all)

@@ -21,7 +21,7 @@ from taichi_sim.base.results_folder import ResultsFolder
 
 Progress = Callable[[float], None] | None  # called with the fraction done
 Part = Callable[[Progress], Arrays]
-Check = Callable[[Arrays], object] | None  # refuses the arrays of a part that is damaged, by a ValueError
+Check = Callable[[Arrays], object]  # refuses the arrays of a part that is damaged, by a ValueError
 Key = TypeVar("Key", str, int)
 RAW = "runs"  # folder of raw results
 
@@ -69,7 +69,7 @@ def check_runs(
         ResultsFolder(folder, kind, settings)  # refuses other settings
 
 
-def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays], check: Check = None) -> Arrays:
+def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays], check: Check) -> Arrays:
     """Load the arrays of a part of a study from the folder, or compute and keep them there; without one, just compute.
 
     What is damaged is computed again, and so is what ``check`` refuses by a ValueError, with a warning. Names have no
@@ -86,9 +86,9 @@ def cached(folder: ResultsFolder | None, name: str, compute: Callable[[], Arrays
 def computed(
     folder: ResultsFolder | None,
     parts: Mapping[Key, Part],
-    progress: Progress = None,
-    name: str = "{}",
-    check: Check | Mapping[Key, Check] = None,
+    progress: Progress,
+    name: str,
+    check: Check | Mapping[Key, Check],
 ) -> dict[Key, Arrays]:
     """Load or compute the parts of a study one after the other; a kill loses at most one; see :func:`cached`.
 
@@ -108,20 +108,18 @@ def computed_arrays(
     key: str,
     parts: Mapping[str, Callable[[Progress], NDArray[Any]]],
     progress: Progress,
-    allowed: Mapping[str, Allowed] | None = None,
+    allowed: Mapping[str, Allowed],
 ) -> list[NDArray[Any]]:
     """Load or compute parts of a single array each, which files call ``key``; see :func:`computed`.
 
     A file whose array is not what is ``allowed`` of its part is damaged.
     """
-    checks: Check | Mapping[str, Check] = None
-    if allowed is not None:
-        checks = {name: partial(check_arrays, {key: each}) for name, each in allowed.items()}
+    checks: Mapping[str, Check] = {name: partial(check_arrays, {key: each}) for name, each in allowed.items()}
 
     def named(compute: Callable[[Progress], NDArray[Any]], progress: Progress) -> Arrays:
         return {key: compute(progress)}
 
-    found = computed(folder, {name: partial(named, compute) for name, compute in parts.items()}, progress, check=checks)
+    found = computed(folder, {name: partial(named, compute) for name, compute in parts.items()}, progress, "{}", checks)
     return [arrays[key] for arrays in found.values()]
 
 

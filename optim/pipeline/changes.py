@@ -5,12 +5,13 @@ in one simulation: with the state machine, and with the best single gait.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
@@ -22,6 +23,7 @@ from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays, Floats
 
+MOST_STEPS = 10**9  # time steps of a leg, far more than any takes
 RECORD_EVERY = 4000  # time steps between the poses that are looked at for contact
 # Whether the bladders empty while the core changes, and whether the feet grip.
 WAYS = ((False, 1.0), (True, 1.0), (False, 0.0))
@@ -64,7 +66,7 @@ def find_change(before: State, after: State, trials: KeptSimulations, progress: 
         legs = [Leg(before.design, before.terrain), Leg(design, ground), Leg(after.design, after.terrain)]
         key = f"change {names} {places} {slug(ground)} {together} {grip}"
         play = partial(_play, legs[1:] if apart else legs, trials, part_of(progress, number, len(ways)))
-        found = cached(trials.folder, part_name(key), play)
+        found = cached(trials.folder, part_name(key), play, partial(_check_played, task.runs))
         way = f"{'while' if together else 'after'} the bladders empty, feet {'grip' if grip else 'slide'}"
         tried.append(_judged(ground, design, way, found, task))
         if not tried[-1].faults:
@@ -98,6 +100,14 @@ def _play(legs: Sequence[Leg], trials: KeptSimulations, progress: Progress) -> A
         "alone": alone.speeds[:, 0],
         "ok": (run.status == "ok").astype(float),
     }
+
+
+def _check_played(runs: int, arrays: Arrays) -> None:
+    """Refuse a file that does not hold what :func:`_play` gives of so many runs, by a ValueError."""
+    number = Allowed((runs,), failed=np.nan)
+    allowed = dict.fromkeys(("shape_error", "moved", "deepest"), replace(number, low=0.0))
+    allowed |= dict.fromkeys(("turned", "next", "alone"), number)
+    check_arrays({**allowed, "ok": Allowed((runs,), 0.0, 1.0)}, arrays)
 
 
 def _judged(ground: Terrain, design: InflatableDesign, way: str, found: Arrays, task: PipelineTask) -> Change:
@@ -146,7 +156,10 @@ def cross(
 
     way = "" if change is None else f"{slug(change.terrain)} {change.way}"
     key = f"crossing {[f'{state.name} {state.gait}' for state in states]} {way} {single[0]}"
-    played = cached(trials.folder, part_name(key), play)
+    both = Allowed((trials.task.runs, 2), failed=np.nan)
+    steps = Allowed((len(legs),), 0, MOST_STEPS, kind="i")
+    check = partial(check_arrays, {"machine": both, "single": both, "steps": steps})
+    played = cached(trials.folder, part_name(key), play, check)
     shown = trials.shown(legs, int(played["steps"].sum()), part_of(progress, 2, 3))
     return Crossing(legs, shown, played["machine"], played["single"], single[0])
 

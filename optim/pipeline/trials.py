@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.pipeline.task import PipelineTask, slug
 from robots.inflatable import simulation
@@ -74,7 +76,8 @@ class KeptSimulations:
             copies = [design] * self.task.runs
             return {"speeds": simulation.simulate(copies, terrain, **self.noisy, progress=progress).speed}
 
-        return cached(self.folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play)["speeds"]
+        check = partial(check_arrays, {"speeds": Allowed((self.task.runs,), failed=np.nan)})
+        return cached(self.folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play, check)["speeds"]
 
 
 def speeds_of(

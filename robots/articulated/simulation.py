@@ -295,11 +295,11 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
     places, turns = poses(tree, result.position, result.orientation, result.angles)
     shares = masses / masses.sum()
     base = rotation_matrix(result.orientation)
-    arm = np.einsum("nji,nj->ni", base, shares @ places - result.position)  # in the axes of the base
+    arm = base.transpose(0, 2, 1) @ (shares @ places - result.position)[..., None]  # in the axes of the base
     of_orientation = np.empty_like(result.orientation)
     for part, step in enumerate(np.eye(4)):  # entries of the matrix are of second degree: these differences are exact
         slope = (rotation_matrix(result.orientation + step) - rotation_matrix(result.orientation - step)) / 2
-        of_orientation[:, part] = np.einsum("i,nij,nj->n", direction, slope, arm)
+        of_orientation[:, part] = along((slope @ arm)[..., 0], direction)
     carried = np.zeros((len(tree.bodies), len(tree.bodies)), bool)  # whether a body hangs on another one, or is it
     for n, parent in enumerate(tree.parents):
         carried[n] = carried[parent] if n else False
@@ -312,7 +312,7 @@ def centre_slopes(tree: Tree, result: RigidResult, direction: Floats) -> tuple[F
         anchor = places[:, n] + rotation_matrix(turns[:, n]) @ to_anchor
         hanging = shares * carried[:, n]
         lever = hanging @ places - hanging.sum() * anchor
-        of_angles[:, number] = np.cross(axis, lever) @ direction
+        of_angles[:, number] = along(np.cross(axis, lever), direction)
     return np.tile(direction, (len(places), 1)), of_orientation, of_angles
 
 

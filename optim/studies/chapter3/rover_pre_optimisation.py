@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, COLUMN, figure
 from optim.experiments.results import Progress, cached, write_json
@@ -247,7 +248,9 @@ def _judged(name: str, base: Rover, settings: PreOptimisation, results: ResultsF
         swept = [run(body, pairs).success.sum(axis=1, dtype=np.uint8) for body in bodies]
         return {"closest": alone.closest, "overlaps": np.array(swept).reshape(-1, *[settings.weights] * 2)}
 
-    found = cached(results, f"judged_{name}", compute)
+    solved = Allowed((len(SITES), settings.weights, settings.weights), 0, 4, kind="u")
+    check = partial(check_arrays, {"closest": Allowed((1, 4), 0.0, failed=np.nan), "overlaps": solved})
+    found = cached(results, f"judged_{name}", compute, check)
     return {
         "distance_with_weights_1": float(distances([base], found["closest"])[0]),
         "solved_with_weights_1": int((found["closest"] <= base.success_distance).sum()),

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.comparison import compare, describe_times, quartiles, ranked
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
@@ -135,7 +136,10 @@ def homeostasis_tables(
         given = settings.problem(**ARMS[arm][1]), trials, reported[arm]
         parts[f"course_{arm}"] = partial(distances_of_reported, *given)
         parts[f"end_{arm}"] = partial(distances_at_the_end, *given)
-    distances = computed(folder, parts, progress)
+    shape = {"course": (settings.runs, settings.budget), "end": (settings.runs,)}
+    distance = {what: Allowed(each, 0.0, failed=np.nan) for what, each in shape.items()}
+    check = {name: partial(check_arrays, dict.fromkeys(MEASURES, distance[name.split("_")[0]])) for name in parts}
+    distances = computed(folder, parts, progress, "{}", check)
     tables: Tables = {COURSE: [], CHANGES: [], ENDS: []}
     for arm, trials in found.items():
         solved = trials.of_points(trials.solved, reported[arm], 0) == len(settings.task.starts)

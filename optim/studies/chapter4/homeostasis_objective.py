@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.comparison import compare, describe_times, quartiles
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above, logarithmic
@@ -124,7 +125,8 @@ def reported(
         every = decimation(own.task, settings.samples)
         return {"homeostasis": -distances_of(own.problem(), without.points, solved, every)["raw"]}
 
-    similar = cached(folder, "similarity_without", similarity)["homeostasis"]
+    allowed = {"homeostasis": Allowed(without.solved.shape, high=0.0, failed=np.nan)}
+    similar = cached(folder, "similarity_without", similarity, partial(check_arrays, allowed))["homeostasis"]
     chosen = {
         "without": (without, last),
         "selected": (without, _largest(similar, solved)),
@@ -175,7 +177,8 @@ def study(folder: Path, settings: HomeostasisObjective, progress: Progress = Non
     found = computed_trials(results, arms, part_of(progress, 0, 2))
     points = reported(settings, found, results)
     parts = {way: partial(judge, settings, each, folder / "sweep") for way, each in points.items()}
-    outcomes = computed(results, parts, part_of(progress, 1, 2), "judged_{}")
+    check = partial(check_arrays, dict.fromkeys(OUTCOMES, Allowed((own.runs,), 0.0, failed=np.nan)))
+    outcomes = computed(results, parts, part_of(progress, 1, 2), "judged_{}", check)
     times = [
         {"way": way, "seed": seed, "evaluations": evaluations}
         for way, trials in found.items()

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, logarithmic
 from optim.experiments.results import Progress, computed, write_json
@@ -81,6 +82,14 @@ def measure(settings: BodyHomeostasis, bodies: Mapping[int, Overlap], _: Progres
     return {**metrics, "controllers": counts, **dict(zip(MEASURES, means, strict=True))}
 
 
+def check_measured(bodies: int, arrays: Arrays) -> None:
+    """Refuse a file that does not hold what :func:`measure` gives of so many bodies, by a ValueError."""
+    allowed = dict.fromkeys(METRICS, Allowed((bodies,), 0.0, 1.0))
+    allowed |= dict.fromkeys(MEASURES, Allowed((bodies,), 0.0, failed=np.nan))
+    allowed |= dict.fromkeys(("design", "controllers"), Allowed((bodies,), 0, kind="i"))
+    check_arrays(allowed, arrays)
+
+
 def correlate(arrays: Arrays) -> dict[str, Any]:
     """Rank and product-moment correlations of both measures with both metrics, two-sided, with 95 % intervals."""
     found: dict[str, Any] = {}
@@ -106,7 +115,8 @@ def study(folder: Path, settings: BodyHomeostasis, progress: Progress = None, sw
         first: partial(measure, settings, dict(bodies[first : first + BODIES_PER_PART]))
         for first in range(0, len(bodies), BODIES_PER_PART)
     }
-    found = list(computed(results, parts, part_of(progress, 1, 2), "bodies_{}").values())
+    check = {first: partial(check_measured, len(bodies[first : first + BODIES_PER_PART])) for first in parts}
+    found = list(computed(results, parts, part_of(progress, 1, 2), "bodies_{}", check).values())
     table = {name: np.concatenate([part[name] for part in found]) for name in found[0]}
     write_columns(folder / TABLE, table)
     _report(folder, table, decimation(settings.sweep.task, settings.samples))

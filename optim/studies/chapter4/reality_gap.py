@@ -19,6 +19,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.comparison import compare
 from optim.experiments.data import Data, Kind
 from optim.experiments.figures import COLOURS, PAGE, figure, letter, logarithmic
@@ -115,7 +116,8 @@ def study(folder: Path, settings: RealityGap, progress: Progress = None, sweep_f
     results = ResultsFolder(folder, "reality-gap", settings.describe())
     swept = sweep_folder or folder / "sweep"
     parts = {design: partial(measure, settings, design, swept) for design in DESIGNS}
-    found = computed(results, parts, part_of(progress, 0, 2), "design_{}")
+    allowed = {"weights": Allowed(("C", 2)), "survival": Allowed((len(PERTURBATIONS), "C"), 0.0, 1.0)}
+    found = computed(results, parts, part_of(progress, 0, 2), "design_{}", partial(check_arrays, allowed))
     rows = [
         dict(zip(COLUMNS, (design, perturbation.name, perturbation.strength, *weights, share), strict=True))
         for design, arrays in found.items()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from optim.experiments.allowed import Allowed
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Costs, Progress, computed_arrays
 from optim.studies.chapter5.experiments import EXPERIMENTS, FLAT, HILL, PAIRED, Experiment, Found, ShapeChange
 from optim.studies.chapter5.gaits import Case, Robot, repeated
@@ -67,20 +67,22 @@ class Player:
 
     def played(self, found: Mapping[str, Found]) -> Played:
         """What was played: of the newest generation of which all best designs were, with what there is elsewhere."""
-        (by_hand,) = self._known("by_hand")
+        copies = self.settings.copies
+        (by_hand,) = self._known("by_hand", len(BY_HAND) * len(PLACES), copies)
         named = {name: dict(zip(PLACES, by_hand[2 * n :], strict=False)) for n, name in enumerate(BY_HAND)}
         best = [experiment for experiment, _ in _with_designs(found)]
         for generation in range(min((len(one.scores) - 1 for one in found.values()), default=-1), -1, -1):
             again, elsewhere = (
-                {e.name: speeds for e in best for speeds in self._known(_part(what, e, generation))}
-                for what in ("again", "elsewhere")
+                {e.name: speeds for e in best for speeds in self._known(_part(what, e, generation), *shape)}
+                for what, shape in (("again", (copies,)), ("elsewhere", (2, "N")))
             )
             if again and len(again) == len(best):
                 return Played(named, again, elsewhere, generation)
         return Played(named)
 
-    def _known(self, name: str) -> list[Floats]:
-        return [arrays["speeds"] for arrays in self.folder.load(name)]
+    def _known(self, name: str, *shape: int | str) -> list[Floats]:
+        check = partial(check_arrays, {"speeds": Allowed(shape, failed=np.nan)})
+        return [arrays["speeds"] for arrays in self.folder.load(name, check)]
 
     def _again(self, experiment: Experiment, found: Found, progress: Progress) -> Floats:
         """Speeds of copies of the best design where it was found; a search also keeps what chance favoured."""

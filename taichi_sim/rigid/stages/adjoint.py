@@ -155,12 +155,14 @@ def solve_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti.t
 @primitive
 def contact_slopes(robots: Block, n: Any, inputs: Reals, constants: Reals, one: Any) -> tuple[Any, ...]:
     """Derivatives of the work of a point that touches the ground, by ``inputs``."""
+    point = listed_at(robots, n)
+    rise = laws.push_out_slope(read(robots, point + slots.DEEP), setting(robots, slots.PUSH_OUT))
     if robots.ground is None:
-        return pull_back(laws.contact_work, inputs, constants, (one,))
-    normal = row(robots, listed_at(robots, n) + slots.NORMAL, 3)
+        return pull_back(laws.contact_work, inputs, (*constants, rise), (one,))
+    constants = (*constants, rise, *row(robots, point + slots.NORMAL, 3))
     if robots.granular:
-        return pull_back(sand.sand_work, inputs, (*constants, *normal, *sand.constants_of(robots, n)), (one,))
-    return pull_back(laws.uneven_contact_work, inputs, (*constants, *normal), (one,))
+        return pull_back(sand.sand_work, inputs, (*constants, *sand.constants_of(robots, n)), (one,))
+    return pull_back(laws.uneven_contact_work, inputs, constants, (one,))
 
 
 @ti.func

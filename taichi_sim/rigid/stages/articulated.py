@@ -99,7 +99,8 @@ def solve_base(robots: ti.template()):
     root = body_at(robots, 0)
     factor = ti.static(spatial.cholesky(row(robots, root + slots.ARTICULATED, 21)))
     free = ti.static(spatial.forward(factor, row(robots, root + slots.IMPULSE, 6)))
-    right = ti.static([x * floating for x in free])
+    # Never -0, to which points that touch in other lanes only would add their +0.
+    right = ti.static([x * floating + 0.0 for x in free])
     put(robots, slots.ROOT, factor)
     put(robots, slots.ROOT_RIGHT, right)
     put(robots, root + slots.VELOCITY, spatial.backward(factor, right))

@@ -27,7 +27,7 @@ from taichi_sim.rigid.memory import (
     variables,
     write,
 )
-from taichi_sim.rigid.stages import sand, spatial
+from taichi_sim.rigid.stages import laws, sand, spatial
 from taichi_sim.runtime import ti
 
 MOST_PIVOTS = 60
@@ -107,12 +107,13 @@ def reduce_points(robots: ti.template(), count, push_out):
         reduced = ti.static(spatial.forward(row(robots, slots.ROOT, 21), left))
         put(robots, point + slots.ROW, [x * floating for x in reduced])
         deep, drift = read(robots, point + slots.DEEP), read(robots, body_at(robots, b) + slots.DRIFT + 2)
+        risen = laws.pushed_out(deep, push_out)
         if ti.static(robots.uneven):
             drifted = ti.static(row(robots, body_at(robots, b) + slots.DRIFT, 3))
             drift = spatial.dot(row(robots, point + slots.NORMAL, 3), drifted)
         if ti.static(robots.granular):
-            deep = sand.pushed_back(robots, deep)
-        write(robots, point + slots.RIGHT, push_out * deep + push_out * drift - free)
+            risen = sand.unless_yielding(robots, risen)
+        write(robots, point + slots.RIGHT, risen + push_out * drift - free)
 
 
 @ti.func

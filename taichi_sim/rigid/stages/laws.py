@@ -9,11 +9,15 @@ kept (the implicit function theorem; the system is symmetric).
 from collections.abc import Sequence
 from typing import Any
 
-from taichi_sim.autodiff.tracing import primitive, select
+from taichi_sim.autodiff.lanes import larger, smaller
+from taichi_sim.autodiff.tracing import primitive, select, sqrt
 from taichi_sim.rigid import slots
+from taichi_sim.rigid.model.settings import EARTH
 from taichi_sim.rigid.stages import spatial
+from taichi_sim.runtime import emit
 
 Reals = Sequence[Any]
+SLOWEST_SQUARE = 1e-20  # m^2/s^2, keeps the slope of a speed finite
 
 
 @primitive
@@ -59,19 +63,44 @@ def contact_work(*values: Any) -> Any:
     """Work of a point's normal impulse and friction in the motion z, plus its target times its multiplier.
 
     Values: rotation (9), place (3), drift (3), offset (3), radius, height of the base, y (6), z (6), strength of
-    friction; then normal impulse, multiplier, push-out rate, drifting.
+    friction; then normal impulse, multiplier, push-out rate, drifting, slope of the push-out by the depth.
     """
     rotation, place, drift, offset, (radius, base), y, z = spatial.cut(values, 9, 3, 3, 3, 2, 6, 6)
-    strength, impulse, multiplier, push_out, drifting = values[32:]
+    strength, impulse, multiplier, push_out, drifting, rise = values[32:]
     at = spatial.plus(place, spatial.turned(rotation, offset))
     depth = radius - base - at[2]  # what drift takes off it, the correction of the drift asks for again
     lowest = [at[0], at[1], at[2] - radius]
     moving = spatial.plus(y[3:], spatial.cross(y[:3], lowest))
     other = spatial.plus(z[3:], spatial.cross(z[:3], lowest))
+    wanted = rise * depth
     if drifting:
         moving = [moving[0] - push_out * drift[0], moving[1] - push_out * drift[1], moving[2]]
-    normal = impulse * other[2] + multiplier * (push_out * depth - moving[2])
+        wanted = wanted + (push_out - rise) * drift[2]
+    normal = impulse * other[2] + multiplier * (wanted - moving[2])
     return normal - strength * (moving[0] * other[0] + moving[1] * other[1])
+
+
+@primitive
+def pushed_out(depth: Any, push_out: Any) -> Any:
+    """Speed at which the ground pushes out a point that is so deep in it: at most that of a fall through the depth.
+
+    Where a ball passes an edge its depth jumps by a part of its radius, whatever the time step. Undone in a few steps,
+    that would throw it, the higher the shorter they are; so it gets the energy of the ground's height and no more.
+    """
+    return smaller(push_out * depth, _fallen_through(depth))
+
+
+@primitive
+def push_out_slope(depth: Any, push_out: Any) -> Any:
+    """Derivative of :func:`pushed_out` by the depth."""
+    fallen = emit(_fallen_through(depth))
+    return emit(select(push_out * depth < fallen, push_out + 0.0 * fallen, EARTH / fallen))
+
+
+@primitive
+def _fallen_through(depth: Any) -> Any:
+    """Speed after a fall from rest through a depth, on earth; not quite 0 where there is none."""
+    return sqrt(2.0 * EARTH * larger(depth, 0.0 * depth) + SLOWEST_SQUARE)
 
 
 @primitive
@@ -79,10 +108,10 @@ def uneven_contact_work(*values: Any) -> Any:
     """:func:`contact_work` of a point on uneven ground: where it is, that is a plane of the normal n.
 
     Values: rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6), strength
-    of friction; then normal impulse, multiplier, push-out rate, drifting, n (3).
+    of friction; then normal impulse, multiplier, push-out rate, drifting, slope of the push-out by the depth, n (3).
     """
     rotation, place, drift, offset, (radius,), base, y, z = spatial.cut(values, 9, 3, 3, 3, 1, 3, 6, 6)
-    strength, impulse, multiplier, push_out, drifting, *normal = values[34:]
+    strength, impulse, multiplier, push_out, drifting, rise, *normal = values[34:]
     axes = spatial.tangents(normal)
     at = spatial.plus(place, spatial.turned(rotation, offset))
     depth = radius - spatial.dot(spatial.plus(base, at), normal)  # but for the height of the plane, a constant
@@ -90,7 +119,10 @@ def uneven_contact_work(*values: Any) -> Any:
     moving = spatial.plus(y[3:], spatial.cross(y[:3], lowest))
     other = spatial.plus(z[3:], spatial.cross(z[:3], lowest))
     sliding = spatial.minus_times(moving, drift, push_out) if drifting else moving
-    pushed = impulse * spatial.dot(other, normal) + multiplier * (push_out * depth - spatial.dot(moving, normal))
+    wanted = rise * depth
+    if drifting:
+        wanted = wanted + (push_out - rise) * spatial.dot(drift, normal)
+    pushed = impulse * spatial.dot(other, normal) + multiplier * (wanted - spatial.dot(moving, normal))
     return pushed - strength * spatial.dot(spatial.along(axes, sliding), spatial.along(axes, other))
 
 

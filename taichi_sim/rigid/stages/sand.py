@@ -158,12 +158,12 @@ def sand_work(*values: Any) -> Any:
     """``laws.uneven_contact_work`` of a point on ground that yields, or not.
 
     Values: the patch (9), rotation (9), place (3), drift (3), offset (3), radius, place of the base (3), y (6), z (6),
-    strength of friction; then normal impulse, multiplier, push-out rate, drifting, normal (3), depth of the level z = 0
-    along it, stress per depth times time step, saturated, whether it yields.
+    strength of friction; then normal impulse, multiplier, push-out rate, drifting, slope of the push-out by the depth,
+    normal (3), depth of the level z = 0 along it, stress per depth times time step, saturated, whether it yields.
     """
     patch, rotation, place, drift, offset, (radius,), base, y, z = spatial.cut(values, 9, 9, 3, 3, 3, 1, 3, 6, 6)
-    strength, impulse, multiplier, push_out, drifting, *normal = values[43:51]
-    level, stress, saturated, yields = values[51:]
+    strength, impulse, multiplier, push_out, drifting, rise, *normal = values[43:52]
+    level, stress, saturated, yields = values[52:]
     axes = spatial.tangents(normal)
     at = spatial.plus(place, spatial.turned(rotation, offset))
     height = spatial.dot(spatial.plus(base, at), normal)
@@ -171,7 +171,7 @@ def sand_work(*values: Any) -> Any:
     none = [0.0 * x for x in normal]
     limit, _ = buried_surface(*patch, radius, *rotation, emit(radius - height - drifted + level), *normal, *none)
     borne = select(saturated > 0.5, stress * limit, impulse)
-    wanted = select(yields > 0.5, push_out * drifted, push_out * (radius - height))
+    wanted = select(yields > 0.5, push_out * drifted, rise * (radius - height) + (push_out - rise) * drifted)
     lowest = [x - radius * n for x, n in zip(at, normal, strict=True)]
     moving = spatial.plus(y[3:], spatial.cross(y[:3], lowest))
     other = spatial.plus(z[3:], spatial.cross(z[:3], lowest))
@@ -220,9 +220,9 @@ def ploughing(robots: Block, n: Any, sliding: Reals, axes: Any) -> Any:
 
 
 @primitive
-def pushed_back(robots: Block, deep: Any) -> Any:
-    """The depth that a point is pushed back from: none on ground that yields."""
-    return select(yield_per_depth(robots) < FIRM, 0.0 * deep, deep)
+def unless_yielding(robots: Block, speed: Any) -> Any:
+    """How fast a point is pushed out: not at all where the ground yields."""
+    return select(yield_per_depth(robots) < FIRM, 0.0 * speed, speed)
 
 
 @ti.func

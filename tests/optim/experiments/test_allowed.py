@@ -34,6 +34,14 @@ def test_what_arrays_may_be_is_taken():
     check_arrays({"a": SHARES}, {"a": np.array([0.0, 1.0]), "more": np.array("any")})
     check_arrays({"a": Allowed((2,), failed=np.nan)}, {"a": np.array([np.nan, 1e9])})
     check_arrays({"a": Allowed((), 0.0), "b": Allowed((1,), kind="b")}, {"a": np.array(3.5), "b": np.array([True])})
+    both = {"a": Allowed(("N",), kind="i"), "b": Allowed(("N", 2))}
+    check_arrays(both, {"a": np.arange(3), "b": np.ones((3, 2))})
+    with pytest.raises(ValueError, match=r"^b: shape \(4, 2\) is not allowed; give \(3, 2\)$"):
+        check_arrays(both, {"a": np.arange(3), "b": np.ones((4, 2))})
+    with pytest.raises(ValueError, match=r"^a: shape \(3,\) is not allowed; give \('N', 2\)$"):
+        check_arrays({"a": Allowed(("N", 2))}, {"a": np.ones(3)})
+    with pytest.raises(ValueError, match=r"^a: type float64 is not allowed; give whole numbers$"):
+        check_arrays({"a": Allowed(("N",), kind="i")}, {"a": np.ones(3)})
     with pytest.raises(ValueError, match=r"^a is missing$"):
         check_arrays({"a": SHARES}, {})
 

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from optim.experiments.allowed import Allowed
 from optim.experiments.results import computed, computed_arrays
 from optim.experiments.study import Count, Settings, Several, Whole
 from optim.experiments.tables import cell, column, distinct, markdown, page, read_records, where, write_columns
@@ -62,10 +63,11 @@ def test_parts_are_computed_once_each_with_its_share_of_the_progress(tmp_path):
 
     for _ in range(2):
         folder = ResultsFolder(tmp_path / "a", "hops", {})
-        found = computed_arrays(folder, "heights", {"one": part(1), "two": part(2)}, seen.append)
+        allowed = dict.fromkeys(("one", "two"), Allowed((2,), kind="i"))
+        found = computed_arrays(folder, "heights", {"one": part(1), "two": part(2)}, seen.append, allowed)
         assert [each.tolist() for each in found] == [[1, 1], [2, 2]]
     assert calls == [1, 2] and seen == [0.25, 0.5, 0.75, 1.0, 0.5, 1.0]
-    assert list(computed(None, {"x": lambda _: {"a": np.ones(1)}})) == ["x"]
+    assert list(computed(None, {"x": lambda _: {"a": np.ones(1)}}, None, "{}", len)) == ["x"]
 
 
 def test_records_are_chosen_and_gathered_by_column():

@@ -111,7 +111,7 @@ def test_what_a_folder_has_is_not_computed_again_unless_it_is_damaged(tmp_path):
     assert problem.calls > calls and np.array_equal(third.points, first.points)
     with pytest.raises(ValueError, match=r"holds a study of other settings .*; name another folder"):
         ResultsFolder(tmp_path / "a", "study", {"x": 2})
-    assert cached(None, "one", lambda: {"a": np.ones(2)})["a"].tolist() == [1.0, 1.0]
+    assert cached(None, "one", lambda: {"a": np.ones(2)}, len)["a"].tolist() == [1.0, 1.0]
 
 
 def test_comparisons_name_the_test_and_agree_with_scipy():

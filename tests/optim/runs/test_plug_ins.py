@@ -9,7 +9,7 @@ import pytest
 from plug_in import install
 
 from optim.problems.objectives import OBJECTIVES
-from optim.runs.environment import LAWS, differences, other_version, versions
+from optim.runs.environment import LAWS, PRESENT_LAWS, differences, other_version, versions
 from optim.runs.plug_ins import packages_of
 from optim.runs.workers.folder_files import Offer
 from optim.search import METHODS
@@ -117,14 +117,15 @@ def test_code_in_every_file_of_a_package_counts(tmp_path, monkeypatch):
 
 
 def test_runs_that_noted_no_code_are_not_told_to_have_begun_elsewhere():
-    before = {"versions": {"kit": "1.0", LAWS: "2"}}
-    assert differences(before, {"versions": {"kit": "1.0 (code 0a1b2c3d)", LAWS: "2"}}) == []
-    assert differences(before, {"versions": {"kit": "2.0 (code 0a1b2c3d)", LAWS: "2"}}) == ["kit 1.0, now 2.0"]
+    before = {"versions": {"kit": "1.0", LAWS: PRESENT_LAWS}}
+    assert differences(before, {"versions": {"kit": "1.0 (code 0a1b2c3d)", LAWS: PRESENT_LAWS}}) == []
+    assert differences(before, {"versions": {"kit": "2.0 (code 0a1b2c3d)", LAWS: PRESENT_LAWS}}) == ["kit 1.0, now 2.0"]
 
 
 def test_laws_that_changed_are_told():
     """Folders of before name none."""
-    assert "laws 1, now 2" in differences({"versions": {"numpy": versions()["numpy"]}}, {"versions": versions()})
+    before, now = {"versions": {"numpy": versions()["numpy"]}}, {"versions": versions()}
+    assert f"laws 1, now {PRESENT_LAWS}" in differences(before, now)
     assert differences({"versions": versions()}, {"versions": versions()}) == []
     assert differences({}, {}) == [] and differences({}, {"versions": versions()}) == []
 

@@ -166,6 +166,36 @@ def test_what_falls_onto_bumps_loses_energy(solid, friction):
     assert np.diff(energies).max() < 2e-3 * energies[0] and max(energies) == energies[0] > 3 * energies[-1]
 
 
+def test_an_edge_throws_no_ball_however_short_the_steps():
+    """Where it passes onto a steeper triangle it is suddenly deep in the ground; it gains nothing by that."""
+    at = 0.04 * np.clip(np.arange(80) - 38, 0, None)
+    ramp = Relief(np.repeat(math.tan(math.radians(30)) * at[:, None], 10, axis=1), 0.04, (-1.0, -0.2))
+    tree, ends = Tree([Body("ball", (0.0, 0.0, 0.1), 1.0, [Sphere(0.1)])]), []
+    for step in (2e-3, 2.5e-4):
+        engine = RigidEngine(tree, World(step, friction=0.0), ground=ramp, threads=1)
+        start = replace(engine.rest(), velocity=np.array([[0.0, 0.0, 0.0, 2.0, 0.0, 0.0]]))
+        place = engine.run(round(0.8 / step), start=start, record_every=1).frames.position[:, 0]
+        energies = 0.5 * (np.diff(place, axis=0) ** 2).sum(axis=1) / step**2 + 9.81 * (place[1:, 2] - 0.1)
+        assert energies[0] == pytest.approx(2.0) and energies.max() < 2.0001
+        ends.append(energies[-1])
+    left, lifted = 2.0 * math.cos(math.radians(30)) ** 2, 9.81 * 0.1 * (1 / math.cos(math.radians(30)) - 1)
+    assert ends[0] == pytest.approx(ends[1], rel=0.02) and left < ends[0] < left + lifted
+
+
+@pytest.mark.parametrize("ground", [None, level()])
+def test_what_is_deep_in_the_ground_comes_out_as_if_it_had_fallen_through_it(ground):
+    """Shallow parts come out by the error reduction; derivatives know of both."""
+    for depth, step in ((0.03, 2e-3), (1e-4, 2e-3), (0.03, 0.05)):
+        tree = Tree([Body("ball", (0.0, 0.0, 0.1 - depth), 1.0, [Sphere(0.1)])])
+        tape = RigidEngine(tree, World(step), ground=ground, threads=1).record(1)
+        speed, slope = 0.2 * depth / step, 0.2 / step
+        if speed > math.sqrt(2 * 9.81 * depth):
+            speed, slope = math.sqrt(2 * 9.81 * depth), 9.81 / math.sqrt(2 * 9.81 * depth)
+        assert tape.result.position[0, 2] - 0.1 + depth == pytest.approx(step * speed, rel=1e-6)
+        found = tape.pull_back(position=np.array([[0.0, 0.0, 1.0]]))
+        assert (found.position + found.places.sum(axis=1))[0, 2] == pytest.approx(1 - step * slope, rel=1e-6)
+
+
 def test_robots_of_a_batch_stand_on_ground_of_their_own():
     """As each does alone."""
     grounds = [rough(1), rough(2, nodes=40), Relief(np.zeros((3, 4)), 0.05, (-0.1, 0.2))]

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.experiments.tables import Record
 from optim.measures.pareto import non_dominated
@@ -32,6 +33,7 @@ ARMS = {
     "drawn": "drawn",
 }
 SPACE = Space(BODY)
+CHOSEN = partial(check_arrays, {"genes": Allowed((SPACE.size,), 0.0), "tried": Allowed((), 1, kind="i")})
 HELD_OUT = 10_000  # added to seeds of what selection has not seen
 
 
@@ -97,7 +99,7 @@ def _worth(folder: ResultsFolder, evolving: Evolving, genes: Floats, seed: int) 
         every, some = solved.all(axis=1).sum(), solved.any(axis=1).sum()
         return {"worth": np.array([gained.max(), (every + 1) / (some + 2)])}
 
-    return cached(folder, f"body_{code(genes)}", measure)["worth"]
+    return cached(folder, f"body_{code(genes)}", measure, partial(check_arrays, {"worth": Allowed((2,))}))["worth"]
 
 
 def _chosen(values: Floats) -> int:
@@ -110,14 +112,15 @@ def arm_part(folder: Path, evolving: Evolving, arm: str, seed: int, _: Mapping[s
     """What an arm chooses with a seed, and how well that learns, unless it is known; its row."""
     parts = ResultsFolder(folder / "parts" / f"{arm}-{seed}", "arm", {"arm": arm, "seed": seed})
     bodies = ResultsFolder(folder / "parts" / f"bodies-{seed}", "bodies", {"seed": seed})
-    choice = cached(parts, "choice", partial(evolve, bodies, evolving, arm, seed, part_of(progress, 0, 2)))
+    choice = cached(parts, "choice", partial(evolve, bodies, evolving, arm, seed, part_of(progress, 0, 2)), CHOSEN)
     robot, settings = body_of(choice["genes"], evolving.learning.cycles), evolving.learning
 
     def measure() -> Arrays:
         solved, gained = tried(robot, settings, evolving.held_out, seed + HELD_OUT)
         return {"solved": solved, "fastest": np.array(gained.max())}
 
-    measured = cached(parts, "held_out", measure)
+    allowed = {"solved": Allowed((evolving.held_out, len(WORLDS)), kind="b"), "fastest": Allowed(())}
+    measured = cached(parts, "held_out", measure, partial(check_arrays, allowed))
     sampled: SampledMetrics = sampled_metrics(measured["solved"])
     row: dict[str, Any] = {
         "arm": arm,

@@ -96,9 +96,10 @@ class Part:
         else:
             problem = BodyProblem(OBJECTIVES[arm], settings.controllers, self.seed)
             search = partial(evolve, problem, settings.population, settings.generations, told(0))
-            found = cached(kept, f"evolved_{arm}", search)
+            ranges = Allowed((problem.space.size,), float(problem.space.low.min()), float(problem.space.high.max()))
+            found = cached(kept, f"evolved_{arm}", search, partial(check_arrays, {"body": ranges}))
         body = found["body"]
-        judged = cached(kept, f"judged_{arm}", partial(self._judge, body))
+        judged = cached(kept, f"judged_{arm}", partial(self._judge, body), check_judged)
         names = ("body", "M_L", "M_CI", "performance", "seen_M_L", "seen_M_CI")
         values = (body.astype(int).tolist(), *(float(judged[name]) for name in names[1:]))
         row: dict[str, Any] = {"arm": arm, "seed": self.seed}
@@ -118,6 +119,12 @@ class Part:
         values = {"M_L": learnability, "M_CI": resistance, "performance": performance}
         values |= {"seen_M_L": seen.learnability.value, "seen_M_CI": seen.resistance.value}
         return {name: np.array(value) for name, value in values.items()}
+
+
+def check_judged(arrays: Arrays) -> None:
+    """Refuse a file that does not hold the metrics and the performance of a body, by a ValueError."""
+    shares = dict.fromkeys(("M_L", "M_CI", "seen_M_L", "seen_M_CI"), Allowed((), 0.0, 1.0, failed=np.nan))
+    check_arrays({**shares, "performance": Allowed((), failed=np.nan)}, arrays)
 
 
 def check_loop(budget: float, arrays: Arrays) -> None:

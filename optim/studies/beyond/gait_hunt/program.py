@@ -25,11 +25,13 @@ import time
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Whole
 from optim.problem import Request
@@ -258,7 +260,11 @@ class Program:
         where = {name: getattr(problem, name) for name in ("precision", "device", "threads")}
         options = {"counting": Counting(LOOK["warm_up"]), "geometry": problem.body, **where}
         folder = ResultsFolder(self.folder / "turn", "turn", settings)
-        known = cached(folder, "turn", lambda: turned(problem, designs, options))
+        each, spent = Allowed((len(designs),), failed=np.nan), Allowed((), 0.0)
+        speeds = Allowed((len(designs), len(problem.terrains)), failed=np.nan)
+        allowed = {"points": Allowed((len(designs), problem.space.size)), "scores": each, "speeds": speeds}
+        check = partial(check_arrays, {**allowed, "spent": spent, "wall_s": spent})
+        known = cached(folder, "turn", lambda: turned(problem, designs, options), check)
         self._note(Step("turn", problem, history_of(problem, known, self.folder / "turn"), float(known["spent"])))
         facing = [problem.design(point) for point in known["points"]]
         chosen = best_of_kinds(facing, known["scores"], self.plan.kinds, problem.body)

@@ -14,12 +14,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.data import Data, Kind
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Study, Whole
 from optim.experiments.tables import Record, column, distinct, where, write_records, write_table
-from optim.studies.beyond.sense_and_switch.machine import Grounds, Search
+from optim.studies.beyond.sense_and_switch.machine import Grounds, Search, machine
 from optim.studies.beyond.sense_and_switch.noticing import Noticed, noticed
 from optim.studies.beyond.sense_and_switch.picture import Example, draw
 from optim.studies.beyond.sense_and_switch.pilots import (
@@ -156,10 +157,17 @@ class Part:
         points = list[Floats]()
         for number, (kind, world) in enumerate(self.grounds.pure.items()):
             tick, first = part_of(progress, number, len(KINDS)), points[0] if points else None
-            found = cached(self.kept, kind, partial(self.settings.search.gait, world, self.seed, first, tick))
+            check = partial(check_arrays, {"point": Allowed((len(machine(1).start),))})
+            found = cached(self.kept, kind, partial(self.settings.search.gait, world, self.seed, first, tick), check)
             points.append(found["point"])
         gaits = np.stack(points)
-        compared = cached(self.kept, "compared", lambda: {"speeds": self.settings.search.speeds(gaits, self.grounds)})
+        speeds = Allowed((len(gaits), len(KINDS)), failed=-np.inf)
+        compared = cached(
+            self.kept,
+            "compared",
+            lambda: {"speeds": self.settings.search.speeds(gaits, self.grounds)},
+            partial(check_arrays, {"speeds": speeds}),
+        )
         return Repertory(gaits, compared["speeds"])
 
     def _course(self, name: str, found: Repertory, course: int, crew: Crew) -> Played:
@@ -170,7 +178,13 @@ class Part:
             kept = {"felt": played.felt} if name == "felt" else {}
             return {"gaits": played.gaits, "places": played.places, "failed": played.failed, **kept}
 
-        arrays = cached(self.kept, f"{name}{course}", compute)
+        allowed = {
+            "gaits": Allowed((crew.count, "L"), 0, len(found.points) - 1, kind="i"),
+            "places": Allowed((crew.count, "L"), failed=np.nan),
+            "failed": Allowed((crew.count,), kind="b"),
+            **({"felt": Allowed((crew.count, "L", "S"), failed=np.nan)} if name == "felt" else {}),
+        }
+        arrays = cached(self.kept, f"{name}{course}", compute, partial(check_arrays, allowed))
         return Played(arrays["gaits"], arrays.get("felt", np.zeros(0)), arrays["places"], arrays["failed"])
 
     def fitted(self, found: Repertory, progress: Progress) -> Switching:
