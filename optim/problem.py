@@ -73,7 +73,7 @@ class Evaluation:
 
     @property
     def failed(self) -> Bools:
-        """Which points failed, shape (N,)."""
+        """Mask of the points that failed, shape (N,)."""
         return np.asarray(self.status) != OK
 
 
@@ -108,7 +108,7 @@ class Problem(Protocol):
 
     @property
     def space(self) -> Space:
-        """The variables that may change."""
+        """Space of the D variables that may change."""
 
     @property
     def objective_names(self) -> tuple[str, ...]:

@@ -358,7 +358,7 @@ class RobotProblem(JudgedRobot):
 
     @property
     def offered(self) -> Robot:
-        """The robot."""
+        """The robot, whose free parameters are searched."""
         return self.robot
 
     @property
