@@ -1,4 +1,4 @@
-"""Try a robot in one call, and look at what came of it: the functions behind ``import morpholab as ml``."""
+"""Simulate, differentiate and view a robot in one call: the functions behind ``import morpholab as ml``."""
 
 import html
 from base64 import b64encode
@@ -29,16 +29,17 @@ DOTS_PER_INCH = 110
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trials:
-    """What some designs of a robot did in a world; made by :func:`simulate` and :func:`differentiate`.
+    """Results of simulating N designs of a robot, as :func:`simulate` and :func:`differentiate` return them.
 
-    Notebooks show it as a table, of a single design with its picture.
+    ``trials["speed"]`` gives the values of a measure, shape (N,), NaN for designs that failed; an unknown name raises a
+    KeyError. Notebooks show a table of the designs, and a picture of a single one.
 
     Attributes:
-        robot: with what is free of it.
-        points: the designs, shape (N, P), in the order of ``robot.parameters``.
-        world: where.
-        outcome: measures, status and gradients.
-        compute: how it was computed.
+        robot: the robot, whose P parameters differ from design to design.
+        points: the designs: values of the parameters, shape (N, P), in the order of ``robot.parameters``.
+        world: where the designs were simulated.
+        outcome: measures, status and gradients of the designs.
+        compute: device, precision and threads of the simulation.
     """
 
     robot: Robot
@@ -68,20 +69,33 @@ class Trials:
         return name in self.outcome.measures
 
     def best(self, measure: str | None = None) -> int:
-        """Number of the design with the highest value of a measure, of the first by default; failures never win."""
+        """Return the number of the design with the highest value of a measure, which is the robot's first by default.
+
+        Raises:
+            KeyError: for an unknown measure.
+            ValueError: if no design succeeded.
+        """
         values = self[measure or self.robot.measures[0].name]
         if np.isnan(values).all():
             raise ValueError(f"designs: none of {len(self)} succeeded; the first: {self.outcome.status_or_reason[0]}")
         return int(np.nanargmax(values))
 
     def show(self, design: int = 0, *, height: int = 860) -> "Player":
-        """A player of one design, as :func:`view` makes it."""
+        """Show one design in motion, in an interactive player of ``height`` pixels as :func:`view` makes it.
+
+        Raises:
+            ValueError: for a design that is not among these, is no robot, or cannot be shown.
+        """
         from robots.view.player import show
 
         return show(self.replay(design).motion, height=height)
 
     def plot(self, measure: str | None = None) -> "Figure":
-        """Draw a single design in motion, or a measure of several, over the parameter that varies if there is one."""
+        """Draw a single design in motion, or a measure of all designs, over the parameter if only one varies.
+
+        Raises:
+            KeyError: for an unknown measure.
+        """
         from robots.view.picture import motion_picture
 
         if len(self) == 1 and measure is None:
@@ -90,7 +104,7 @@ class Trials:
         return self._curve(measure or self.robot.measures[0].name)
 
     def to_dataframe(self) -> Any:
-        """A table of pandas: a row for each design with its parameters, status, measures and derivatives.
+        """Return a pandas DataFrame with a row for each design: its parameters, status, measures and derivatives.
 
         Raises:
             ValueError: if pandas is not installed.
@@ -102,7 +116,10 @@ class Trials:
         return pandas.DataFrame(self.columns())
 
     def columns(self) -> dict[str, Any]:
-        """What there is to tell, by name, shape (N,) each; derivatives are called ``d_MEASURE/d_PARAMETER``."""
+        """Return the columns of the table of designs by name, shape (N,) each.
+
+        They are parameters, status, measures, and derivatives, which are called ``d_MEASURE/d_PARAMETER``.
+        """
         names = [parameter.name for parameter in self.robot.parameters]
         slopes = {
             f"d_{measure}/d_{name}": found[:, n]
@@ -114,7 +131,11 @@ class Trials:
         return {name: np.array(values) for name, values in told.items()}
 
     def replay(self, design: int = 0) -> Replay:
-        """One design again, with its motion; a single one has been recorded already."""
+        """Simulate one design again to record its motion; a single design has been recorded already.
+
+        Raises:
+            ValueError: for a design that is not among these, is no robot, or cannot be shown.
+        """
         number = whole_number("design", design, 0, len(self) - 1)
         if number not in self._replays:
             with shown_progress(self._spoken, 1.0) as update:
@@ -124,7 +145,7 @@ class Trials:
 
     @property
     def _measures(self) -> tuple[Measure, ...]:
-        """What the robot is judged by in this world."""
+        """Measures of the robot in this world."""
         return self.robot.measures_in([self.world])
 
     @property
@@ -196,15 +217,15 @@ def simulate(
     where: "str | int | World | None" = None,
     **how: Unpack[ComputeOptions],
 ) -> Trials:
-    """Try designs of a robot in a world, as one batch; a single design is recorded, so that it can be shown.
+    """Simulate designs of a robot in a world, as one batch; a single design is recorded, so that it can be shown.
 
     Args:
-        source: the robot, or what :func:`robot` makes one of.
+        source: a robot, or the name, file or run folder that :func:`robot` makes one from.
         designs: points, shape (N, P) or (P,), which may lie beyond the bounds of a search, where the robot itself has
             none; or values of some parameters by name, each a number or of shape (N,) and within the bounds (an angle
             wraps round), while the others are as at the start; None for the start.
         where: the world or its name; by default the robot's usual one, or the first one of a run.
-        how: ``precision``, ``threads`` and ``device``, as of ``Compute``.
+        how: ``precision``, ``threads`` and ``device`` of the computation, see :class:`Compute`.
 
     Raises:
         ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
@@ -230,7 +251,11 @@ def differentiate(
     measures: Sequence[str] | str | None = None,
     **how: Unpack[ComputeOptions],
 ) -> Trials:
-    """Try designs as :func:`simulate` does, with exact derivatives of measures, the first by default, by parameters.
+    """Simulate designs like :func:`simulate`, and compute exact derivatives of measures by the robot's parameters.
+
+    Args:
+        source, designs, where, how: see :func:`simulate`.
+        measures: names of the measures to differentiate; the robot's first one by default.
 
     Raises:
         ValueError: if robots of this kind have no gradients, or for a value that is not allowed.
@@ -249,10 +274,14 @@ def view(
     height: int = 860,
     **how: Unpack[ComputeOptions],
 ) -> "Player":
-    """A player of one design in a world: drag to orbit; a notebook shows it below the cell.
+    """Show one design of a robot in motion: an interactive 3-D player that a notebook displays below the cell.
+
+    Args:
+        source, design, where, how: see :func:`simulate`; only one design is allowed.
+        height: height of the player [px].
 
     Raises:
-        ValueError: for several designs, or a robot that cannot be shown.
+        ValueError: for several designs, a robot that cannot be shown, or a value that is not allowed.
     """
     tried, points, place, compute = _given(source, design, where, how)
     if len(points) > 1:

@@ -26,15 +26,15 @@ MOST_SHOWN = 8  # values of the best point
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Maximum:
-    """What :func:`maximise` has found.
+    """Result of :func:`maximise`: the best point found, and the history of the search.
 
     Attributes:
         best: values of the best point by name; None if every evaluation failed.
-        point: the best point, shape (D,); NaN if every evaluation failed.
-        score: its objective, of several their mean; NaN if every evaluation failed.
+        point: the best point, shape (D,); one of the first points if every evaluation failed.
+        score: objective of the best point, or the mean of several; NaN if every evaluation failed.
         objectives: names and units of the objectives.
-        generations: what a run's log would hold, one record for each generation.
-        result: what the method keeps: climbers, a population, a front or elites, with their objectives.
+        generations: a record for each generation, as in the log of a run folder.
+        result: points that the method keeps (climbers, a population, a front or elites), with their objectives.
     """
 
     best: dict[str, float | int] | None
@@ -46,7 +46,7 @@ class Maximum:
 
     @cached_property
     def history(self) -> dict[str, Floats]:
-        """How the search went: arrays of shape (generations + 1,), NaN where nothing had succeeded yet.
+        """Progress of the search over its generations: arrays of shape (generations + 1,), NaN before any success.
 
         ``evaluations`` counts those made so far, ``failed`` those of the generation that failed; ``best`` is the best
         score so far; ``mean`` and ``median`` are of the scores of what the method keeps.
@@ -73,20 +73,21 @@ def maximise(
     progress: bool | Progress = True,
     **settings: Any,
 ) -> Maximum:
-    """Search for the point of a problem with the highest score, in one call and without a folder.
+    """Search for the point with the highest score of a problem or function, in one call and without a run folder.
 
-    The same arguments give the same bits.
+    The same arguments give exactly the same result, bit for bit, on the same machine.
 
     Args:
         problem: a problem, or a function of points, shape (N, D), which then needs ``bounds``. A function with several
             objectives or a gradient becomes a problem by :func:`optim.problem_of`.
         method: a name in ``optim.search.METHODS``, or a class of your own, such as one of ``PopulationSearch``.
-        bounds: (low, high) of each of a function's variables by name, as in :func:`optim.problem_of`.
+        bounds: (low, high) of each variable of the function by name, as in :func:`optim.problem_of`.
         generations: number of the last generation; the starts are generation 0.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         progress: True for a bar on a terminal, False for silence, or a function that is called with the record of
             every generation.
-        settings: of the method, such as ``population`` or ``start``; a wrong name lists them.
+        settings: settings of the method, such as ``population`` or ``start``; a wrong name raises an error that lists
+            them.
 
     Raises:
         ValueError: if an argument is not allowed; nothing has been evaluated then.

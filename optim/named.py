@@ -24,13 +24,12 @@ Designs = ArrayLike | Mapping[str, ArrayLike] | None
 
 
 def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
-    """The robot of a name or a file, with the options of its kind.
+    """Make a robot from its name or file, with options of its kind.
 
     Args:
-        source: a name of :func:`robots`, such as ``"rolling"``; the file of a design, of a robot or of voxels; the
-            folder of a run, whose best design it is, without the run's world; or a robot, which comes back with the
-            options.
-        options: as the command line has them, such as ``geometry="small"``; text is read as there.
+        source: a name that :func:`robots` lists, such as ``"rolling"``; the file of a design, of a robot or of voxels;
+            the folder of a run, for its best design (its world is not used); or a robot, to change its options.
+        options: options as on the command line, such as ``geometry="small"``; text is parsed as there.
 
     Raises:
         ValueError: for an unknown robot or option, or a value that is not allowed.
@@ -55,7 +54,7 @@ def robot(source: str | PathLike[str] | Robot, **options: OptionValue) -> Robot:
 
 
 def kind_of(source: str | PathLike[str] | Robot) -> RobotKind:
-    """The kind of a robot, or of what :func:`robot` makes one of.
+    """Return the kind of a robot, or of the robot that :func:`robot` makes from a name, file or run folder.
 
     Raises:
         ValueError: for an unknown robot.
@@ -82,17 +81,21 @@ def run_in(source: str | PathLike[str] | Robot) -> Path | None:
 
 
 def robots() -> dict[str, str]:
-    """What :func:`robot` knows by name, kinds and designs, and what each is."""
+    """List the kinds of robots and the designs that :func:`robot` knows by name, with a short title for each."""
     kinds = dict(KINDS.usable())
     known = {name: kind.title for name, kind in kinds.items()}
     return {**known, **{design: kind.title for kind in kinds.values() for design in kind.designs}}
 
 
 def world(of: Robot, name: "str | int | World | None" = None) -> World:
-    """A world of a robot by its name, such as ``"hill:15"``, or its number; its usual one for None.
+    """Return a world for a robot, by the world's name, such as ``"hill:15"``, or its number.
+
+    Args:
+        of: the robot.
+        name: name or number of the world; a world itself is returned as it is; None is the robot's usual world.
 
     Raises:
-        ValueError: for a world that robots of its kind do not know, and for several.
+        ValueError: for a world that robots of its kind do not know, and for several worlds.
     """
     kind = KINDS.of(of)
     if name is None:

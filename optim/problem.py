@@ -29,15 +29,18 @@ Wants = Literal["points", "relaxed", "gradients"]  # what a search method wants 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """The judgement of N points. A failure is data, never a number that could win.
+    """Objectives of N points that were evaluated; points that failed have a status and NaN, so that they never win.
 
     Attributes:
         objectives: values to be maximised, shape (N, K), float64; NaN in the row of a point that failed. May
             be given as shape (N,) for a single objective. Infinite values count as failures.
         status: shape (N,), text: ``"ok"``, or why the point failed.
         details: more about each point, by name, each of shape (N, ...); finite where it did not fail.
-        gradients: d objective / d variable of a single objective, each in its own unit, shape (N, D); NaN in
-            the row of a point that failed. None where nobody asked for them.
+        gradients: derivatives of a single objective by the D variables, in the objective's unit per unit of each
+            variable, shape (N, D); NaN in the row of a point that failed. None if not asked for.
+
+    Raises:
+        ValueError: for arrays of other shapes, or gradients of several objectives.
     """
 
     objectives: Floats
@@ -70,13 +73,13 @@ class Evaluation:
 
     @property
     def failed(self) -> Bools:
-        """Which points failed, shape (N,)."""
+        """Mask of the points that failed, shape (N,)."""
         return np.asarray(self.status) != OK
 
 
 @dataclass(frozen=True)
 class Objective:
-    """What a value of an objective means.
+    """Name and unit of an objective.
 
     Attributes:
         name: such as ``speed``.
@@ -97,7 +100,7 @@ class Objective:
 
 
 class Problem(Protocol):
-    """What a search needs to know about the thing that it designs.
+    """A problem for a search: variables that may change, and an evaluation of points that gives their objectives.
 
     A class that derives from this one needs ``space`` and ``evaluate`` only; :func:`optim.problem_of` makes a problem
     of a function.
@@ -105,7 +108,7 @@ class Problem(Protocol):
 
     @property
     def space(self) -> Space:
-        """The variables that may change."""
+        """Space of the D variables that may change."""
 
     @property
     def objective_names(self) -> tuple[str, ...]:
@@ -118,11 +121,11 @@ class Problem(Protocol):
         return ("",) * len(self.objective_names)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as values that fit JSON and TOML; run folders keep it."""
+        """Describe everything that results depend on, as values that fit JSON and TOML, for run folders to keep."""
         return {"kind": type(self).__name__}
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Judge points, shape (N, D). A point's judgement must not depend on the others."""
+        """Evaluate points, shape (N, D). The result of one point must not depend on the others."""
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of one point, shape (D,), to a file: always the same bytes for the same point."""

@@ -20,7 +20,10 @@ LISTED, SHOWN = 100, 8  # variables that a message names in full; of more the fi
 
 @dataclass(frozen=True)
 class Space:
-    """An ordered set of D variables. Points are float64 arrays of shape (..., D).
+    """A search space: D variables in order, so that points are float64 arrays of shape (..., D).
+
+    Raises:
+        ValueError: for no variables, or two of the same name.
 
     Example:
         >>> space = Space((Variable("x", 0.0, 1.0), Variable("n", 0, 8, "integer")))
@@ -42,9 +45,9 @@ class Space:
 
     @classmethod
     def of_parameters(cls, parameters: Iterable[Variable]) -> "Space":
-        """The space of what is free of a robot, which mutates by a usual step what names none.
+        """Make the space of a robot's free parameters, with a usual mutation step for those that give none.
 
-        It is a tenth of the range, and of whole numbers at least 0.5: a smaller one would hardly ever change them.
+        The usual step is a tenth of the range, but at least 0.5 for whole numbers, which would hardly change otherwise.
         """
         return cls(tuple(each if each.step else replace(each, step=_usual_step(each)) for each in parameters))
 
@@ -54,52 +57,52 @@ class Space:
 
     @property
     def size(self) -> int:
-        """D, the number of variables."""
+        """Number D of variables."""
         return len(self.variables)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names in the order of the coordinates."""
+        """Names of the variables, in the order of the coordinates."""
         return tuple(variable.name for variable in self.variables)
 
     @property
     def listed(self) -> str:
-        """Names for a message of one line."""
+        """Names of the variables as text for a message of one line."""
         return _listed(self.names)
 
     @cached_property
     def low(self) -> Floats:
-        """Lower bounds, shape (D,)."""
+        """Lower bounds of the variables, shape (D,)."""
         return fixed(np.array([variable.low for variable in self.variables], float))
 
     @cached_property
     def high(self) -> Floats:
-        """Upper bounds, shape (D,)."""
+        """Upper bounds of the variables, shape (D,)."""
         return fixed(np.array([variable.high for variable in self.variables], float))
 
     @cached_property
     def step(self) -> Floats:
-        """Standard deviations of a mutation, shape (D,)."""
+        """Standard deviation of a mutation of each variable, shape (D,)."""
         return fixed(np.array([variable.step for variable in self.variables], float))
 
     @cached_property
     def span(self) -> Floats:
-        """Ranges of the variables, shape (D,)."""
+        """Range of each variable, upper minus lower bound, shape (D,)."""
         return fixed(self.high - self.low)
 
     @cached_property
     def angles(self) -> Bools:
-        """Which variables wrap round, shape (D,)."""
+        """Mask of the variables that are angles, which wrap round at their bounds, shape (D,)."""
         return fixed(np.array([variable.kind == "angle" for variable in self.variables]))
 
     @cached_property
     def integers(self) -> Bools:
-        """Which variables have whole numbers only, shape (D,)."""
+        """Mask of the variables that take only whole numbers (integer or binary), shape (D,)."""
         return fixed(np.array([variable.is_integer for variable in self.variables]))
 
     @cached_property
     def mixes(self) -> bool:
-        """Whether relaxed points are mixtures of designs, which are to become sharper."""
+        """Whether relaxed points are mixtures of designs, which a search should sharpen into single designs."""
         return any(variable.kind == "binary" or variable.mixes for variable in self.variables)
 
     def relaxed(self) -> "Space":
@@ -130,12 +133,12 @@ class Space:
         return np.where(self.angles, self.reflect(points), self.clip(points))
 
     def offset(self, points: ArrayLike, origin: ArrayLike) -> Floats:
-        """``points - origin`` in ranges of the variables; of angles the shorter way round."""
+        """Return ``points - origin`` as fractions of the ranges, shape (..., D); angles the shorter way round."""
         offset = (np.asarray(points, float) - np.asarray(origin, float)) / self.span
         return np.where(self.angles, offset - np.rint(offset), offset)
 
     def round(self, points: ArrayLike) -> Floats:
-        """Integers and binaries rounded to the nearest whole number, the rest unchanged."""
+        """Round integer and binary variables to the nearest whole number, and leave the rest unchanged."""
         points = np.asarray(points, float)
         return np.where(self.integers, np.rint(points), points)
 
@@ -145,13 +148,13 @@ class Space:
         return (points >= self.low) & (points <= self.high)
 
     def sample(self, rng: np.random.Generator, count: int) -> Floats:
-        """Points drawn uniformly, shape (count, D); every whole number of an integer is equally likely."""
+        """Draw random points uniformly, shape (count, D); all values of an integer variable are equally likely."""
         unit = rng.random((count, self.size))
         whole = np.floor(self.low + unit * (self.high - self.low + 1))
         return self.clip(np.where(self.integers, whole, self.low + unit * (self.high - self.low)))
 
     def validate(self, points: ArrayLike) -> Floats:
-        """The points as an array of their own of float64, if all of them are points of this space.
+        """Check that points, shape (..., D), lie in this space, and return them as a new float64 array.
 
         Raises:
             ValueError: if one is not; it names the first variable at fault.
@@ -169,12 +172,20 @@ class Space:
         return points
 
     def to_dict(self, point: ArrayLike) -> dict[str, float | int]:
-        """Values by name of one point, shape (D,); whole numbers as int."""
+        """Convert one point, shape (D,), to values by name; whole numbers become int.
+
+        Raises:
+            ValueError: if it is no point of this space.
+        """
         values = self.validate(point).tolist()
         return {v.name: int(x) if v.is_integer else x for v, x in zip(self.variables, values, strict=True)}
 
     def from_dict(self, values: Mapping[str, Any]) -> Floats:
-        """The point, shape (D,), of values by name: all of them and no others."""
+        """Convert values by name to a point, shape (D,).
+
+        Raises:
+            ValueError: if a name is unknown or missing, or a value is not allowed.
+        """
         self.check_names("values", values)
         missing = [name for name in self.names if name not in values]
         if missing:

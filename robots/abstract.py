@@ -1,4 +1,4 @@
-"""What every robot offers: what is free of it, what trials tell, and how it is shown; and a robot of a fixed design.
+"""Base class of robots: free parameters, measures, simulation and motion; and a robot with a fixed design.
 
 The rest of the lab imports it from ``robots.robot``.
 """
@@ -45,7 +45,7 @@ FRAMES = 1000  # of a motion, at most
 
 
 class Robot(Abilities, ShortText):
-    """A robot of some kind: what is free of it, what it is judged by, and what it does in a world.
+    """Base class of robots: free parameters, measures by which designs are judged, and their simulation in a world.
 
     Points are arrays of shape (N, P): N designs, each a value for every parameter. A robot of which nothing is free
     has points of shape (N, 0). A kind defines ``kind``, ``measures`` and :meth:`run`; parameters and measures may be
@@ -74,15 +74,15 @@ class Robot(Abilities, ShortText):
 
     @property
     def name(self) -> str:
-        """What people call this robot."""
+        """Name of the robot for people."""
         return KINDS.of(self).title
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
-        """What N designs do in a trial; what one of them does must not depend on the others.
+        """Simulate N designs in a trial; the result of one must not depend on the others.
 
         Args:
-            points: shape (N, P), finite; they may lie beyond the bounds of the parameters.
-            trial: world, computation, and what is asked for.
+            points: values of the P parameters of each design, shape (N, P), finite; they may lie beyond the bounds.
+            trial: world, computation, and what to record and differentiate.
         """
         raise NotImplementedError
 
@@ -103,18 +103,18 @@ class Robot(Abilities, ShortText):
         return None
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """The measures by which it is judged in all of some worlds; the same everywhere by default."""
+        """Return the measures that the robot has in all of some worlds; by default the same everywhere."""
         return self.measures
 
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[Self]" = ()
     ) -> list[Outcome]:
-        """What N designs do in several worlds; a kind may make one batch of them, with the same results.
+        """Simulate N designs in several worlds; a kind may make one batch of them, with the same results.
 
         Args:
-            points: shape (N, P), checked.
-            worlds: where.
-            trial: computation, and what is asked for.
+            points: checked values of the parameters, shape (N, P).
+            worlds: where the designs are simulated.
+            trial: computation, and what to record and differentiate.
             variants: of this robot, such as :meth:`perturbed` ones, one for each world; itself by default.
         """
         each = zip(variants or [self] * len(worlds), trial.parts(worlds), strict=True)
@@ -130,15 +130,15 @@ class Robot(Abilities, ShortText):
         progress: Progress | None = None,
         sharpness: float = math.inf,
     ) -> Outcome:
-        """Try N designs in a world, as one batch.
+        """Simulate N designs in a world, as one batch.
 
         Args:
-            points: shape (N, P).
-            world: where.
+            points: values of the P parameters of each design, shape (N, P).
+            world: where the designs are simulated.
             compute: device, precision and threads.
             record_every: time steps between recorded poses, for ``Outcome.frames`` and motions; None for none.
             progress: called now and then with the fraction done.
-            sharpness: as of a ``Trial``.
+            sharpness: how strongly mixtures of designs are pushed towards true ones, see ``Trial``.
 
         Raises:
             ValueError: for a value that is not allowed; a design that fails is not an error but has a status.
@@ -146,7 +146,7 @@ class Robot(Abilities, ShortText):
         return self._tried(self.points(points), Trial(world, compute, record_every, progress, (), sharpness))
 
     def readings(self, points: ArrayLike, world: World, samples: int, compute: Compute = HERE) -> Floats:
-        """What the senses of N designs, shape (N, P), read in a world: ``samples`` over time at most, (N, S, T).
+        """Read the S sensors of N designs, shape (N, P), in a world, at most ``samples`` times T: shape (N, S, T).
 
         Raises:
             ValueError: if this robot feels nothing.
@@ -158,7 +158,7 @@ class Robot(Abilities, ShortText):
         return found[:, :, :: -(-found.shape[2] // whole_number("samples", samples, 1))]
 
     def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
-        """All that the senses of N designs, shape (N, P), checked, read in a world, shape (N, S, T), if it feels."""
+        """Return all readings of the S sensors of N designs, shape (N, P), over time in a world, shape (N, S, T)."""
         raise NotImplementedError
 
     def simulate_in(
@@ -169,7 +169,7 @@ class Robot(Abilities, ShortText):
         compute: Compute = HERE,
         progress: Progress | None = None,
     ) -> list[Outcome]:
-        """Try a robot of which nothing is free in several worlds.
+        """Simulate a robot without free parameters in several worlds.
 
         With draws, one for each world, the robot is :meth:`perturbed` by them.
         """
@@ -188,7 +188,7 @@ class Robot(Abilities, ShortText):
         progress: Progress | None = None,
         sharpness: float = math.inf,
     ) -> Outcome:
-        """Try N designs in a world, with the derivatives of some measures, the first by default, by the parameters.
+        """Simulate N designs in a world, with derivatives of measures (by default the first one) by the parameters.
 
         Raises:
             ValueError: if the robot has no gradients, and for measures that are unknown or have none.
@@ -208,7 +208,7 @@ class Robot(Abilities, ShortText):
 
     @property
     def steps(self) -> int:
-        """Time steps of a trial, which tell how often to record a motion.
+        """Number of time steps in a trial, from which the interval between recorded poses follows.
 
         Raises:
             ValueError: if robots of this kind cannot be shown.
@@ -217,12 +217,12 @@ class Robot(Abilities, ShortText):
 
     @property
     def has_motion(self) -> bool:
-        """Whether it can be shown: its kind defines :attr:`steps` and :meth:`motion`."""
+        """Whether the robot can be shown in motion: its kind defines :attr:`steps` and :meth:`motion`."""
         own = type(self)
         return own.motion is not Robot.motion and getattr(own, "steps", None) is not Robot.steps
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of a robot of which nothing is free, for an outcome with frames.
+        """Build the motion of a robot without free parameters, from an outcome with recorded frames.
 
         Raises:
             ValueError: if robots of this kind cannot be shown.
@@ -239,7 +239,7 @@ class Robot(Abilities, ShortText):
         compute: Compute = HERE,
         progress: Progress | None = None,
     ) -> Replay:
-        """Try one design, shape (P,), and build its motion of that name, with at most so many frames (2 or more).
+        """Simulate one design, shape (P,), and build its motion, with at most ``frames`` (2 or more) recorded poses.
 
         Raises:
             ValueError: if the design is no robot, or robots of this kind cannot be shown.
@@ -253,7 +253,7 @@ class Robot(Abilities, ShortText):
         return Replay(outcome, motion.every(-(-len(motion.times) // frames)), fixed.title_of(outcome, world))
 
     def design(self, point: ArrayLike) -> "Robot":
-        """The robot of one point, shape (P,), with nothing free; a :class:`FixedRobot` if a kind says nothing else."""
+        """Return the robot of one point, shape (P,), with nothing free; by default a :class:`FixedRobot`."""
         return FixedRobot(self, point)
 
     def save(self, point: ArrayLike, path: Path) -> None:
@@ -268,16 +268,16 @@ class Robot(Abilities, ShortText):
         write_record(path, DESIGN_FORMAT, record)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values: the fields of a dataclass."""
+        """Describe everything that results depend on, as JSON values; by default the fields of the dataclass."""
         return dataclasses.asdict(self) if dataclasses.is_dataclass(self) and not isinstance(self, type) else {}
 
     @property
     def start(self) -> Floats:
-        """The point before any search, shape (P,)."""
+        """Point of the parameters before any search, shape (P,)."""
         return np.array([parameter.first for parameter in self.parameters])
 
     def points(self, given: ArrayLike) -> Floats:
-        """Points as an array of shape (N, P).
+        """Convert points to an array of shape (N, P), and check them.
 
         Raises:
             ValueError: for another shape, or numbers that are not finite.
@@ -285,20 +285,20 @@ class Robot(Abilities, ShortText):
         return checked_points(self.parameters, given)
 
     def facts(self) -> Facts:
-        """Rows for a report about what is the same for all points."""
+        """Rows for a report about properties that all designs share."""
         return [("Robot", self.name)]
 
     def columns(self, points: ArrayLike) -> dict[str, list[str]]:
-        """What a table of several designs, shape (N, P), tells of each: values by name."""
+        """Columns of a table of several designs, shape (N, P): values by name."""
         points = self.points(points)
         return {p.name: [f"{value:.4g}" for value in points[:, n]] for n, p in enumerate(self.parameters)}
 
     def spoken(self, outcome: Outcome) -> str:
-        """What a command tells people of the first design of an outcome that is ok."""
+        """Summarise the first design of a successful outcome, as text for people."""
         return ", ".join(measure.value(float(outcome.measures[measure.name][0])) for measure in self.measures)
 
     def changed(self, options: Mapping[str, Any]) -> "Robot":
-        """This robot, of a run or a saved design, with other values of its kind's options.
+        """Return this robot, from a run or a saved design, with other values of its kind's options.
 
         Raises:
             ValueError: if a design settles what an option would change.

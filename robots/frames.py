@@ -1,4 +1,4 @@
-"""Recorded poses of robots made of voxels: what pictures, films and the player show."""
+"""Recorded poses of robots made of voxels, for pictures, films and the player."""
 
 from dataclasses import dataclass, replace
 
@@ -10,12 +10,12 @@ from taichi_sim.lattice import LatticeResult
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Frames(ShortText):
-    """Recorded poses of a batch of B robots of V voxels, F of each.
+    """Recorded poses of a batch of B robots of V voxels, at F times.
 
     Attributes:
         positions: voxel centres [m], shape (F, B, V, 3), voxels ordered as ``body.voxels``; NaN after a robot's end.
         orientations: quaternions (w, x, y, z), shape (F, B, V, 4).
-        times: [s] from the end of the initialisation, shape (F,).
+        times: times of the poses [s] from the end of the initialisation, shape (F,).
         extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, B, V, 6).
         sizes: rest sizes of the voxels along their own axes [m], shape (F, B, V, 3).
     """

@@ -36,19 +36,19 @@ def choices(**given: tuple[float, float] | list[Any]) -> Choices:
 
 
 class RobotKind(ABC):
-    """A kind of robot: makes robots of options and of files. Its module should import quickly.
+    """A kind of robot: a factory that makes robots from options and files. Its module should import quickly.
 
     Attributes:
-        name: in the table ``KINDS``, or of the entry point.
-        title: what people call robots of this kind.
-        options: of the command line that make a robot, see :meth:`build`.
+        name: name in the table ``KINDS``, or of the entry point.
+        title: name of the kind for people.
+        options: options of the command line from which :meth:`build` makes a robot.
         designs: names of designs that commands know without a file.
-        world_option: what the option for a world is called.
-        world_type: makes the value of that option of its text, as ``Option.type`` does; :meth:`world` takes it.
-        world_hint: what the help says of that option.
+        world_option: name of the option that chooses a world.
+        world_type: converts the text of that option to a value for :meth:`world`, as ``Option.type`` does.
+        world_hint: help text of that option.
         ground_options: names of further ``world_options``, which hold for all worlds of a command.
-        search_precision: of numbers in searches, unless asked otherwise.
-        view_precision: of numbers in views, unless asked otherwise.
+        search_precision: default precision of numbers in searches, ``"f32"`` or ``"f64"``.
+        view_precision: default precision of numbers in views.
         fading_gradients: whether gradients can have a horizon, see ``robots.trial.Trial``.
         explored: what is worth moving when a robot is explored, by names of ``options`` and ``world_options``: a pair,
             lowest and highest, or a list.
@@ -72,40 +72,40 @@ class RobotKind(ABC):
 
     @abstractmethod
     def build(self, source: str | None, options: Mapping[str, Any]) -> "Robot":
-        """Make a robot.
+        """Make a robot of this kind from a file or name, and options.
 
         Args:
             source: the file of a robot or of a design, a name among ``designs``, or None.
             options: values of ``options`` that were given, by name.
 
         Raises:
-            ValueError: for what is not allowed.
+            ValueError: for a source or an option that is not allowed.
         """
 
     def recognises(self, path: Path, form: str | None) -> bool:
-        """Whether a file is of this kind; ``form`` is the format that a JSON file names, None of other files."""
+        """Whether a file holds a robot of this kind; ``form`` is the format that a JSON file names, None otherwise."""
         return False
 
     def from_description(self, description: Mapping[str, Any]) -> "Robot":
-        """The robot that ``Robot.describe`` described; by default, the description is options."""
+        """Build a robot from what ``Robot.describe`` returned; by default the description holds options."""
         return self.build(None, description)
 
     def options_for(self, command: str) -> list[Option]:
-        """The ones of ``options`` that a command has."""
+        """List the :attr:`options` that a command has."""
         return [option for option in self.options if not option.commands or command in option.commands]
 
     @property
     def world_options(self) -> tuple[Option, ...]:
-        """Options that name one world, see :meth:`chosen_world`."""
+        """Options that choose one world, see :meth:`chosen_world`."""
         return (Option(self.world_option, self.world_hint, self.world_type, self.world_option.upper()),)
 
     def chosen_world(self, options: Mapping[str, Any]) -> World | None:
-        """The world that values of :attr:`world_options` name; None if none was given."""
+        """Return the world that values of :attr:`world_options` choose; None if none was given."""
         given = options.get(self.world_option)
         return None if given is None else self.world(given)
 
     def chosen_worlds(self, options: Mapping[str, Any]) -> tuple[World, ...]:
-        """The worlds that lists of values of :attr:`world_options` name, in whichever way each of them is named.
+        """Return the worlds that lists of values of :attr:`world_options` choose, each by any of these options.
 
         Values of :attr:`ground_options` are single, and hold for all.
         """
@@ -116,16 +116,16 @@ class RobotKind(ABC):
         return tuple(world for world in found if world is not None)
 
     def world_values(self, world: World) -> dict[str, Any]:
-        """Values of :attr:`world_options` by which :meth:`chosen_world` gives this world."""
+        """Return the values of :attr:`world_options` for which :meth:`chosen_world` returns this world."""
         return {self.world_option: world.name}
 
     def world_told(self, world: World) -> str:
-        """A world by its name and what options say beside it, such as ``hill:15 with friction 0.56,0.7``."""
+        """Describe a world by its name and further options, such as ``hill:15 with friction 0.56,0.7``."""
         more = {name: value for name, value in self.world_values(world).items() if name != self.world_option}
         return " with ".join([world.name, *(f"{name.replace('_', ' ')} {spelled(more[name])}" for name in more)])
 
     def world(self, text: Any) -> World:
-        """The world of a name, or of a value that ``world_type`` made.
+        """Return the world of a name, or of a value that ``world_type`` made.
 
         Raises:
             ValueError: for any other name.
@@ -136,11 +136,11 @@ class RobotKind(ABC):
         return known[text]
 
     def world_record(self, world: World) -> Any:
-        """A world as a value that fits JSON and TOML."""
+        """Convert a world to a value that fits JSON and TOML."""
         return world.name
 
     def world_of(self, record: Any) -> World:
-        """The world of a record."""
+        """Convert a value from :meth:`world_record` back to a world."""
         return self.world(record)
 
 

@@ -1,4 +1,4 @@
-"""What comes of trying a robot in a world: measures, gradients, motions, and what a report says of them."""
+"""Results of simulating a robot in a world: measures, gradients, motions, and their pictures in reports."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,9 +35,9 @@ class Measure:
     """A number by which a robot is judged; an objective says whether more or less of it is wanted.
 
     Attributes:
-        name: such as ``speed``.
-        unit: such as ``BL/s``; empty for a plain number.
-        title: what it means, for people; the name if empty.
+        name: name of the measure, such as ``speed``.
+        unit: unit of its values, such as ``BL/s``; empty for a plain number.
+        title: title of the measure for people; the name if empty.
     """
 
     name: str
@@ -46,29 +46,29 @@ class Measure:
 
     @property
     def spoken(self) -> str:
-        """Its name for people."""
+        """Title of the measure for people."""
         return self.title or self.name.replace("_", " ")
 
     def value(self, number: float) -> str:
-        """A value with its unit, such as ``speed 0.1234 m/s``."""
+        """Write a value with name and unit, such as ``speed 0.1234 m/s``."""
         return f"{self.name.replace('_', ' ')} {decimal(number)} {self.unit}".rstrip()
 
 
 class World(Protocol):
-    """Where a robot is tried: any frozen description with these names."""
+    """Interface of worlds in which robots are simulated, such as terrains: descriptions that never change."""
 
     @property
     def name(self) -> str:
-        """What options and files call it, such as ``hill:15``."""
+        """Name of the world in options and files, such as ``hill:15``."""
 
     @property
     def spoken(self) -> str:
-        """What it is after the name of a robot, such as ``up a slope of 15°``; may be empty."""
+        """Text to follow a robot's name, such as ``up a slope of 15°``; may be empty."""
         return ""
 
     @property
     def where(self) -> str:
-        """What it is after the name of a motion, such as ``on hill:15``; may be empty."""
+        """Text to follow the name of a motion, such as ``on hill:15``; may be empty."""
         return ""
 
 
@@ -83,7 +83,7 @@ class Place:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Outcome(ShortText):
-    """What a robot did at N points in one world.
+    """Result of simulating a robot at N points in one world: measures, status, gradients and frames.
 
     Attributes:
         measures: values by the names of the robot's measures, shape (N,) each; NaN where the status is not ``"ok"``.
@@ -91,8 +91,8 @@ class Outcome(ShortText):
             ``"diverged"`` where a measure is not finite.
         reason: why a point is no robot, shape (N,); empty for the others.
         steps: time steps simulated, shape (N,); 0 where the kind does not count them.
-        gradients: derivatives of measures by the parameters, by name, shape (N, P) each; those of other measures are
-            not known.
+        gradients: derivatives of measures by the P parameters, by name of the measure, shape (N, P) each; only those
+            that were asked for.
         frames: recorded arrays by name, if recording was asked for.
         result: the kind's own result, for its motions and pictures.
     """
@@ -179,7 +179,7 @@ def recorded(frames: object | None) -> dict[str, NDArray[Any]]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Replay(ShortText):
-    """A trial that can be shown: what came of it, how the robot moved, and the title of its picture."""
+    """A recorded simulation of one design: its outcome, the motion of the robot, and the title of its picture."""
 
     outcome: Outcome
     motion: "Motion"
@@ -191,8 +191,8 @@ class Picture:
     """A picture of a design, for reports.
 
     Attributes:
-        words: what it shows, for people who do and who do not see it.
-        draw: draws it on axes of matplotlib.
+        words: description of the picture, for people who see it and who do not.
+        draw: function that draws it on matplotlib axes.
         size: width and height [inches].
         style: how pages lay it out: ``""``, ``"medium"``, ``"narrow"``, or those followed by ``" screen-only"`` or
             ``" print-only"``.
@@ -206,7 +206,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Judgement:
-    """How far a design can be trusted, for people and machines."""
+    """Judgement of how far a design can be trusted, as text for people and values for machines."""
 
     text: str
     document: Mapping[str, Any]

@@ -21,13 +21,13 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*", re.ASCII)
 
 @dataclass(frozen=True)
 class OwnMeasure(Measure):
-    """A measure of a user's own, which lattice, freeform and articulated robots tell when they are given it.
+    """A measure that a user defines, for lattice, freeform and articulated robots that are given it.
 
     Attributes:
         name: lower-case letters, digits and underscores, beginning with a letter.
-        law: gives the measure of B robots, shape (B,), of how they moved: a ``robots.lattice_robot.SoftMotion`` or a
-            ``robots.articulated.RigidMotion``. What it gives each robot depends on that robot's row alone; a robot for
-            which it is not finite counts as diverged.
+        law: function that computes the measure of B robots, shape (B,), from their motion: a
+            ``robots.lattice_robot.SoftMotion`` or a ``robots.articulated.RigidMotion``. The value for a robot must
+            depend on that robot's row alone; a robot for which it is not finite counts as diverged.
 
     Raises:
         ValueError: for a name that is not allowed, or no function.
@@ -45,7 +45,7 @@ class OwnMeasure(Measure):
             raise ValueError(f"law: {self.law!r} is no function; give one of how robots moved")
 
     def told(self, motion: Any, count: int) -> Any:
-        """Values of the measure of ``count`` robots, shape (B,), traced if their motion is.
+        """Compute the measure of ``count`` = B robots, shape (B,), traced for derivatives if their motion is.
 
         Raises:
             ValueError: if the law fails, or does not give a number for each robot.

@@ -1,6 +1,6 @@
-"""How designs are tried: in which world, with which computation, and what is asked for beside the measures.
+"""Settings of a simulation of designs: its world and computation, and what to record and differentiate.
 
-What comes of it is an ``Outcome``, see ``robots.outcome``.
+The result is an ``Outcome``, see ``robots.outcome``.
 """
 
 import dataclasses
@@ -21,10 +21,10 @@ def part_of(progress: Progress | None, done: int, count: int, size: int = 1) -> 
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
-    """How designs are tried.
+    """Settings of a simulation of designs: its world and computation, and what to record and differentiate.
 
     Attributes:
-        world: where.
+        world: world in which the designs are simulated.
         compute: device, precision and threads.
         record_every: time steps between recorded poses; None for none.
         progress: called now and then with the fraction done.
@@ -43,7 +43,7 @@ class Trial:
     gradient_horizon: float | None = None
 
     def parts(self, worlds: Sequence[World]) -> "list[Trial]":
-        """How they are tried in each of several worlds, one after the other."""
+        """Return the settings for each of several worlds, simulated one after the other."""
         told = (part_of(self.progress, number, len(worlds)) for number in range(len(worlds)))
         pairs = zip(worlds, told, strict=True)
         return [dataclasses.replace(self, world=world, progress=part) for world, part in pairs]

@@ -1,4 +1,4 @@
-"""What a robot moves on, or swims in."""
+"""Terrains, the worlds of most robots: ground or fluid, with friction, props and a light."""
 
 import dataclasses
 import math
@@ -50,18 +50,18 @@ class Medium(TypedDict):
 
 @dataclass(frozen=True)
 class Terrain:
-    """A plane, level or tilted, or uneven ground, with the robot's own friction unless overridden; or a fluid at rest.
+    """A terrain that robots move on: level, tilted or uneven ground, with optional props and a light; or a fluid.
 
     In a fluid there is no ground, and the robot has its density: it neither sinks nor rises. The fluid resists outer
     faces as ``taichi_sim.lattice.laws.fluid`` says.
 
     Attributes:
-        slope: [degrees], positive is uphill, -45 to 45.
+        slope: slope of the ground [degrees], positive is uphill, -45 to 45.
         high_friction: Coulomb coefficient that replaces the robot's 2.0 (skin, gripping feet); None keeps it.
         low_friction: Coulomb coefficient that replaces the robot's 1e-4 (sliding feet); None keeps it.
-        fluid_density: of the fluid around the robot [kg/m^3]; None is no fluid.
-        pressure_drag: coefficient of faces that the fluid meets; None is 1.2.
-        friction_drag: coefficient of faces that it flows along; None is 0.02.
+        fluid_density: density of the fluid around the robot [kg/m^3]; None is no fluid.
+        pressure_drag: drag coefficient of faces that move against the fluid; None is 1.2.
+        friction_drag: drag coefficient of faces that the fluid flows along; None is 0.02.
         bladder_friction, skin_friction, seam_friction: Coulomb coefficients of these parts of the inflatable robot, see
             ``InflatableActuation``; None keeps what they follow from.
         static_friction, kinetic_friction: Coulomb coefficients that replace those of all materials of a lattice robot;
@@ -70,7 +70,10 @@ class Terrain:
             None is a plane.
         light: place (x, y) of a light that robots may feel, ahead of where they start and to the left of it [m].
         props: bodies beside the robot, see ``robots.props``; None without any.
-        folder: that keeps a copy of the file of the ground, such as that of a run; no part of what the terrain is.
+        folder: folder with a copy of the ground's file, such as a run folder; it does not change what the terrain is.
+
+    Raises:
+        ValueError: for a value that is not allowed, alone or beside the others.
     """
 
     slope: Annotated[float, partial(number, low=-STEEPEST, high=STEEPEST, unit="degrees")] = 0.0
@@ -129,25 +132,25 @@ class Terrain:
 
     @property
     def document(self) -> dict[str, Any]:
-        """All fields, but those that came later only where they are given: as earlier versions wrote terrains."""
+        """Convert all fields to a table for files, as earlier versions wrote it: later fields only where given."""
         later = {each.name for each in dataclasses.fields(self) if each.metadata.get("later")}
         return {name: value for name, value in self.fields.items() if name not in later or value is not None}
 
     @property
     def fields(self) -> dict[str, Any]:
-        """All fields that say what it is, as values that fit JSON: the light as a list, props by their names."""
+        """Convert the fields to values that fit JSON: the light as a list, props by their names."""
         found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self) if each.compare}
         light, props = self.light and list(self.light), self.props and [prop.name for prop in self.props]
         return {**found, "light": light, "props": props}
 
     @property
     def uneven(self) -> Ground | None:
-        """Its uneven ground, sand or water; None of a plane."""
+        """Uneven ground, sand or water; None for a plane."""
         return Ground(self.ground, self.folder) if self.ground else None
 
     @property
     def is_fluid(self) -> bool:
-        """Whether robots are in a fluid, or on ground."""
+        """Whether robots are in a fluid, instead of on ground."""
         return self.fluid_density is not None
 
     @property
@@ -162,7 +165,7 @@ class Terrain:
 
     @property
     def name(self) -> str:
-        """Its name as :meth:`parse` reads it: ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"flat+light:0.5,0.1"``.
+        """Name that :meth:`parse` reads, such as ``"hill:15"``, ``"hill:5+rough:0.01"``, ``"flat+light:0.5,0.1"``.
 
         Coefficients are not part of it.
         """
@@ -186,12 +189,12 @@ class Terrain:
 
     @property
     def where(self) -> str:
-        """``"on flat"``, ``"on hill:15, friction 0.56,0.7 (wood)"`` or ``"in water"``."""
+        """Place in words, such as ``"on flat"``, ``"on hill:15, friction 0.56,0.7 (wood)"`` or ``"in water"``."""
         return ", ".join(filter(None, [f"{'in' if self.is_fluid else 'on'} {self.name}", self.friction]))
 
     @property
     def spoken(self) -> str:
-        """The terrain after a robot's name: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"``, ..."""
+        """Text to follow a robot's name: ``"on flat ground"``, ``"up a slope of 15°, friction 0.5"``, ..."""
         light = "to a light at ({:g}, {:g}) m".format(*self.light) if self.light else ""
         props = f"with {' and '.join(f'a {prop.kind}' for prop in self.props)}" if self.props else ""
         if self.is_fluid:
@@ -223,12 +226,12 @@ class Terrain:
 
     @classmethod
     def water(cls) -> Self:
-        """Water, in which the robot floats."""
+        """Make a terrain that is water all around the robot, which has its density and floats."""
         return cls(fluid_density=WATER_DENSITY)
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The terrain of a name.
+        """Parse the name of a terrain, such as ``"hill:15"``.
 
         It is ``"flat"``, ``"hill:DEGREES"`` such as ``"hill:15"``, ``"water"``, uneven ground such as ``"rough:0.01"``
         (see ``robots.ground``), or that on a slope, ``"hill:5+rough:0.01"``; any of them with a light and props at

@@ -22,7 +22,7 @@ def explore(
     height: int = 700,
     **choices: Choice,
 ) -> "Explorer":
-    """Explore a robot in a notebook: move a slider, and the robot is simulated and shown anew.
+    """Explore a robot in a notebook with sliders: whenever one moves, the robot is simulated and shown again.
 
     Args:
         source: the robot, or what ``morpholab.robot`` makes one of; or a function that makes a robot of some of the

@@ -1,4 +1,4 @@
-"""The problems that ship with the lab, those of run folders among them, and the robots that runs have designed."""
+"""Problems that come with the lab, and readers of the problems and the designed robots of run folders."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -29,7 +29,7 @@ KINDS_OF_1_0 = {GAIT: "inflatable", ROBOT: "lattice"}  # of robots, where descri
 
 
 def problem_of_description(description: Mapping[str, Any]) -> Problem:
-    """The problem that a run folder describes. No code of the folder is run.
+    """Build the problem that a run folder describes, without running any code of the folder.
 
     Raises:
         ValueError: if its kind is unknown, or the description is damaged.
@@ -46,7 +46,7 @@ def problem_of_description(description: Mapping[str, Any]) -> Problem:
 
 
 def problem_of_run(folder: "Path", config: Mapping[str, Any]) -> Problem:
-    """The problem of the run in a folder, from its settings; files of its ground are those that the folder keeps.
+    """Build the problem of a run folder from its settings, with the ground files that the folder keeps.
 
     Raises:
         ValueError: as :func:`problem_of_description`; names the folder.
@@ -62,7 +62,7 @@ def problem_of_run(folder: "Path", config: Mapping[str, Any]) -> Problem:
 
 
 def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":
-    """The kind of robot that the problem of a run folder designs; None of plain functions."""
+    """Return the kind of robot that the problem of a run folder designs; None for problems without robots."""
     from robots.robot import KINDS
 
     name = description.get("kind", GAIT)
@@ -70,7 +70,7 @@ def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":
 
 
 def kind_of_run(folder: "Path", config: Mapping[str, Any]) -> "RobotKind":
-    """The kind of robot that the run in a folder designs.
+    """Return the kind of robot that the run in a folder designs.
 
     Raises:
         ValueError: if it designs no robot.
@@ -84,7 +84,7 @@ def kind_of_run(folder: "Path", config: Mapping[str, Any]) -> "RobotKind":
 def robot_of_run(
     history: "History", member: int | None = None, elsewhere: bool = False
 ) -> "tuple[Robot, tuple[World, ...]]":
-    """A robot that a run has designed, and the worlds in which it was tried.
+    """Load a robot that a run has designed, and the worlds in which the run evaluated it.
 
     Args:
         history: of the run.
@@ -104,7 +104,7 @@ def robot_of_run(
 
 
 def kept_point(history: "History", problem: Problem, member: int | None) -> Floats:
-    """The best point of a run, or that of a member, shape (D,)."""
+    """Return the best point of a run, or the point of one of the members that it kept, shape (D,)."""
     from optim.runs.history import read_result
 
     if member is None:

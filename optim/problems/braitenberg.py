@@ -28,7 +28,9 @@ OBJECTIVES = ("total", "environments")
 
 @dataclass(frozen=True, eq=False)
 class VehicleProblem(JudgedRobot):
-    """Objectives: minus the smallest distances from the light [m], their sum or one for each environment.
+    """Design a Braitenberg vehicle that comes close to the light in each environment.
+
+    The objective is minus the smallest distance from the light [m]: the sum over environments, or one for each.
 
     Variables: x and y of each sensor, ``l1x``, ``l1y``, ... [m], unless the body is fixed; then the weights, ``w1`` and
     ``w2`` of the contralateral controller, or ``w11``, ``w12``, ... of the full matrix (motor, sensor).
@@ -60,7 +62,7 @@ class VehicleProblem(JudgedRobot):
 
     @cached_property
     def offered(self) -> VehicleRobot:
-        """The vehicle, as any kind of robot is seen."""
+        """The vehicle as a robot of its kind, with its free parameters."""
         return VehicleRobot(self.body, self.controller, self.sensors, self.task)
 
     @property
@@ -81,16 +83,16 @@ class VehicleProblem(JudgedRobot):
         return ("m",) * len(self.objective_names)
 
     def split(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Sites, shape (N, S, 2), and controllers, shape (N, 1, 2, S), of points, shape (N, D)."""
+        """Split points, shape (N, D), into sensor sites, shape (N, S, 2) [m], and controllers, shape (N, 1, 2, S)."""
         return self.offered.split(self.space.validate(np.atleast_2d(points)))
 
     @property
     def subject(self) -> str:
-        """What is designed, in how many environments."""
+        """Description of what is designed, and in how many environments, in a few words."""
         return f"Braitenberg vehicle in {counted(len(self.task.starts), 'environment')}"
 
     def facts(self) -> Facts:
-        """Body, controller, task, and the simulation."""
+        """Rows for a report: body, controller, task and simulation."""
         total = self.objectives == "total"
         aim = "the score is minus their sum" if total else "each is an objective, the score minus their mean"
         return [
@@ -106,16 +108,16 @@ class VehicleProblem(JudgedRobot):
         return {"solved": "environments solved"}
 
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
-        """Nothing for each environment: the log has only what they add up to."""
+        """Measures of the best point for the log: none, as the log has only the total over the environments."""
         return [{} for _ in self.tried_in]
 
     @property
     def detail_names(self) -> set[str]:
-        """Names of the details that every evaluation tells."""
+        """Names of the details that every evaluation contains."""
         return {"solved"}
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Roll out all points, shape (N, D).
+        """Simulate the vehicles of all points, shape (N, D).
 
         Details: ``solved``, in how many environments the light is reached, shape (N,).
         """
@@ -123,7 +125,7 @@ class VehicleProblem(JudgedRobot):
         return self._distances(done.closest[:, 0], done.diverged[:, 0])
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """Judge points as :meth:`evaluate` does, as nothing is binary; with gradients of the total, see ``clip``."""
+        """Evaluate points as :meth:`evaluate` does, as nothing is binary; with gradients of the total, see ``clip``."""
         if not gradients:
             return self.evaluate(points)
         if self.objectives != "total":
@@ -138,13 +140,13 @@ class VehicleProblem(JudgedRobot):
         return self._distances(closest, np.isnan(closest), -slopes.sum(axis=1))
 
     def check_minibatch(self, size: int) -> None:
-        """Allow a few of several environments, if one objective is their sum."""
+        """Check that a minibatch is allowed: some of several environments, whose sum is the only objective."""
         if self.objectives != "total":
             raise ValueError(f"minibatch_size: {size} is not allowed with objectives {self.objectives!r}; choose total")
         super().check_minibatch(size)
 
     def in_minibatch(self, minibatch: Minibatch) -> "VehicleProblem":
-        """The problem in a few of the environments; the score is the sum over these."""
+        """Return the problem in a few of the environments; the score is the sum over these."""
         rows = minibatch.of(len(self.task.starts))
         return replace(self, task=replace(self.task, starts=self.task.starts[rows], lights=self.task.lights[rows]))
 
@@ -171,7 +173,7 @@ class VehicleProblem(JudgedRobot):
 
     @classmethod
     def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of what was described."""
+        """Convert a description from :meth:`describe` to the fields of the problem."""
         check_kind(description, VEHICLE)
         settings = {name: value for name, value in description.items() if name != "kind"}
         settings |= {"task": VehicleTask(**description["task"]), "clip": settings["clip"] or None}

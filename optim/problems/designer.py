@@ -1,4 +1,4 @@
-"""How commands make problems of what they are asked: of any kind of robot, or in ways of a kind's own."""
+"""Make problems from the options of commands: for any kind of robot, or in a way that a kind defines."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -44,7 +44,7 @@ VEHICLE_WORDS = {"total": "mean", "environments": "each"}  # what these are of r
 
 @dataclass(frozen=True)
 class Request:
-    """What ``codesign`` is asked.
+    """The request to ``codesign``: the robot, its options and its worlds.
 
     Attributes:
         source: the file or name that ``--robot`` gives; None for a kind.
@@ -81,7 +81,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Design:
-    """What a search shall do with a robot.
+    """The design problem of a request, with settings for its search.
 
     Attributes:
         problem: what is designed.
@@ -105,7 +105,7 @@ class Designer:
 
     @property
     def options(self) -> tuple[Option, ...]:
-        """What ``codesign`` can be asked, beside the search method."""
+        """Options of ``codesign`` for this kind of robot, beside those of the search method."""
         worlds = self.kind.world_options
         return (
             *(
@@ -210,7 +210,7 @@ class VehicleDesigner(Designer):
 
     @property
     def options(self) -> tuple[Option, ...]:
-        """What ``codesign`` can be asked."""
+        """Options of ``codesign`` for Braitenberg vehicles."""
         own = objective_option(
             "total or environments: the sum of the distances from the light, or each; with measures total is the mean "
             "over the environments, as worst is the worst of them",
@@ -255,7 +255,7 @@ def objective_option(words: str, default: str) -> Option:
 
 
 def options_of(kind: RobotKind) -> tuple[Option, ...]:
-    """What ``codesign`` can be asked of a kind of robot."""
+    """List the options of ``codesign`` for a kind of robot."""
     return designer_of(kind).options
 
 

@@ -1,4 +1,4 @@
-"""Any function of a batch of points as a problem."""
+"""Problems whose objectives a plain Python function computes, from a batch of points."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ FIELDS = ("name", "low", "high", "kind", "step")  # of a variable, as run folder
 
 
 class PlainProblem(Problem):
-    """A problem whose variables and objectives are given as they are."""
+    """A problem whose space of variables and whose objectives are given explicitly."""
 
     def __init__(self, space: Space, objectives: Sequence[Objective]) -> None:
         """Keep them."""
@@ -26,7 +26,7 @@ class PlainProblem(Problem):
 
     @property
     def space(self) -> Space:
-        """The variables."""
+        """Space of the D variables."""
         return self._space
 
     @property
@@ -49,7 +49,7 @@ class PlainProblem(Problem):
 
 
 class FunctionProblem(PlainProblem):
-    """A function to be maximised; made by :func:`problem_of`.
+    """The problem of maximising a Python function; made by :func:`problem_of`.
 
     Attributes:
         function: takes points, shape (N, D), and returns objectives.
@@ -63,7 +63,7 @@ class FunctionProblem(PlainProblem):
         self.function, self.gradient = function, gradient
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Call the function with all points, shape (N, D)."""
+        """Evaluate points, shape (N, D), in one call of the function."""
         return self._judged(self.space.validate(np.atleast_2d(points)), gradients=False)
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
@@ -106,7 +106,7 @@ def problem_of(
     unit: str | Sequence[str] = "",
     gradient: Function | None = None,
 ) -> FunctionProblem:
-    """Make a problem of a function of a batch of points.
+    """Make a problem that maximises a Python function of a batch of points.
 
     Args:
         function: takes points, an array of shape (N, D) in the order of the bounds, and returns what is to be

@@ -47,7 +47,7 @@ class Goal:
 
     @classmethod
     def of(cls, text: str) -> "Goal":
-        """The goal that a text says.
+        """Parse a goal from text.
 
         Raises:
             ValueError: for a weight that is not allowed.
@@ -68,7 +68,7 @@ class Goal:
 
     @property
     def text(self) -> str:
-        """The text that says it, always the same for the same goal."""
+        """The goal as text, always the same for the same goal."""
         return (MINIMISE if self.minimised else "") + self.weighted(self.name)
 
     @property
@@ -77,7 +77,7 @@ class Goal:
         return -self.weight if self.minimised else self.weight
 
     def weighted(self, name: str) -> str:
-        """A name with the weight, unless that is 1."""
+        """Prefix a name with the weight, unless the weight is 1."""
         return name if self.weight == 1 else f"{shortest(self.weight)}*{name}"
 
     def renamed(self, one: Objective) -> Objective:
@@ -86,7 +86,7 @@ class Goal:
 
 
 def named(given: Sequence[str] | str, usual: str = "mean") -> Names:
-    """What was asked for, in one way only: the name of one objective, or how worlds are combined and the goals.
+    """Normalise the setting ``objective``: the name of one objective, or how worlds are combined, then the goals.
 
     Args:
         given: words and goals, in any order.
@@ -124,7 +124,7 @@ def goals_in(texts: Sequence[str]) -> list[str]:
 
 
 def objective_of(names: Names, measures: Sequence[Measure], summed: bool) -> RobotObjective:
-    """What judges robots by an objective of the registry, or by goals, of which the first name says how worlds combine.
+    """Build the objective of robots from a name in the registry, or from goals after a name for how worlds combine.
 
     Args:
         names: see :func:`named`.
@@ -174,7 +174,7 @@ def _check_apart(name: str, known: Collection[str]) -> None:
 
 @dataclass(frozen=True)
 class Part:
-    """A goal, and how its scores in several worlds come about.
+    """A goal, with the objective that combines its scores in several worlds.
 
     Attributes:
         goal: with weight and sign.
@@ -199,7 +199,7 @@ class Part:
 
     @property
     def combines(self) -> bool:
-        """Whether the objective of a package combines worlds in a way of its own."""
+        """Whether an objective from another package combines the worlds in its own way."""
         return not self.scored.own.isdisjoint(WAYS)
 
     @cached_property
@@ -208,24 +208,24 @@ class Part:
         return self.scored if self.combines else OBJECTIVES[self.word]()
 
     def about(self, usual: Measure) -> Measure:
-        """The measure that the goal judges by: its own, or the usual one."""
+        """Name of the measure that the goal judges by: its own, or the usual one."""
         return self.measure or usual
 
     def objectives(self, usual: Measure, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """Names and units of what is maximised."""
+        """Names and units of the maximised objectives."""
         measure = self.about(usual)
         if self.combines:
             return tuple(map(self.goal.renamed, self.scored.objectives(measure, worlds)))
         return tuple(map(self.goal.renamed, self.over.named(self.scored.objective(measure), worlds)))
 
     def values(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
-        """Values to be maximised, shape (N, K)."""
+        """Compute the values to maximise, shape (N, K)."""
         if self.combines:
             return self.goal.factor * self.scored.values(outcomes, self.about(usual))
         return self.over.combined(self.scores(outcomes, usual))
 
     def gradients(self, outcomes: Sequence[Outcome], usual: Measure) -> Floats:
-        """Derivatives of what is maximised by the parameters, shape (N, P)."""
+        """Compute derivatives of the maximised value by the parameters, shape (N, P)."""
         measure = self.about(usual)
         if self.combines:
             return self.goal.factor * self.scored.gradients(outcomes, measure)
@@ -262,7 +262,7 @@ class Goals(RobotObjective):
 
     @property
     def about(self) -> tuple[Measure, ...]:
-        """Measures that goals name."""
+        """Names of the measures that the goals judge by."""
         return tuple(part.measure for part in self.parts if part.measure)
 
     @property
@@ -271,7 +271,7 @@ class Goals(RobotObjective):
         return len(self.about) == len(self.parts)
 
     def spoken(self, measure: Measure) -> str:
-        """What is maximised and minimised, for people."""
+        """Description of the maximised and minimised measures, for people."""
         text = ""
         for part in self.parts:
             one = Objective(part.measure.spoken, part.measure.unit) if part.measure else part.scored.objective(measure)
@@ -307,11 +307,11 @@ class Goals(RobotObjective):
         return np.asarray(found - self.lost(outcomes, measure)[:, None] if self.limits else found)
 
     def lost(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
-        """What each objective loses to limits, shape (N,)."""
+        """Loss of each objective to broken limits, shape (N,)."""
         return np.asarray(-np.sum([part.values(outcomes, measure)[:, 0] for part in self.limits], axis=0))
 
     def gradients(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
-        """Derivatives of the sum."""
+        """Derivatives of the sum of the goals by the parameters, shape (N, P)."""
         return np.asarray(np.sum([part.gradients(outcomes, measure) for part in self.terms], axis=0))
 
     def sum_of(self, each: Sequence[Objective]) -> Objective:
@@ -322,12 +322,12 @@ class Goals(RobotObjective):
 
     @property
     def terms(self) -> tuple[Part, ...]:
-        """All that adds up to a sum: the goals, and what limits cost."""
+        """Terms of the sum: the goals, and the loss to limits."""
         return *self.parts, *self.limits
 
     @property
     def bounds(self) -> tuple[Success, ...]:
-        """Bounds of the limits."""
+        """Limits that the designs should keep."""
         return tuple(part.scored.bound for part in self.limits if isinstance(part.scored, Missing))
 
     @property
@@ -337,7 +337,7 @@ class Goals(RobotObjective):
 
 
 def score_in_each(objective: RobotObjective, measure: Measure) -> Score | None:
-    """What an objective judges in each world by itself, with weight and sign.
+    """Scores of an objective in each world by itself, with weight and sign.
 
     Args:
         objective: of a search.

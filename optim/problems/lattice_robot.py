@@ -1,4 +1,4 @@
-"""Designing a lattice robot on one terrain, by its speed: the problem of version 1.0."""
+"""The design problem of version 1.0 for a lattice robot: the fastest robot on one terrain."""
 
 import json
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ OPTIONS = ("precision", "device")
 
 @dataclass(frozen=True, eq=False)
 class LatticeRobotProblem(JudgedRobot):
-    """Objective: the speed along the heading [body lengths per second], see ``robots.lattice_robot``.
+    """Design a lattice robot by its speed along the heading [body lengths per second] on one terrain.
 
     The variables are what is free of the robot; a phase that may be all of a cycle is an angle.
 
@@ -37,16 +37,16 @@ class LatticeRobotProblem(JudgedRobot):
 
     @property
     def offered(self) -> LatticeRobot:
-        """The robot."""
+        """The lattice robot, with its free parameters."""
         return self.robot
 
     @property
     def tried_in(self) -> tuple[World, ...]:
-        """The terrain."""
+        """The terrain on which the robot is simulated, as the only world."""
         return (self.terrain,)
 
     def design(self, point: ArrayLike) -> LatticeRobot:
-        """The robot of a point, shape (D,), without anything free."""
+        """Return the robot of a point, shape (D,), with nothing free."""
         return self.robot.filled(self.space.validate(point))
 
     def describe(self) -> dict[str, Any]:
@@ -60,7 +60,7 @@ class LatticeRobotProblem(JudgedRobot):
 
     @classmethod
     def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of what was described."""
+        """Convert a description from :meth:`describe` to the fields of the problem."""
         check_kind(description, ROBOT)
         settings = {name: value for name, value in description.items() if name != "kind"}
         robot = robot_of_record(parse_json(description["robot"]))

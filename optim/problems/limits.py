@@ -1,4 +1,4 @@
-"""Limits that designs shall keep: bounds on measures, whose breach costs score.
+"""Limits that designs should keep: bounds on measures, which cost score where they are broken.
 
 A limit is written ``NAME >= NUMBER`` or ``NAME <= NUMBER``, or with a weight, ``WEIGHT*NAME >= NUMBER``. Every
 objective loses ``LOSS`` times the weight for all of the bound that is missing, a tenth of it for a tenth, and nothing
@@ -26,11 +26,11 @@ LOST = "lost_to_limits"  # a detail of points: by how much limits lower their sc
 
 @dataclass(frozen=True)
 class Limit:
-    """A bound that a measure shall keep in every world.
+    """A bound on a measure that a design should keep in every world.
 
     Attributes:
         bound: measure, sign and number.
-        weight: of what is missing, above 0.
+        weight: factor of the score lost to a shortfall, above 0.
     """
 
     bound: Success
@@ -38,7 +38,7 @@ class Limit:
 
     @classmethod
     def of(cls, text: str) -> "Limit":
-        """The limit that a text says.
+        """Parse a limit from text.
 
         Raises:
             ValueError: for what is no limit, and a weight that is not allowed.
@@ -57,18 +57,18 @@ class Limit:
 
     @property
     def text(self) -> str:
-        """The text that says it, always the same for the same limit."""
+        """The limit as text, always the same for the same limit."""
         return ("" if self.weight == 1 else f"{shortest(self.weight)}*") + self.bound.text
 
     @property
     def loss(self) -> float:
-        """What a score loses for all of the bound that is missing."""
+        """Score lost when a measure misses the whole bound."""
         return LOSS * self.weight
 
 
 @dataclass(frozen=True)
 class Missing(RobotObjective):
-    """How much of a bound a design is short of, in parts of it: 0 where it is kept.
+    """The shortfall of designs from a bound, as a fraction of the bound: 0 where it is kept.
 
     Attributes:
         bound: whose measure this is about; parts of a bound of 0 are units of the measure.
@@ -77,15 +77,15 @@ class Missing(RobotObjective):
     bound: Success
 
     def objective(self, measure: Measure) -> Objective:
-        """Named after the bound, without a unit."""
+        """Name and unit of the shortfall: the name of the bound, and no unit."""
         return Objective(self.bound.text)
 
     def score(self, outcome: Outcome, measure: Measure) -> Floats:
-        """The parts that are missing, shape (N,)."""
+        """Compute the shortfall of each design as a fraction of the bound, shape (N,)."""
         return np.maximum(self._per_unit * (outcome.measures[measure.name] - self.bound.bound), 0.0)
 
     def slopes(self, outcome: Outcome, measure: Measure) -> Floats:
-        """Derivatives of these parts, shape (N, P): 0 where nothing is missing."""
+        """Compute derivatives of the shortfall, shape (N, P): 0 where the bound is kept."""
         slopes = self._per_unit * super().slopes(outcome, measure)
         return np.where(self.score(outcome, measure)[:, None] > 0, slopes, 0.0)
 
@@ -99,7 +99,7 @@ class Missing(RobotObjective):
 def broken_limits(
     bounds: Sequence[Success], details: Mapping[str, float], worlds: Sequence[World], draws: int
 ) -> list[str]:
-    """What details of a point break of limits, such as ``mass <= 0.1: 0.12``, world by world.
+    """List the limits that a point breaks by its details, such as ``mass <= 0.1: 0.12``, world by world.
 
     Args:
         bounds: that shall be kept.

@@ -1,4 +1,4 @@
-"""What a search of a robot maximises: how trials in several worlds become one objective, or several.
+"""Objectives of searches for robots: how scores in several worlds become one objective, or several.
 
 A package adds an objective by an entry point in the group ``morpholab.objectives``: a subclass of
 :class:`RobotObjective`, which usually defines its name, its unit and :meth:`RobotObjective.score`.
@@ -71,7 +71,7 @@ class RobotObjective:
         return np.array([self._checked("score", self.score(each, measure), each.status.shape) for each in outcomes])
 
     def slopes_in(self, outcomes: Sequence[Outcome], measure: Measure) -> Floats:
-        """The derivatives of the scores in W worlds, shape (W, N, P).
+        """Derivatives of the scores by the parameters in W worlds, shape (W, N, P).
 
         Raises:
             ValueError: if :meth:`slopes` gives none for each parameter.
@@ -79,11 +79,11 @@ class RobotObjective:
         return np.array([self._checked("slopes", self.slopes(each, measure), _shape_of(each)) for each in outcomes])
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
-        """Names and units of the objectives that become of a score in W worlds."""
+        """Names and units of the objectives made from a score in W worlds."""
         return (one,)
 
     def combined(self, scores: Floats) -> Floats:
-        """The objectives, shape (N, K), of the scores in W worlds, shape (W, N)."""
+        """Combine the scores in W worlds, shape (W, N), into objectives, shape (N, K)."""
         return np.asarray(np.mean(scores, axis=0))[:, None]
 
     def combined_slopes(self, scores: Floats, slopes: Floats) -> Floats:
@@ -116,14 +116,14 @@ def _shape_of(outcome: Outcome) -> tuple[int, ...] | None:
 
 
 class EachWorld(RobotObjective):
-    """The score in each world is an objective."""
+    """An objective for each world: the score there."""
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """Names and units of the score in each world."""
         return tuple(Objective(f"{one.name}_{world.name}", one.unit) for world in worlds)
 
     def combined(self, scores: Floats) -> Floats:
-        """The scores in all worlds."""
+        """Return the scores in all worlds as objectives, shape (N, W)."""
         return scores.T
 
     def differentiated(self, measure: Measure) -> tuple[str, ...]:
@@ -132,18 +132,18 @@ class EachWorld(RobotObjective):
 
 
 class WorstWorld(RobotObjective):
-    """The score in the world in which it is lowest."""
+    """One objective: the lowest score of a design in any of the worlds."""
 
     def named(self, one: Objective, worlds: Sequence[World]) -> tuple[Objective, ...]:
         """Name and unit of the one objective, the worst score."""
         return (Objective(f"worst {one.name}", one.unit),)
 
     def combined(self, scores: Floats) -> Floats:
-        """The lowest score."""
+        """Return the lowest score of each point, shape (N, 1)."""
         return np.asarray(np.min(scores, axis=0))[:, None]
 
     def combined_slopes(self, scores: Floats, slopes: Floats) -> Floats:
-        """The derivatives in the world that is worst."""
+        """Derivatives of the score in the world where it is lowest, shape (N, P)."""
         worst = np.nan_to_num(scores, nan=-np.inf).argmin(axis=0)
         return np.asarray(slopes[worst, np.arange(slopes.shape[1])])
 

@@ -1,4 +1,4 @@
-"""Designing a robot of any kind: what is free of it becomes a space, what it does in some worlds its objectives."""
+"""The design problem of any robot: its free parameters become a space, its measures in some worlds objectives."""
 
 import dataclasses
 import json
@@ -39,7 +39,7 @@ OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst":
 
 
 class JudgedRobot(RobotDesigning):
-    """A robot of any kind, judged by an objective. Subclasses say which robot, and how to describe that."""
+    """Base class of problems that design a robot of any kind; subclasses provide the robot, worlds and description."""
 
     objective: Names = "mean"
     measure = ""
@@ -53,23 +53,23 @@ class JudgedRobot(RobotDesigning):
     @property
     @abstractmethod
     def offered(self) -> Robot:
-        """The robot, with what is free of it."""
+        """The robot, with its free parameters."""
 
     @property
     def robot_kind(self) -> str:
-        """Name of its kind."""
+        """Name of the robot's kind."""
         return self.offered.kind
 
     @cached_property
     def space(self) -> Space:
-        """The robot's free parameters."""
+        """Space of the robot's free parameters."""
         if not self.offered.parameters:
             raise ValueError("robot: nothing of it is free to change; make some value Free")
         return Space.of_parameters(self.offered.parameters)
 
     @property
     def judged_by(self) -> Measure:
-        """The measure that the objective is about."""
+        """Name of the measure that the objective judges by."""
         measures = self.offered.measures_in(self.tried_in)
         names = [measure.name for measure in measures]
         if self.measure and self.measure not in names:
@@ -91,19 +91,19 @@ class JudgedRobot(RobotDesigning):
 
     @property
     def objective_units(self) -> tuple[str, ...]:
-        """Their units."""
+        """Units of the objectives."""
         return tuple(objective.unit for objective in self._objectives)
 
     def design(self, point: ArrayLike) -> Any:
-        """The robot of a point, shape (D,), with nothing free."""
+        """Return the robot of a point, shape (D,), with nothing free."""
         return self.robot_of(point)
 
     def robot_of(self, point: ArrayLike) -> Robot:
-        """The robot of a point, shape (D,), with nothing free, as commands and reports see it."""
+        """Return the robot of a point, shape (D,), with nothing free, for commands and reports."""
         return self.offered.design(self.space.validate(point))
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Try all points, shape (N, D), in each world.
+        """Simulate the robots of all points, shape (N, D), in each world.
 
         Details: the other measures by name, each of shape (N,); in several worlds all of them, such as
         ``speed_flat``.
@@ -111,7 +111,7 @@ class JudgedRobot(RobotDesigning):
         return self._scored(self.space.validate(points), Trial(self.tried_in[0], self.compute))
 
     def evaluate_relaxed(self, points: ArrayLike, sharpness: float, gradients: bool) -> Evaluation:
-        """Judge points as :meth:`evaluate` does, with the gradient of the objective if wanted.
+        """Evaluate points as :meth:`evaluate` does, with the gradient of the objective if wanted.
 
         Raises:
             ValueError: if the robot has binary parameters, or no gradients.
@@ -138,7 +138,7 @@ class JudgedRobot(RobotDesigning):
         return self._scored(points, trial)
 
     def check_mixtures(self) -> None:
-        """Refuse a world that what lies between two robots that can be built does not know, before any work.
+        """Refuse worlds, before any work, in which mixtures of designs cannot be simulated.
 
         Raises:
             ValueError: for props.
@@ -157,7 +157,7 @@ class JudgedRobot(RobotDesigning):
             raise ValueError(f"robot: {title} has no gradients; choose a method that needs none")
 
     def check_minibatch(self, size: int) -> None:
-        """Refuse minibatches in which the objective is another one, before any work.
+        """Refuse minibatches, before any work, if the objective over a few worlds or draws means something else.
 
         Raises:
             ValueError: for a single one of several worlds or draws, of which there is no worst.
@@ -169,7 +169,7 @@ class JudgedRobot(RobotDesigning):
             check_part(size, "worlds", len(self.tried_in), word)
 
     def in_minibatch(self, minibatch: Minibatch) -> "JudgedRobot":
-        """The problem in a few of the draws, each in all worlds; or worlds, if nothing is uncertain."""
+        """Return the problem in a few of the draws, each in all worlds; or in a few worlds, if nothing is uncertain."""
         part, count = copy(self), len(self.tried_in)
         if self.uncertain:
             chosen = minibatch.of(self.draws)
@@ -205,7 +205,7 @@ class JudgedRobot(RobotDesigning):
         return TrialWorlds.of(self.offered, self.tried_in, self.uncertain, self.draws)
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
-        """How the best robot does over draws that the search has not seen, where something is uncertain."""
+        """Further files about the best robot: its measures over unseen draws, where something is uncertain."""
 
         def score(best: Robot) -> Score:
             return score_in_each(self._objective, self.judged_by) or Score.first_of(best, stands_in=True)
@@ -232,12 +232,12 @@ class JudgedRobot(RobotDesigning):
 
     @property
     def subject(self) -> str:
-        """The robot and its worlds, in words."""
+        """Description of the robot and its worlds, in a few words."""
         return subject_of(self.offered.name, self.tried_in)
 
     @property
     def curves(self) -> Mapping[str, str]:
-        """The measure in each of several worlds, or those of several goals, and what else the robot names."""
+        """Details to plot over a search: the measure in each world, or of each goal, and what the robot adds."""
         several = self.tried_in if len(self.tried_in) > 1 else ()
         about = (self._objective.about if isinstance(self._objective, Goals) else ()) or (self.judged_by,)
         if len(about) == 1:
@@ -269,7 +269,7 @@ class JudgedRobot(RobotDesigning):
         return {name: each for name, each in ends.items() if (name,) != self.objective_names}
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
-        """What the robot tells of several points."""
+        """Columns of a table of several points, shape (C, D), from the robot: values by name."""
         return self.offered.columns(points)
 
     def command_options(self, folder: Path) -> dict[str, Any]:
@@ -300,7 +300,7 @@ class JudgedRobot(RobotDesigning):
 
 
 def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, Any]:
-    """The description of a search's problem with another seed than ``before``, which some robots have, too."""
+    """Replace the seed ``before`` in the description of a search's problem, also in robots that have a seed."""
     options = {option.name for option in KINDS.find(description["kind"]).options} if "robot" in description else set()
     robot = parse_json(description["robot"]) if "seed" in options else {}
     if robot.get("seed") != before:
@@ -310,21 +310,21 @@ def seeded(description: Mapping[str, Any], before: int, seed: int) -> dict[str, 
 
 @dataclass(frozen=True, eq=False)
 class RobotProblem(JudgedRobot):
-    """Designing a robot of any kind by its own measures.
+    """Design a robot of any kind: search its free parameters for the best of its own measures in some worlds.
 
     Attributes:
-        robot: with what is free of it.
-        worlds: where it is tried; its own by default.
+        robot: the robot, with its free parameters.
+        worlds: worlds in which it is simulated; by default its own.
         objective: name in ``OBJECTIVES``: ``"mean"`` over the worlds, ``"each"`` world, ``"worst"`` world; or several
             texts, such as ``("worst", "speed", "minimise:0.1*energy")``, see ``optim.problems.goals``.
-        measure: of the robot, that an objective that names none is about; the first by default.
+        measure: measure of the robot for an objective that names none; the first one by default.
         relaxed_precision: of mixtures of designs, where the robot has any, as they only lead to results; None is that
             of true designs.
         summed: whether goals add up to one objective, for methods that take one; else each is one.
         uncertain: what is not known exactly, such as ``"friction=20%,slope=1"``, see ``robots.uncertainty``: every
             design is judged over the same draws. Empty is none.
-        risk: how the score over these draws becomes one: ``"mean"``, ``"cvar:SHARE"`` or ``"worst"``.
-        draws: how many.
+        risk: how the scores over these draws become one: ``"mean"``, ``"cvar:SHARE"`` or ``"worst"``.
+        draws: number of draws.
         gradient_horizon: time [s] over which gradients see what a change of shape or speed does; None is all the time,
             as long as a trial. What robots that feel do becomes chaotic: shorter gradients lead them farther.
     """
@@ -358,12 +358,12 @@ class RobotProblem(JudgedRobot):
 
     @property
     def offered(self) -> Robot:
-        """The robot."""
+        """The robot, whose free parameters are searched."""
         return self.robot
 
     @property
     def tried_in(self) -> tuple[World, ...]:
-        """The worlds."""
+        """The worlds in which the robot is simulated."""
         return self.worlds
 
     def describe(self) -> dict[str, Any]:
@@ -385,7 +385,7 @@ class RobotProblem(JudgedRobot):
 
     @classmethod
     def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of what was described."""
+        """Convert a description from :meth:`describe` to the fields of the problem."""
         settings = {name: value for name, value in description.items() if name != "kind"}
         kind = KINDS.find(description["kind"])
         worlds = tuple(kind.world_of(record) for record in description["worlds"])

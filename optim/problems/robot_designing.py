@@ -1,4 +1,4 @@
-"""What commands and reports ask of a problem whose points are robots, beside its judgement."""
+"""The interface of problems whose points are robots, beyond evaluation: for commands and reports."""
 
 import dataclasses
 from abc import abstractmethod
@@ -19,7 +19,7 @@ from taichi_sim.base.compute import Compute
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class RobotDesigning(Problem):
-    """A problem whose points are robots: what commands and reports ask of it, beside its judgement.
+    """A problem whose points are robots, with what commands and reports need beyond evaluation.
 
     Attributes:
         precision: ``"f32"`` or ``"f64"``.
@@ -37,7 +37,7 @@ class RobotDesigning(Problem):
 
     @property
     def offered(self) -> Robot | None:
-        """The robot with what is free of it, if one robot offers all that is designed."""
+        """The robot with its free parameters; None if the designed numbers are not all parameters of one robot."""
         return None
 
     @property
@@ -60,11 +60,11 @@ class RobotDesigning(Problem):
         return ground_files(self.tried_in)
 
     def keep_ground_files(self, folder: Path) -> None:
-        """Copy those files to a folder, for :meth:`kept_in`."""
+        """Copy the :attr:`ground_files` to a folder, for :meth:`kept_in`."""
         keep_ground_files(self.tried_in, folder)
 
     def kept_in(self, folder: Path) -> Self:
-        """The problem, with files of its ground read from a folder that keeps copies of them."""
+        """Return the problem with its ground files read from a folder that keeps copies of them."""
         changed: dict[str, Any] = {}
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
@@ -76,17 +76,17 @@ class RobotDesigning(Problem):
 
     @abstractmethod
     def robot_of(self, point: ArrayLike) -> Robot:
-        """The robot of a point, shape (D,), with nothing free."""
+        """Return the robot of a point, shape (D,), with nothing free."""
 
     @property
     def compute(self) -> Compute:
-        """Where and how trials are computed."""
+        """Device, precision and threads of the simulations."""
         return Compute(self.device, self.precision, self.threads)
 
     @property
     @abstractmethod
     def subject(self) -> str:
-        """What is designed and where, in a few words."""
+        """Description of the robot and its worlds, in a few words."""
 
     @abstractmethod
     def facts(self) -> Facts:
@@ -95,7 +95,7 @@ class RobotDesigning(Problem):
     @classmethod
     @abstractmethod
     def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
-        """Fields of the problem that :meth:`describe` described.
+        """Convert a description from :meth:`describe` to the fields of the problem.
 
         Raises:
             KeyError, TypeError: if something is missing or of another type.
@@ -104,7 +104,7 @@ class RobotDesigning(Problem):
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Self:
-        """The problem that :meth:`describe` described. No code of it is run.
+        """Build the problem from a description that :meth:`describe` gave, without running any code in it.
 
         Raises:
             ValueError: that names what is missing, unknown or not allowed.
@@ -118,21 +118,21 @@ class RobotDesigning(Problem):
             raise ValueError(f"problem: its description is damaged ({error})") from None
 
     def columns_of(self, points: Floats) -> Mapping[str, Sequence[str]]:
-        """What a table of several points, shape (C, D), tells of each beside its objectives: values by name."""
+        """Columns of a table of several points, shape (C, D), beside the objectives: values by name."""
         return {name: [f"{value:.4g}" for value in points[:, n]] for n, name in enumerate(self.space.names)}
 
     @property
     def curves(self) -> Mapping[str, str]:
-        """Details whose course in a search is worth a curve, and what they are called."""
+        """Details of evaluations to plot over a search, with a label for each."""
         return {}
 
     @property
     def descriptors(self) -> Mapping[str, tuple[float, float]]:
-        """Details that tell kinds of designs apart, with their lowest and highest values: axes of a map of elites."""
+        """Details that tell designs apart, with their lowest and highest values, as axes of a map of elites."""
         return {}
 
     def logged(self, point: ArrayLike, best: float | None, details: Mapping[str, Any]) -> list[dict[str, float]]:
-        """What the log says of the best point in each world: measures by name.
+        """Measures of the best point in each world, by name, for the log.
 
         Args:
             point: shape (D,).
@@ -156,7 +156,7 @@ class RobotDesigning(Problem):
         return {}
 
     def products(self, point: ArrayLike) -> Mapping[str, Callable[[Path], None]]:
-        """What writes further files about the best point, shape (D,), of a run, by their names."""
+        """Functions that write further files about a run's best point, shape (D,), by the names of the files."""
         return {}
 
     def prepare(self, folder: Path) -> None:
@@ -164,6 +164,6 @@ class RobotDesigning(Problem):
 
 
 def subject_of(name: str, worlds: Sequence[World]) -> str:
-    """A robot and where it is, in a few words."""
+    """Describe a robot and its worlds in a few words."""
     places = " and ".join(world.spoken for world in worlds if world.spoken)
     return f"{name}, {places}" if places else name

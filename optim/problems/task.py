@@ -1,4 +1,4 @@
-"""Tasks as problems, for searches in Python."""
+"""Convert tasks to problems, for searches in Python."""
 
 from pathlib import Path
 from typing import Any, Unpack
@@ -22,7 +22,7 @@ HOW = (
 
 
 def problem_of_task(task: Task, **compute: Unpack[ComputeOptions]) -> RobotDesigning:
-    """The problem that ``codesign --task`` searches with a method for one objective: several goals add up.
+    """Make the problem of a task, as ``codesign --task`` searches it by a method for one objective: goals add up.
 
     Args:
         task: see ``robots.tasks.find_task``.
@@ -41,7 +41,7 @@ def problem_of_task(task: Task, **compute: Unpack[ComputeOptions]) -> RobotDesig
 
 
 def check_task(task: Task, problem: Problem) -> None:
-    """Refuse a task whose success is told by what the robot, which may be another than the task's, is not judged by.
+    """Refuse a task whose success depends on a measure that the robot, which may not be the task's, lacks.
 
     Raises:
         ValueError: that names the measures there are.

@@ -1,4 +1,4 @@
-"""Designing robots of which something is uncertain: settings, scores over common draws, and held-out draws."""
+"""Design problems with uncertain quantities: their settings, scores over common draws, and held-out draws."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -34,7 +34,7 @@ def uncertain_settings(given: Mapping[str, Any], known: object = None) -> dict[s
 
 
 def checked_uncertain(uncertain: str, risk: str, draws: int) -> str:
-    """What is uncertain, as it is always written; empty if nothing is.
+    """Normalise the text of the uncertain quantities; empty if nothing is uncertain.
 
     Raises:
         ValueError: for what is not allowed, a risk of nothing, and a single draw.
@@ -49,7 +49,7 @@ def checked_uncertain(uncertain: str, risk: str, draws: int) -> str:
 
 
 def check_drawn(robot: Robot, worlds: Sequence[World], uncertain: str, draws: int) -> None:
-    """Refuse to draw what a robot or its worlds do not have.
+    """Refuse uncertain quantities that a robot or its worlds do not have.
 
     Raises:
         ValueError: that names it; and for draws of nothing.
@@ -81,7 +81,7 @@ def check_part(size: int, what: str, count: int, over: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class TrialWorlds:
-    """Where a robot is tried: in its worlds; as they are in each of K draws, if something is uncertain.
+    """Worlds in which a robot is simulated, each as it is in K draws if something is uncertain.
 
     Attributes:
         worlds: W of them for each draw, draw by draw.
@@ -110,7 +110,7 @@ class TrialWorlds:
         return type(self)([self.worlds[row] for row in rows], variants, count)
 
     def outcomes(self, robot: Robot, points: Floats, trial: Trial) -> list[list[Outcome]]:
-        """What a robot does at points, shape (N, P), in each world, draw by draw."""
+        """Simulate a robot at points, shape (N, P), in each world, draw by draw."""
         found = robot.run_in(robot.points(points), self.worlds, trial, self.variants)
         return [found[first : first + self.count] for first in range(0, len(found), self.count)]
 

@@ -1,4 +1,4 @@
-"""A problem of the user's own, defined in a Python file that is given to the command."""
+"""Problems that users define in a Python file, which they give to the command."""
 
 import runpy
 import sys
@@ -21,7 +21,7 @@ GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function 
 
 
 class FileProblem(PlainProblem):
-    """The problem that a file's source defines; the file is run to build it, here and in every worker.
+    """A problem defined in a Python file, which is run to build it, here and in every worker process.
 
     Attributes:
         file: name of the file, without its folder.
@@ -57,7 +57,7 @@ class FileProblem(PlainProblem):
         return FileProblem, (self.file, self.source, self._folder)
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
-        """Judge points, shape (N, D)."""
+        """Evaluate points, shape (N, D)."""
         with blamed(self.file, self._run_as):
             return self._problem.evaluate(points)
 
@@ -91,7 +91,7 @@ class FileProblem(PlainProblem):
 
 
 class RecordedProblem(PlainProblem):
-    """What a run folder knows of a problem from a file: enough to read the run, not to evaluate."""
+    """A problem from a file as its run folder records it: enough to read the run, but not to evaluate points."""
 
     def __init__(self, description: Mapping[str, Any]) -> None:
         """Read what :meth:`FileProblem.describe` described.
@@ -110,7 +110,7 @@ class RecordedProblem(PlainProblem):
 
     @property
     def subject(self) -> str:
-        """Which file."""
+        """Name of the file that defines the problem."""
         return f"problem of {self.file}"
 
     def facts(self) -> list[tuple[str, str]]:
@@ -132,7 +132,7 @@ class RecordedProblem(PlainProblem):
 
 
 def load_problem(path: Path) -> FileProblem:
-    """Run the file of a problem.
+    """Load a problem by running its Python file.
 
     Raises:
         ValueError: if it cannot be read, fails, or defines no problem.

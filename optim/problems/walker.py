@@ -1,4 +1,4 @@
-"""Designing the body of a soft voxel walker for one terrain, by its speed: the problem of version 1.0."""
+"""The design problem of version 1.0 for a soft voxel walker: the fastest body on one terrain."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ OPTIONS = ("encoding", "precision", "device")
 
 @dataclass(frozen=True, eq=False)
 class WalkerProblem(JudgedRobot):
-    """Objective: the speed along +x [lengths of the lattice per second], see ``robots.lattice_robot.walker``.
+    """Design the body of a soft voxel walker by its speed along +x [lengths of the lattice per second].
 
     The variables are the genes of the body, see ``robots.lattice_robot.walker_encoding``; the actuation is fixed.
 
@@ -43,16 +43,16 @@ class WalkerProblem(JudgedRobot):
 
     @cached_property
     def offered(self) -> WalkerRobot:
-        """The lattice, as any kind of robot is seen."""
+        """The walker as a robot of its kind, with its free parameters."""
         return WalkerRobot(self.shape, self.encoding, self.actuation)
 
     @property
     def tried_in(self) -> tuple[World, ...]:
-        """The terrain."""
+        """The terrain on which the walker is simulated, as the only world."""
         return (self.terrain,)
 
     def design(self, point: ArrayLike) -> WalkerDesign:
-        """The design of a point, shape (D,)."""
+        """Return the design of a point, shape (D,)."""
         return self.offered.bodies(self.space.validate(point))[0]
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
@@ -66,7 +66,7 @@ class WalkerProblem(JudgedRobot):
 
     @property
     def detail_names(self) -> set[str]:
-        """Names of the details that every evaluation tells."""
+        """Names of the details that every evaluation contains."""
         return super().detail_names | {"voxels"}
 
     def describe(self) -> dict[str, Any]:
@@ -81,7 +81,7 @@ class WalkerProblem(JudgedRobot):
 
     @classmethod
     def settings_of(cls, description: Mapping[str, Any]) -> dict[str, Any]:
-        """The fields of what was described."""
+        """Convert a description from :meth:`describe` to the fields of the problem."""
         check_kind(description, WALKER)
         return {
             **{name: value for name, value in description.items() if name != "kind"},

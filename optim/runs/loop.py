@@ -104,7 +104,7 @@ def run_search(
     progress: Callable[[Generation], None] | None = None,
     evaluate: Evaluate | None = None,
 ) -> Generation:
-    """Run a search in a folder up to and including a generation, from where the folder ended.
+    """Run a search to a generation, that one included, or continue it from where its run folder ended.
 
     Args:
         problem: what to evaluate; the mean of its objectives is the score.

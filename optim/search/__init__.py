@@ -1,4 +1,4 @@
-"""Search methods, one a file, all with ask and tell over arrays. They know neither robots nor physics.
+"""Search methods, which propose points (``ask``) and learn from their objectives (``tell``), for any problem.
 
 Importing this package imports no method: each is imported when it is first used.
 """
@@ -61,7 +61,7 @@ __getattr__, __dir__ = exported(__name__, _CLASSES)  # the classes of the built-
 
 
 def build_method(name: MethodName, space: Space, settings: Mapping[str, Any]) -> Method:
-    """Build a search method, with settings by name such as ``climbers`` and ``seed``.
+    """Build a search method for a space, from its name or class, with settings such as ``climbers`` and ``seed``.
 
     Raises:
         ValueError: if the name is unknown, a class is no method, or the method does not take or allow a setting.
@@ -73,10 +73,10 @@ def build_method(name: MethodName, space: Space, settings: Mapping[str, Any]) ->
 
 
 def check_settings(name: MethodName, settings: Mapping[str, Any]) -> None:
-    """Check names of settings without building the method.
+    """Check that a method takes the given settings, without building it; values are checked when it is built.
 
     Raises:
-        ValueError: if the method is unknown or does not take a setting.
+        ValueError: if the method is unknown or does not take a setting, a value is None, or ``start`` is no table.
     """
     allowed = list(_parameters(name))[1:]
     for setting, value in settings.items():
@@ -90,7 +90,7 @@ def check_settings(name: MethodName, settings: Mapping[str, Any]) -> None:
 
 
 def default_settings(name: MethodName) -> dict[str, Any]:
-    """Default settings of a method, by name; without those that have none."""
+    """Return a method's default settings by name, without those whose default is None or missing."""
     parameters = _parameters(name).values()
     return {p.name: p.default for p in parameters if p.default is not p.empty and p.default is not None}
 
@@ -104,7 +104,7 @@ def check_objectives(name: MethodName, objectives: Sequence[str]) -> None:
 
 
 def takes_several(name: MethodName) -> bool:
-    """Whether a method searches for a front of several objectives; others take a single one."""
+    """Whether a method takes several objectives and searches for their front; other methods take a single one."""
     return bool(getattr(_class_of(name), "several_objectives", False))
 
 

@@ -1,4 +1,4 @@
-"""What all search methods share: settings that are fields, and state that is arrays and numbers."""
+"""The base class of search methods: settings are dataclass fields, and state is arrays and numbers."""
 
 import contextlib
 from collections.abc import Callable, Mapping
@@ -15,27 +15,27 @@ from taichi_sim.base.arrays import Arrays
 
 
 def whole(default: int | None, low: int | str, high: int | str = 2**31 - 1) -> Any:
-    """A setting that is a whole number from ``low`` to ``high``; a bound may be the name of another setting."""
+    """Declare a setting that is a whole number from ``low`` to ``high``; a bound may be the name of another setting."""
     return _checked(default, checks.integer, low, high)
 
 
 def number(default: float | None, low: float | str, high: float | str) -> Any:
-    """A setting that is a number from ``low`` to ``high``; a bound may be the name of another setting."""
+    """Declare a setting that is a number from ``low`` to ``high``; a bound may be the name of another setting."""
     return _checked(default, checks.number, low, high)
 
 
 def positive(default: float, high: float) -> Any:
-    """A setting that is a number above 0, up to ``high``."""
+    """Declare a setting that is a number above 0, up to ``high``."""
     return _checked(default, checks.positive, high)
 
 
 def table() -> Any:
-    """A setting that is a table of values by name, None by default."""
+    """Declare a setting that is a table of values by name, None by default."""
     return _checked(None, checks.table)
 
 
 def hidden(default: object) -> Any:
-    """A setting of the class above that this method does not take."""
+    """Hide a setting of the base class that this method does not take."""
     return field(default=default, init=False)
 
 
@@ -45,7 +45,7 @@ def _checked(default: object, check: Callable[..., object], *bounds: float | str
 
 @dataclass(eq=False, kw_only=True)
 class Search(Method):
-    """A search method whose settings are fields and whose state is arrays and numbers.
+    """Base class of search methods, with settings as dataclass fields and state as arrays and numbers.
 
     A method is a dataclass (``eq=False, kw_only=True``). Its settings are fields, which are checked when it is built:
     by ``whole``, ``number`` and so on, or by their types, if these are ``bool`` or ``Literal``. A setting may be None
@@ -53,6 +53,9 @@ class Search(Method):
 
     Attributes:
         space: the variables that may change.
+
+    Raises:
+        ValueError: for a setting that is not allowed.
     """
 
     several_objectives: ClassVar[bool] = False
@@ -75,14 +78,18 @@ class Search(Method):
         self.generation = 0
 
     def state(self) -> Arrays:
-        """Everything that changes, as arrays by name."""
+        """Return everything that changes during the search, as arrays by name."""
         changing = {name: getattr(self, name, None) for name in self._changing()}
         for part, arrays in self._groups().items():
             changing |= {f"{part}/{name}": values for name, values in arrays.items()}
         return {name: _as_array(name, value) for name, value in changing.items()}
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
+        """Continue the search from what :meth:`state` returned.
+
+        Raises:
+            ValueError: if arrays are missing, unknown, or of another type or shape.
+        """
         self._check(state)
         for name in self._changing():
             setattr(self, name, state[name].copy() if state[name].ndim else state[name].item())

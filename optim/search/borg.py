@@ -1,4 +1,4 @@
-"""The Borg MOEA: a front of several objectives by operators that prove themselves, with restarts.
+"""The Borg MOEA, a search for a front of several objectives with adaptive operators and restarts.
 
 Source: Hadka & Reed, Borg: an auto-adaptive many-objective evolutionary computing framework, Evolutionary Computation
 21(2), 2013.
@@ -28,7 +28,7 @@ NOBODY = -1  # label of what no operator made
 
 @dataclass(eq=False, kw_only=True)
 class Borg(PopulationSearch):
-    """A population of varying size, and an archive of boxes of objectives.
+    """Search by the Borg MOEA for a front of several objectives, with a population and an epsilon-box archive.
 
     A child has one parent from the archive; the others win tournaments of the population (by dominance). Operators
     are drawn in proportion to how many members of the archive they made, plus one. A child replaces a member of the
@@ -42,12 +42,12 @@ class Borg(PopulationSearch):
     short of members, every success joins it; the population never becomes smaller than N.
 
     Attributes:
-        population: N, the first size of the population and its smallest.
-        epsilons: sides of the boxes, one for all objectives or one for each, in their units: differences smaller
-            than that do not matter.
+        population: number N of points at first, and the smallest size of the population.
+        epsilons: sides of the archive's boxes, one for all objectives or one for each, in their units; smaller
+            differences of objectives do not matter.
         window: evaluations after which the search restarts if no new box was reached.
         children: points asked for at a time after the starts; N if None. The paper breeds one at a time.
-        operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published.
+        operators: parameters of the operators by name, see ``OperatorParameters``, that replace the published ones.
     """
 
     several_objectives: ClassVar[bool] = True
@@ -87,12 +87,12 @@ class Borg(PopulationSearch):
 
     @property
     def archive(self) -> EpsilonArchive:
-        """The archive, whose arrays are part of the state."""
+        """Archive of the points on the front, at most one per box of objectives."""
         epsilons = np.broadcast_to(self.sides, self.archive_objectives.shape[1]).copy()
         return EpsilonArchive(epsilons, self.archive_points, self.archive_objectives, self.archive_labels)
 
     def ask(self) -> Floats:
-        """The starts, shape (N, D); then mutants of a restart, if any are missing, and children."""
+        """Return the starting points, shape (N, D); later mutants of a restart, if any are missing, and children."""
         if self.generation == 0:
             return self._starts()
         if not len(self.archive_points):

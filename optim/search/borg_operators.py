@@ -52,7 +52,7 @@ class OperatorParameters:
             checks.number(field.name, getattr(self, field.name), 0, 1 if field.name == "de_rate" else 1000)
 
     def count(self, operator: str) -> int:
-        """How many parents a child of an operator has."""
+        """Return the number of parents that a child of an operator has."""
         return {"sbx": 2, "de": 4, "um": 1}.get(operator, self.parents)
 
 

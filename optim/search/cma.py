@@ -30,7 +30,7 @@ MARGIN = ("_A", "m_z_lim_low", "m_z_lim_up")
 
 @dataclass(eq=False, kw_only=True)
 class CMAESWithMargin(PopulationSearch):
-    """N points a generation from a normal distribution whose mean, step size and covariance follow the best half.
+    """Search by CMA-ES with margin: N points per generation from a normal distribution that adapts to the best half.
 
     A margin keeps the probability of every neighbouring whole number from vanishing, as implemented by the library
     ``cmaes``. Coordinates are ranges of the variables. Continuous ones are free to leave their bounds, and evaluated
@@ -75,7 +75,7 @@ class CMAESWithMargin(PopulationSearch):
         self.record, self.stalled, self.restarts = np.nan, 0, 0
 
     def ask(self) -> Floats:
-        """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D)."""
+        """Return N points drawn from the distribution, at first also a start that sets all variables, shape (M, D)."""
         _, places, _ = self._draw()
         return np.concatenate([self._to_points(places), self._complete_start()])
 
@@ -160,15 +160,15 @@ class _Diagonal:
 def build_strategy(
     mean: Floats, sigma: float, bounds: Floats, steps: Floats, population: int, diagonal: bool = False
 ) -> "CMAwM":
-    """Make a strategy of the library, which has not been told anything.
+    """Make a new strategy of the library ``cmaes``.
 
     Args:
-        mean: shape (D,).
-        sigma: step size.
+        mean: first mean, shape (D,).
+        sigma: first step size.
         bounds: low and high of each variable, shape (D, 2).
-        steps: between the values of a discrete variable, 0 of a continuous one, shape (D,).
-        population: points a generation.
-        diagonal: whether its covariance is.
+        steps: distance between the values of each variable, 0 for a continuous one, shape (D,).
+        population: points per generation.
+        diagonal: whether the covariance is diagonal.
     """
     from cmaes import CMAwM, SepCMA  # it costs time, and not every search needs it
 
@@ -187,13 +187,13 @@ def _inner(strategy: "CMAwM") -> Any:
 
 
 def to_arrays(strategy: "CMAwM") -> Arrays:
-    """The changing state of a strategy, by name; to be taken after it was told, before it is asked again."""
+    """Copy the changing state of a strategy, by name; call it after ``tell`` and before the next ``ask``."""
     inner = {name.strip("_"): np.array(getattr(_inner(strategy), name)) for name in INNER}
     return inner | {name.strip("_"): np.array(getattr(strategy, name)) for name in MARGIN if hasattr(strategy, name)}
 
 
 def set_arrays(strategy: "CMAwM", arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Put into a strategy of the same shape what :func:`to_arrays` returned."""
+    """Restore in a strategy of the same shape the state that :func:`to_arrays` returned."""
     for owner, names in ((_inner(strategy), INNER), (strategy, MARGIN)):
         for name in names:
             if (values := arrays.get(name.strip("_"))) is not None:

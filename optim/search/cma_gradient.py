@@ -18,7 +18,7 @@ UNIT = 40.0  # standard deviations in a unit of the quasi-Newton rule, which goe
 
 @dataclass(eq=False, kw_only=True)
 class CMAGradient(CMAESWithMargin):
-    """CMA-ES with margin, in turns with gradients at the mean.
+    """Search by CMA-ES with margin, whose mean also follows gradients every few generations.
 
     After every ``every`` generations of points comes one of gradients, at the mean of the distribution with its
     binary variables relaxed, or around it. They give a quasi-Newton step of the mean: L-BFGS over the slopes at the
@@ -66,11 +66,11 @@ class CMAGradient(CMAESWithMargin):
 
     @property
     def wants(self) -> Wants:
-        """Points, and after ``every`` generations gradients once."""
+        """Points; after ``every`` generations of these, gradients once."""
         return "gradients" if self.generation % (self.every + 1) == self.every else "points"
 
     def ask(self) -> Floats:
-        """N points, or the mean or points around it, shape (1, D) or (2 samples, D), of the relaxed space."""
+        """Return N points, shape (N, D); or relaxed ones: the mean, (1, D), or samples around it, (2 * samples, D)."""
         if self.wants == "points":
             return super().ask()
         return self.relaxed.round(self.relaxed.reflect(self.space.low + self._around() * self.space.span))

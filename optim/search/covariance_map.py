@@ -23,17 +23,17 @@ from taichi_sim.base.foreign import needing
 
 @dataclass(eq=False, kw_only=True)
 class CovarianceMapElites(MapElites):
-    """MAP-Elites whose children come from normal distributions that follow what improves the map (CMA-ME).
+    """Search by CMA-ME: MAP-Elites whose children come from normal distributions that adapt to what improves the map.
 
     Generation 0 is that of MAP-Elites. As soon as something has succeeded, emitters begin at the best elites; each
     adapts its distribution to those of its points that entered the map or improved a cell, and begins anew at a random
     elite when none does. Distributions are in the unit cube; what they put outside is set to the bounds, and whole
     numbers are rounded. A failure ranks below every point that failed to enter the map.
-    State is the story that emitters were told: restoring tells it again, which is exact.
+    The state is all that emitters were told: restoring tells them again, which is exact.
 
     Attributes:
-        emitters: distributions that share the population as evenly as it goes, two points each or more.
-        step: their first standard deviation, in ranges.
+        emitters: number of distributions, which share the population as evenly as possible, at least two points each.
+        step: first standard deviation of each distribution [ranges].
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("first_elites", "first_scores", "first_places", "told_scores", "told_places")
@@ -53,7 +53,7 @@ class CovarianceMapElites(MapElites):
         self._guides: _Guides | None = None
 
     def ask(self) -> Floats:
-        """The starts, random points until one has succeeded, then what emitters draw, shape (N, D)."""
+        """Return random points until one has succeeded, and then points that the emitters draw, shape (N, D)."""
         if self._guides is None:
             return super().ask()
         return out_of_cube(self.space, self._guides.drawn, self._middle)
@@ -101,7 +101,7 @@ class CovarianceMapElites(MapElites):
         return "2imp"
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`: emitters are told their story again."""
+        """Continue from :meth:`state`, by telling the emitters again all that they were told."""
         super().restore(state)
         self._guides = None
         if len(self.first_elites):
@@ -112,14 +112,15 @@ class CovarianceMapElites(MapElites):
 
 @dataclass(eq=False, kw_only=True)
 class AnnealedMapElites(CovarianceMapElites):
-    """CMA-ME whose cells ask ever more of what enters them (CMA-MAE).
+    """Search by CMA-MAE: CMA-ME whose cells demand higher and higher scores of new points.
 
     A cell's threshold rises by a share of what a point exceeds it, so emitters stay where points are good before they
     move on to new cells; the map that is kept has the best of each cell all the same.
 
     Attributes:
-        learning_rate: that share; at 1 emitters do as in CMA-ME, at 0 they seek the best point alone.
-        lowest: threshold of every cell at first: what scores less leads nowhere.
+        learning_rate: share by which thresholds rise, 0 to 1; at 1 emitters act as in CMA-ME, at 0 they only seek the
+            best point.
+        lowest: first threshold of every cell; points with a lower score do not guide emitters.
     """
 
     learning_rate: float = number(0.01, 0, 1)

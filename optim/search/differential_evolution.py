@@ -28,7 +28,7 @@ USUAL_DITHER = 0.3  # how far weights of trials are drawn from the weight
 
 @dataclass(eq=False, kw_only=True)
 class DifferentialEvolution(PopulationSearch):
-    """N members, and for each of them one trial a generation, which replaces it if it is at least as good.
+    """Search by differential evolution: each of N members is replaced by a trial point that is at least as good.
 
     Generation 0 evaluates random starts. Equals replace so that the population moves on plateaus; a trial that
     failed replaces none but a member that failed too. Members keep real values of their whole numbers, from half
@@ -42,7 +42,7 @@ class DifferentialEvolution(PopulationSearch):
     Then no generation judges all starts; a start is judged beside every trial of it, until one replaces it.
 
     Attributes:
-        population: N, at least 4, and 6 for ``"rand/2/bin"``.
+        population: number N of members, at least 4, and 6 for ``"rand/2/bin"``.
         start: values by name of the first member; the others start with these mutated by a step of the
             variable, and with random values of the other variables.
         strategy: where a mutant comes from, see :meth:`_mutants`.
@@ -77,7 +77,7 @@ class DifferentialEvolution(PopulationSearch):
             self.values, self.points = self._first_values(), self._starts()
 
     def ask(self) -> Floats:
-        """The starts, then a trial for each member, shape (N, D); or T trials, and members not yet judged."""
+        """Return the starts, then a trial for each member, shape (N, D); or T trials, and members not yet evaluated."""
         targets = self._targets()
         return np.concatenate([self._rounded(self._trials(targets)), self.points[targets[self._unjudged(targets)]]])
 
@@ -152,7 +152,7 @@ class DifferentialEvolution(PopulationSearch):
 
 
 def distinct_others(rng: np.random.Generator, members: Indices, population: int, count: int) -> Indices:
-    """For each of T members others than itself that differ from each other, shape (count, T), drawn evenly."""
+    """Draw for each of T members ``count`` other members, which differ from each other, shape (count, T)."""
     taken = members[None]
     for _ in range(count):
         drawn = rng.integers(0, population - len(taken), len(members))  # among those that are not taken

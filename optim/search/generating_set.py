@@ -23,7 +23,7 @@ LONGEST = 1e300  # step [ranges] that is as good as none at all, and still a num
 
 @dataclass(eq=False, kw_only=True)
 class GeneratingSetSearch(IndependentSearches):
-    """C searches, each of which polls around its centre.
+    """Search by C independent generating set searches, which step along directions from their best point so far.
 
     The first centre is a random start. A poll judges the points one step away from the centre, up and down every
     direction, in random order. It ends with the first that is better: this becomes the centre, and the step expands.
@@ -47,7 +47,7 @@ class GeneratingSetSearch(IndependentSearches):
         tolerance: step [ranges] below which a search begins anew.
         max_step: length of the longest step [ranges]. What is longer than 1 leads beyond a bound, so that a poll
             draws points on lines through the centre; a search may then take long to contract.
-        polled: points of a poll that are judged at once; 2 D is all of them.
+        polled: number of points of a poll that are evaluated at once; 2 D is all of them.
     """
 
     arrays: ClassVar[tuple[str, ...]] = ("centres", "centre_scores", "steps", "barren", "begun", "judged", "waiting")
@@ -73,11 +73,11 @@ class GeneratingSetSearch(IndependentSearches):
         self._starts()
 
     def ask(self) -> Floats:
-        """The next points of every search: a start, or ``polled`` of its poll (fewer at its end), shape (N, D)."""
+        """Return the next points of each search: a start, or up to ``polled`` points of its poll, shape (N, D)."""
         return np.concatenate(self._asked())
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Keep what is better; go on with the polls, or to the next."""
+        """Keep points that are better, and continue each search's poll or begin the next one."""
         counts = [len(asked) for asked in self._asked()]
         scores = single_objective(evaluation, sum(counts))
         ends = np.cumsum(counts)
@@ -153,6 +153,6 @@ class GeneratingSetSearch(IndependentSearches):
         return np.where(self.integer, np.maximum(1.0, np.rint(lengths)), lengths)
 
     def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from :meth:`state`."""
+        """Continue the search from what :meth:`state` returned."""
         super().restore(state)
         self.polls = [self.points[:0] if self.waiting[n] else self._poll(n) for n in range(self.climbers)]

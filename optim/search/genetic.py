@@ -22,7 +22,7 @@ ALPHA = 0.5  # of BLX: how far beyond its parents a child may lie, of their dist
 
 @dataclass(eq=False, kw_only=True)
 class GeneticSearch(PopulationSearch):
-    """N members and N children a generation, of parents that won a tournament.
+    """Search by a genetic algorithm: N members have N children per generation, of parents that win tournaments.
 
     Generation 0 evaluates random starts, of which the best N are the population. The next population is the best N of
     all children and of the ``elites`` best members; of equals a child goes first, so that the population moves on
@@ -66,7 +66,7 @@ class GeneticSearch(PopulationSearch):
         self.neighbourhood = Neighbourhood(self.space) if self.patches else None
 
     def ask(self) -> Floats:
-        """The starts, then the children, shape (N, D)."""
+        """Return the starting points, and later N children, shape (N, D)."""
         return self._starts() if self.generation == 0 else self._children(self._generator())
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:

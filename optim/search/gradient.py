@@ -1,4 +1,4 @@
-"""Gradient ascent from many starts, through a relaxation of what is binary."""
+"""Gradient ascent from many starts, with binary variables relaxed to numbers from 0 to 1."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ ENOUGH = 1e-4  # of the gain that the gradient promised, for a monotone rule (Ar
 
 @dataclass(eq=False, kw_only=True)
 class GradientAscent(IndependentSearches):
-    """C climbers that follow the gradient, each restarting at random when it gets nowhere.
+    """Search by gradient ascent: C climbers follow the gradient and restart at random when they get nowhere.
 
     Where variables are binary, generations alternate: an even one evaluates the true points next to where the
     climbers are (the starts in generation 0), an odd one evaluates the relaxed points themselves with their
@@ -35,14 +35,14 @@ class GradientAscent(IndependentSearches):
 
     Attributes:
         start: values by name with which every climber starts, again and again; the others are random.
-        rule: rule of the steps, ``"adam"`` or ``"l-bfgs"``.
+        rule: step rule, ``"adam"`` or ``"l-bfgs"``.
         learning_rate: typical step of Adam and first step of L-BFGS [ranges of the variables].
         clip: length to which Adam shortens longer gradients [objective per range].
         gradient: ``"exact"`` from the problem; ``"smoothed"`` estimated here, by ``2 * samples`` evaluations.
         samples: antithetic pairs of a smoothed gradient.
         smoothing: standard deviation of these pairs [ranges].
-        sharpest: the last sharpness.
-        stage: moves between two doublings.
+        sharpest: largest sharpness.
+        stage: moves between two doublings of the sharpness.
         patience: moves without progress before a climber restarts.
         candidates: random points of which a climber starts at the best, judged in a generation of their own
             unless it is a single one.
@@ -93,7 +93,7 @@ class GradientAscent(IndependentSearches):
 
     @property
     def wants(self) -> method.Wants:
-        """Points of the space and relaxed ones in turns; all are relaxed where that is the same."""
+        """Points of the space and relaxed points in turns; always relaxed points where both are the same."""
         if self.seeking.any():
             return "relaxed"
         if self.alternates and self.generation % 2 == 0:
@@ -102,12 +102,12 @@ class GradientAscent(IndependentSearches):
 
     @property
     def sharpness(self) -> float:
-        """Doubles every ``stage`` moves; 0 if nothing is binary."""
+        """Sharpness of relaxed points, which doubles every ``stage`` moves; 0 if no variable is binary."""
         doublings = (self.generation // 2) // self.stage
         return min(2.0 ** min(doublings, 1000), self.sharpest) if self.binary else 0.0
 
     def ask(self) -> Floats:
-        """A point per climber, shape (C, D); or all of a smoothed gradient, shape (C * 2 * samples, D); or starts."""
+        """Return a point per climber, shape (C, D); samples of smoothed gradients, (C * 2 * samples, D); or starts."""
         if self.seeking.any():
             return self._starts()
         if self.wants == "points":
@@ -120,7 +120,7 @@ class GradientAscent(IndependentSearches):
         return self.relaxed.bound(points).reshape(-1, self.space.size)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Keep true points that are better; move after relaxed ones, unless they are starts to choose from."""
+        """Keep true points that are better; move the climbers after relaxed points, unless these are starts."""
         scores = method.single_objective(evaluation, len(points))
         if self.seeking.any():
             self._choose(points, scores)

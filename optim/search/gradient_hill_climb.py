@@ -17,7 +17,7 @@ MOST = 1e6  # ranges that a step may be long
 
 @dataclass(eq=False, kw_only=True)
 class GradientHillClimb(HillClimb):
-    """C hill climbers that step along their gradients.
+    """Search by C hill climbers that step along their gradients, and mutate where such steps keep failing.
 
     A climber's step is twice as long after a success, half as long after a failure. Where steps keep failing, at a
     jump that gradients do not see or where chaos blows them up, the climber mutates as :class:`HillClimb` does until
@@ -27,7 +27,7 @@ class GradientHillClimb(HillClimb):
     Attributes:
         first_step: length of the first step, and of that after a mutation that helped [ranges].
         longest_step: the longest step [ranges].
-        patience: steps in vain before a climber mutates.
+        patience: failed steps before a climber mutates.
         blind: what a step does with variables whose slope is zero: ``"keep"`` or ``"mutate"`` them.
     """
 
@@ -51,11 +51,11 @@ class GradientHillClimb(HillClimb):
 
     @property
     def wants(self) -> Wants:
-        """Gradients where climbers have moved, else points."""
+        """Gradients if climbers have moved, otherwise points."""
         return "gradients" if self.moved.any() else "points"
 
     def ask(self) -> Floats:
-        """The best points that are new, for their gradients; else starts, then a step or a mutation of each climber."""
+        """Return new best points, for their gradients; otherwise the starts, or a step or mutation of each climber."""
         if self.moved.any():
             return self.points[self.moved]
         mutated = super().ask()
@@ -67,7 +67,7 @@ class GradientHillClimb(HillClimb):
         return np.where(self._patient[:, None], stepped, mutated)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Keep what is better and choose the next steps; or take the gradients of what was kept."""
+        """Keep points that are better and choose the next steps; or store the gradients of the kept points."""
         if self.moved.any():
             self.uphill[self.moved] = _directions(slopes_per_range(evaluation, self.space, int(self.moved.sum())))
             self.moved = np.zeros(self.climbers, bool)

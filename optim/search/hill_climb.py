@@ -16,7 +16,7 @@ from taichi_sim.base.arrays import Floats
 
 @dataclass(eq=False, kw_only=True)
 class HillClimb(IndependentSearches):
-    """C hill climbers that know nothing of each other.
+    """Search by C independent hill climbers: each mutates its best point and keeps the child if it is better.
 
     Generation 0 evaluates random starts. Afterwards a climber's child is its best point with every variable x
     changed to x + N(0, step), integers rounded, brought back into the bounds.
@@ -27,6 +27,9 @@ class HillClimb(IndependentSearches):
             it to the nearest bound, ``"none"`` leaves it, for problems that take any value.
         streams: ``"climbers"`` have random numbers of their own, so that none depends on how many there are;
             with ``"generations"`` all climbers of a generation draw from one stream, as in chapter 2.
+
+    Raises:
+        ValueError: for a setting that is not allowed, or a variable whose mutation step is 0.
     """
 
     bounds: Literal["reflect", "clip", "none"] = "reflect"
@@ -40,7 +43,7 @@ class HillClimb(IndependentSearches):
         self._starts()
 
     def ask(self) -> Floats:
-        """The starts, then one child per climber, shape (C, D)."""
+        """Return the starting points, and later one child per climber, shape (C, D)."""
         if self.generation == 0:
             return self._starts()
         return self._inside(self.points + self.space.step * self._deviates())

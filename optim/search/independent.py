@@ -1,4 +1,4 @@
-"""What methods share that run independent searches side by side."""
+"""The base class of methods that run independent searches side by side."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from taichi_sim.base.arrays import Bools, Floats
 
 @dataclass(eq=False, kw_only=True)
 class IndependentSearches(Search):
-    """C searches, one evaluation each per generation, all of them in one batch.
+    """Base class of methods that run C independent searches, each evaluating one point per generation.
 
     A new point replaces a search's best if it is strictly better. NaN never does; a best point that failed is
     replaced by any that did not.
 
     Attributes:
-        climbers: C, the number of searches.
+        climbers: number C of searches.
         seed: seed of all random numbers.
         start: values by name with which every search starts; the other variables start at random.
     """
@@ -38,7 +38,7 @@ class IndependentSearches(Search):
         self.scores = np.full(self.climbers, np.nan)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Keep what is better; ``evaluation`` has a single objective."""
+        """Keep the points that are better than the best so far of their search; there must be one objective."""
         self._keep(points, single_objective(evaluation, self.climbers))
         self.generation += 1
 
@@ -51,7 +51,7 @@ class IndependentSearches(Search):
         return better
 
     def result(self) -> SearchResult:
-        """The best point of all searches (the first of equals) and of each."""
+        """Return the best point of all searches (the first of equals), and the best point of each."""
         best = int(np.argmax(below_all(self.scores)))
         objectives = self.scores[:, None].copy()
         return SearchResult(self.points[best].copy(), float(self.scores[best]), self.points.copy(), objectives)
@@ -64,7 +64,7 @@ class IndependentSearches(Search):
 
 
 def best_of_each(points: Floats, scores: Floats, climbers: int) -> tuple[Floats, Floats]:
-    """The best point of every climber, shape (C, D), and its score, shape (C,); the first of equals."""
+    """Select the best point of each climber, shape (C, D), and its score, shape (C,); the first of equals."""
     grouped = below_all(scores).reshape(climbers, -1)
     best = np.arange(climbers) * grouped.shape[1] + grouped.argmax(axis=1)
     return points[best], scores[best]

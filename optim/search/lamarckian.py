@@ -21,7 +21,7 @@ from taichi_sim.base.arrays import Arrays, Floats
 
 @dataclass(eq=False, kw_only=True)
 class LamarckianSearch(GeneticSearch):
-    """Binary variables and integers evolve; the others follow the gradient in the life of each child.
+    """Search by evolution and learning: whole numbers evolve, and continuous variables of each child follow gradients.
 
     A life is ``learning`` steps of Adam, each from the gradient at a true point, whose whole numbers stay. A child is
     the best point of its life, and competes as such: a new body is not judged before it has learnt to move. What it
@@ -35,11 +35,11 @@ class LamarckianSearch(GeneticSearch):
         mutation: probability that a variable of a child mutates; if None, one in as many as there are whole numbers,
             or others, for each of these.
         elites: members that compete with the children for a place; all if None ("mu + lambda").
-        learning: steps in a life. It costs as many gradients and one evaluation.
+        learning: gradient steps in a life, which costs as many gradients and one evaluation.
         learning_rate: typical step of the boldest child [ranges of the variables].
-        caution: part of it that is the step of the most cautious child; each draws its own between these.
+        caution: step of the most cautious child, as a part of ``learning_rate``; each child draws its own between both.
         clip: length to which longer gradients are shortened [objective per range].
-        inherit: whether children begin with what their parents learnt, or with what these were born with.
+        inherit: whether children begin with the values that their parents learnt, or that these were born with.
     """
 
     takes_gradients = True
@@ -75,20 +75,20 @@ class LamarckianSearch(GeneticSearch):
 
     @property
     def wants(self) -> method.Wants:
-        """Gradients of true points, and at the end of a life their scores alone."""
+        """Gradients of true points; at the end of a life only their scores."""
         return "gradients" if self.age < self.learning else "points"
 
     @property
     def sharpness(self) -> float:
-        """Infinite: gradients are those of true points."""
+        """Sharpness of the points: infinite, as gradients are taken at true points."""
         return math.inf
 
     def ask(self) -> Floats:
-        """Where the children are in their lives, shape (N, D)."""
+        """Return the children at their present stage of learning, shape (N, D)."""
         return self.learners.copy()
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Take in what children are worth, and let them learn, or at the end of their lives compete."""
+        """Let the children learn from their gradients, or compete for survival at the end of their lives."""
         scores = method.single_objective(evaluation, len(points))
         if self.wants == "gradients":
             slopes = method.slopes_per_range(evaluation, self.space, len(points))

@@ -1,4 +1,4 @@
-"""MAP-Elites: the best point of every kind.
+"""MAP-Elites: a search for the best point in each cell of a grid over features of the points.
 
 Sources: Mouret & Clune, Illuminating search spaces by mapping elites, arXiv:1504.04909, 2015, figure 2; Vassiliades &
 Mouret, Discovering the elite hypervolume by leveraging interspecies correlation, GECCO 2018 (the line operator).
@@ -24,7 +24,7 @@ MOST_CELLS = 1_000_000
 
 @dataclass(eq=False, kw_only=True)
 class MapElites(PopulationSearch):
-    """A grid of cells over descriptors of a point; each cell keeps the best success that fell into it, its elite.
+    """Search by MAP-Elites: a grid over descriptors of points, each of whose cells keeps its best point, the elite.
 
     Generation 0 evaluates N random points; afterwards each of N children comes from elites drawn uniformly. Values of
     a descriptor beyond its range count as those at the end of the range.
@@ -32,7 +32,7 @@ class MapElites(PopulationSearch):
     Attributes:
         descriptors: what tells kinds of points apart: names of variables, or of details of their evaluation, of
             shape (N,), if ``ranges`` has them. The first two continuous variables or angles, if None.
-        bins: cells along each descriptor.
+        bins: number of cells along each descriptor.
         ranges: [low, high] of a descriptor by name; of a variable its bounds, if not given.
         variation: ``"gaussian"``: a child is an elite plus normal deviates of the variables' steps, reflected at
             the bounds, and of a variable without a step of a tenth of its range (whole numbers: at least 1/2).
@@ -96,11 +96,12 @@ class MapElites(PopulationSearch):
         return variable.low, variable.high
 
     def check_details(self, known: Collection[str], details_of_one: Callable[[], Mapping[str, object]]) -> None:
-        """Refuse descriptors that an evaluation does not tell.
+        """Refuse descriptors that are neither variables nor details of an evaluation.
 
         Args:
-            known: names of details that it tells for sure.
-            details_of_one: gives details by name, of one evaluation; called if some descriptor is not among those.
+            known: names of details that every evaluation contains.
+            details_of_one: function that returns the details of one evaluation by name; called only if some
+                descriptor is not in ``known``.
 
         Raises:
             ValueError: for one that is neither a variable nor a detail.
@@ -111,7 +112,7 @@ class MapElites(PopulationSearch):
             _check_detail(name, details)
 
     def ask(self) -> Floats:
-        """The starts, then children of elites, shape (N, D)."""
+        """Return the starting points, and later children of elites, shape (N, D)."""
         if self.generation == 0:
             return self._starts()
         rng = self._generator(1)

@@ -22,7 +22,7 @@ from taichi_sim.base.arrays import Arrays, Bools, Floats, Indices
 
 @dataclass(eq=False, kw_only=True)
 class MemeticSearch(DifferentialEvolution):
-    """Generations of differential evolution; every k-th asks for gradients at the best members instead.
+    """Search by differential evolution, in which the best members follow gradients in every k-th generation.
 
     What a gradient leads to is rounded and judged in the next generation, as the trial of its member: the member
     becomes it if it is at least as good, and stays otherwise. So only true points have a score. A member's step
@@ -34,8 +34,8 @@ class MemeticSearch(DifferentialEvolution):
     from the places where a member has been, and from a neighbour.
 
     Attributes:
-        every: k; the last of k generations asks for gradients. At least 2.
-        refine: best members that do so; a multiple of 16 is cheap in the simulator, N is the most.
+        every: number k, at least 2; the last of k generations asks for gradients.
+        refine: number of best members that follow gradients; a multiple of 16 is cheap in the simulator, N is the most.
         learning_rate: longest coordinate of a first step, and length of those of binary variables [ranges].
     """
 
@@ -65,11 +65,11 @@ class MemeticSearch(DifferentialEvolution):
 
     @property
     def wants(self) -> Wants:
-        """Points of the space, and gradients in every k-th generation."""
+        """Points of the space; in every k-th generation gradients."""
         return "gradients" if self.generation % self.every == self.every - 1 else "points"
 
     def ask(self) -> Floats:
-        """The starts, then a trial for each member, shape (N, D); or the best members, relaxed, shape (R, D)."""
+        """Return the starts, later a trial per member, shape (N, D); or the best members, relaxed, shape (R, D)."""
         return self._relaxed_members()[self._best_members()] if self.wants == "gradients" else super().ask()
 
     def _take(self, points: Floats, evaluation: Evaluation) -> None:

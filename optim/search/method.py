@@ -19,11 +19,11 @@ Kept = Literal["climbers", "population", "front", "elites"]
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """The cells of a map of elites.
+    """Grid of a map of elites: its descriptors, and the cell of each elite.
 
     Attributes:
         axes: lower and upper end of each descriptor by name.
-        bins: cells along each.
+        bins: number of cells along each descriptor.
         cells: number of the cell of each elite, shape (C,); the last descriptor varies fastest.
     """
 
@@ -33,24 +33,24 @@ class Grid:
 
     @property
     def places(self) -> Ints:
-        """The cell of each elite along each descriptor, shape (C, axes)."""
+        """Index of each elite's cell along each descriptor, shape (C, axes)."""
         return np.stack(np.unravel_index(self.cells, (self.bins,) * len(self.axes)), axis=1)
 
 
 @dataclass(frozen=True, eq=False)
 class SearchResult:
-    """What a search has found so far.
+    """Result of a search so far: its best point, and the points that it keeps.
 
     Attributes:
-        point: the best point, shape (D,).
-        score: its objective, of several their mean; NaN as long as every evaluation has failed.
-        points: what the search keeps, shape (C, D): see ``kind``.
-        objectives: of these, shape (C, K); NaN where every evaluation has failed.
+        point: the best point, shape (D,); one of the first points as long as every evaluation has failed.
+        score: objective of the best point, or the mean of several; NaN as long as every evaluation has failed.
+        points: points that the search keeps, shape (C, D), see ``kind``.
+        objectives: objectives of these points, shape (C, K); NaN where every evaluation has failed.
         numbers: what else the log shall tell, by name, such as the size of a front; finite, or None.
         kind: what ``points`` are: the best point of each of the ``"climbers"``; a ``"population"``; a ``"front"``
             that holds only successes none of which dominates another; ``"elites"``, the best success in each cell
             of a grid. A front and elites are empty as long as every evaluation has failed.
-        grid: of elites.
+        grid: grid of the elites; None for other kinds.
     """
 
     point: Floats
@@ -63,12 +63,12 @@ class SearchResult:
 
     @property
     def scores(self) -> Floats:
-        """The objective of each point kept, of several their mean, shape (C,)."""
+        """Objective of each point that the search keeps, or the mean of several objectives, shape (C,)."""
         return self.objectives.mean(axis=1)
 
 
 class Method(Protocol):
-    """A search method: ask for points, tell their judgement, and so on. By default it wants points only.
+    """Interface of search methods: ask for points, evaluate them, tell the method the evaluation, and repeat.
 
     ``ask`` changes nothing and may be repeated. ``state`` is all that ``restore`` needs to continue exactly,
     in a method built with the same settings.
@@ -85,11 +85,11 @@ class Method(Protocol):
 
     @property
     def several_objectives(self) -> bool:
-        """Whether it looks for a front of several objectives; else it takes a single one."""
+        """Whether the method searches for a front of several objectives; otherwise it takes a single one."""
 
     @property
     def wants(self) -> Wants:
-        """The evaluation mode of the next points.
+        """How the next points are to be evaluated: ``"points"`` (the default), ``"relaxed"`` or ``"gradients"``.
 
         ``"points"``: points of the space, for ``Problem.evaluate``. ``"relaxed"`` and ``"gradients"``: points of its
         relaxation, for ``RelaxableProblem.evaluate_relaxed`` without and with gradients. The result is always a true
@@ -99,37 +99,37 @@ class Method(Protocol):
 
     @property
     def sharpness(self) -> float:
-        """The sharpness with which relaxed points are evaluated, see ``RelaxableProblem.evaluate_relaxed``."""
+        """Sharpness with which relaxed points are to be evaluated, see ``RelaxableProblem.evaluate_relaxed``."""
         return 0.0
 
     @property
     def minibatch(self) -> Minibatch | None:
-        """The few worlds, or draws, in which the next points are judged; None for all."""
+        """The few worlds or draws in which the next points are to be evaluated; None for all."""
         return None
 
     def ask(self) -> Floats:
-        """The points to evaluate next, shape (N, D), inside the space, or its relaxation if ``wants`` says so."""
+        """Return the points to evaluate next, shape (N, D), in the space, or in its relaxation if ``wants`` says so."""
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Take in the judgement of the points asked for."""
+        """Learn from the evaluation of the points that :meth:`ask` returned, shape (N, D)."""
 
     def result(self) -> SearchResult:
-        """The best so far."""
+        """Return the best point and the points kept so far."""
 
     def state(self) -> Arrays:
-        """Everything that changes, as arrays."""
+        """Return everything that changes during the search, as arrays by name."""
 
     def restore(self, state: Arrays) -> None:
-        """Take over what :meth:`state` returned."""
+        """Continue the search from what :meth:`state` returned."""
 
 
 def next_request(method: Method) -> Request:
-    """What a method wants evaluated next."""
+    """Collect what a method wants evaluated next: points, mode, sharpness and minibatch."""
     return Request(method.ask(), method.wants, method.sharpness, method.minibatch)
 
 
 def check_fit(method: Method, problem: Judging) -> None:
-    """Raise a one-line ValueError unless a problem can be judged as a method asks, before any work.
+    """Raise a one-line ValueError, before any work, unless a problem can be evaluated as a method wants.
 
     Details are checked where a problem names those of every evaluation; only others take the evaluation of one point.
     """
@@ -147,7 +147,7 @@ def check_fit(method: Method, problem: Judging) -> None:
 
 
 def generator(seed: int, *stream: int) -> np.random.Generator:
-    """Random numbers of one stream, such as (generation, climber).
+    """Make a random number generator for one independent stream, such as (generation, climber).
 
     Streams are independent, and start anew wherever they are needed: no state of a generator has to be kept
     for an exact resume, and what one climber draws does not depend on how many there are.
@@ -169,7 +169,11 @@ def refuse_integers(space: Space) -> None:
 
 
 def single_objective(evaluation: Evaluation, count: int) -> Floats:
-    """The scores of ``count`` points, shape (count,); a one-line ValueError if there are others."""
+    """Return the single objective of ``count`` points, shape (count,).
+
+    Raises:
+        ValueError: for several objectives, or another number of points.
+    """
     if evaluation.objectives.shape != (count, 1):
         shape = evaluation.objectives.shape
         raise ValueError(f"evaluation: objectives of shape {shape} are not allowed; give ({count}, 1)")
@@ -177,7 +181,11 @@ def single_objective(evaluation: Evaluation, count: int) -> Floats:
 
 
 def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Floats:
-    """The gradients of ``count`` points [objective per range], shape (count, D); a one-line ValueError without."""
+    """Return the gradients of ``count`` points [objective per range of the variable], shape (count, D).
+
+    Raises:
+        ValueError: if the evaluation has no gradients of this shape.
+    """
     shape = None if evaluation.gradients is None else evaluation.gradients.shape
     if evaluation.gradients is None or shape != (count, space.size):
         raise ValueError(f"evaluation: gradients of shape {shape} are not allowed; give {(count, space.size)}")
@@ -186,17 +194,17 @@ def slopes_per_range(evaluation: Evaluation, space: Space, count: int) -> Floats
 
 
 def sound(values: Floats, slopes: Floats) -> Bools:
-    """Which points, of values (N,) and slopes (N, D), failed in neither, shape (N,)."""
+    """Mask of the points whose values, shape (N,), and slopes, shape (N, D), did not fail, shape (N,)."""
     return np.asarray((abs(values) < LARGEST) & (abs(slopes) < LARGEST).all(axis=1))
 
 
 def below_all(scores: ArrayLike) -> Floats:
-    """Scores in which a failure (NaN) is below every success."""
+    """Replace failures (NaN) among scores by minus infinity, below every success."""
     return np.where(np.isnan(scores), -np.inf, scores)
 
 
 def with_values(space: Space, points: Floats, start: Mapping[str, float] | None) -> Floats:
-    """The points, shape (N, D), with the values of some variables, given by name as the setting ``start``.
+    """Copy points, shape (N, D), with some variables set to given values by name, as in the setting ``start``.
 
     Raises:
         ValueError: if a name is no variable, or a value is not allowed there.

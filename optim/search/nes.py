@@ -21,11 +21,11 @@ OFF = 0.2  # share of the points in which some integer at rest still differs fro
 
 @dataclass(eq=False, kw_only=True)
 class SeparableNES(PopulationSearch):
-    """N points a generation from a normal distribution whose mean and standard deviations follow the natural gradient.
+    """Search by separable NES: N points per generation from a normal distribution that follows the natural gradient.
 
     Source: Wierstra et al., "Natural evolution strategies", JMLR 15, 2014, algorithm 6 (SNES), with its utilities and
     learning rates (table 1). Coordinates are ranges of the variables. What lies beyond a bound is evaluated where
-    :meth:`Space.reflect` brings it, angles so too, and the mean is reflected likewise, which changes no
+    :meth:`Space.reflect` brings it, angles so too, and the mean is reflected in the same way, which changes no
     probability (with ``bounds="random"`` it does). Integers are rounded for evaluation. Their standard deviation has a
     floor, at which, with all integer means at whole numbers, one in five points has one that differs.
 
@@ -43,7 +43,7 @@ class SeparableNES(PopulationSearch):
         random_mean: begin at a random point, not in the middle.
         max_sigma: the largest standard deviation [ranges]; wider than its range says no more.
         minibatch_size: worlds or draws of a generation; all by default.
-        judging: generations between two judgements of the mean in all of them.
+        judging: generations between two evaluations of the mean in all worlds or draws.
         bounds: ``"reflect"``, or ``"random"``: what lies beyond a bound is drawn evenly between mean and bound.
     """
 
@@ -74,14 +74,14 @@ class SeparableNES(PopulationSearch):
 
     @property
     def minibatch(self) -> Minibatch | None:
-        """A new minibatch for each generation."""
+        """Minibatch of the next points, a new one for each generation; None for all worlds or draws."""
         if self.minibatch_size is None or self._judges:
             return None
         judged = self.generation // (self.judging + 1) + 1  # generations before this one that judged the mean
         return Minibatch(self.minibatch_size, self.generation - judged, self.seed)
 
     def ask(self) -> Floats:
-        """N points drawn from the distribution, and first of all a start that is given in full, shape (M, D).
+        """Return N points drawn from the distribution, at first also a start that sets all variables, shape (M, D).
 
         Where minibatches are judged, now and then the mean alone.
         """

@@ -25,7 +25,7 @@ LAST = 1_000_000  # rank of a failure
 
 @dataclass(eq=False, kw_only=True)
 class NSGA2(PopulationSearch):
-    """N points that breed N children a generation; the best N of both survive.
+    """Search by NSGA-II for a front of several objectives: of N points and their N children the best N survive.
 
     A point is better if it lies in an earlier non-dominated front, or in the same and less crowded. Parents win
     binary tournaments; children come by simulated binary crossover and polynomial mutation in the unit cube, where
@@ -56,7 +56,7 @@ class NSGA2(PopulationSearch):
         self.ranks, self.crowding = np.zeros(self.population, int), np.zeros(self.population)
 
     def ask(self) -> Floats:
-        """The starts, then N children, shape (N, D)."""
+        """Return the starting points, and later N children, shape (N, D)."""
         if self.generation == 0:
             return self._starts()
         rng = self._generator(1)

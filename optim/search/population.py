@@ -1,4 +1,4 @@
-"""What methods share that keep a population of points."""
+"""The base class of methods that keep a population of points."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -15,12 +15,12 @@ from taichi_sim.base.arrays import Floats
 
 @dataclass(eq=False, kw_only=True)
 class PopulationSearch(Search):
-    """N points that a method keeps, and the best point that it ever met.
+    """Base class of methods that keep a population of N points, and the best point evaluated so far.
 
     A method defines ``ask`` and ``_take``, and names in ``arrays`` what else of it changes.
 
     Attributes:
-        population: N, the number of points.
+        population: number N of points.
         seed: seed of all random numbers.
         start: values by name with which the search begins; the other variables start at random.
     """
@@ -41,7 +41,7 @@ class PopulationSearch(Search):
         self.best_point, self.best_score = np.full(self.space.size, np.nan), np.nan
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Take in the judgement of the points asked for, and remember the best; or take in their gradients."""
+        """Learn from the evaluation of the points asked for, and remember the best; or learn from their gradients."""
         if not self.several_objectives:
             method.single_objective(evaluation, len(points))
         elif len(evaluation.objectives) != len(points):
@@ -68,7 +68,7 @@ class PopulationSearch(Search):
         """Take in the gradients of the points asked for [objective per range], if the method wants any."""
 
     def result(self) -> method.SearchResult:
-        """The best point ever met (the first of equals) and what the search keeps."""
+        """Return the best point evaluated so far (the first of equals), and the points that the search keeps."""
         points, objectives = (values.copy() for values in self._kept())
         return method.SearchResult(
             self.best_point.copy(), self.best_score, points, objectives, self._numbers(), self.kind, self._grid()

@@ -1,4 +1,4 @@
-"""Settings with which methods repeat published experiments.
+"""Settings of search methods that repeat published experiments.
 
 Source of the defaults: https://github.com/robertfeldt/BlackBoxOptim.jl, the files and commits named below. The
 experiment (Powers 2021 dissertation, ch. 4, "Training"; its program: https://github.com/jpp46/ARXIV2021) searched two

@@ -1,4 +1,4 @@
-"""Gradient ascent for many variables: a race of climbers that ends in one, through ever truer designs."""
+"""Gradient ascent for many variables: a race of climbers, of which the worse half gives up again and again."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ NEAR = 0.05  # of the range of a variable: deviation of where climbers return
 
 @dataclass(eq=False, kw_only=True)
 class GradientRace(IndependentSearches):
-    """Rounds of C climbers that follow gradients; every few moves the worse half of them gives up.
+    """Search by rounds of C climbers that follow gradients, of which the worse half gives up every few moves.
 
     So most gradients are spent on starts that turned out well (successive halving: Jamieson & Talwalkar, AISTATS 2016).
     A round begins at random points, later ones partly about the best design (``returning``). Where variables are
@@ -32,10 +32,10 @@ class GradientRace(IndependentSearches):
     the climber starts anew.
 
     Attributes:
-        climbers: C, at the start of a round.
-        seed: of all random numbers.
+        climbers: number C of climbers at the start of a round.
+        seed: seed of all random numbers.
         start: values by name with which every climber starts; the others are random.
-        moves: of a round.
+        moves: number of moves in a round.
         returning: share of the climbers of later rounds, rounded up, that begin about the best design so far, with a
             standard deviation of ``NEAR`` of each range; the first of them at it. Steps are long again there (warm
             restarts: Loshchilov & Hutter, ICLR 2017).
@@ -43,8 +43,8 @@ class GradientRace(IndependentSearches):
         learning_rate: typical step at the start of a round [ranges of the variables].
         settling: part of the learning rate that is left at the end of a round.
         clip: length to which longer gradients are shortened [objective per range].
-        sharpest: the last sharpness of mixtures.
-        mixed: part of a round that climbs through mixtures.
+        sharpest: largest sharpness of mixtures.
+        mixed: part of a round in which climbers go through mixtures.
     """
 
     takes_gradients = True
@@ -78,7 +78,7 @@ class GradientRace(IndependentSearches):
 
     @property
     def wants(self) -> method.Wants:
-        """Gradients; true points whenever climbers have given up among mixtures."""
+        """Gradients; true points after climbers have given up among mixtures."""
         return "points" if self.judging else "gradients"
 
     @property
@@ -88,7 +88,7 @@ class GradientRace(IndependentSearches):
 
     @property
     def sharpness(self) -> float:
-        """The sharpness: it rises from 1 to ``sharpest`` through the mixtures of a round, then is infinite."""
+        """Sharpness, which rises from 1 to ``sharpest`` through the mixtures of a round, then is infinite."""
         if self.move >= self.between:
             return np.inf
         return float(self.sharpest ** (self.move / max(self.between - 1, 1)))
@@ -98,12 +98,12 @@ class GradientRace(IndependentSearches):
         return np.flatnonzero(self.racing)
 
     def ask(self) -> Floats:
-        """Where the climbers are that still race, shape (N, D); rounded where true points are wanted."""
+        """Return the points of the climbers still in the race, shape (N, D), rounded where true points are wanted."""
         here = self.here[self.racing]
         return self.space.round(here) if self.judging else here.copy()
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Move on from the points just judged, and let the worse half give up when it is time."""
+        """Move the climbers on from the evaluated points, and let the worse half give up when it is time."""
         scores = method.single_objective(evaluation, len(points))
         if self.judging or self.sharpness == np.inf:
             kept, known = np.full(self.here.shape, np.nan), np.full(self.climbers, np.nan)
@@ -118,7 +118,7 @@ class GradientRace(IndependentSearches):
         self.generation += 1
 
     def result(self) -> method.SearchResult:
-        """The best true design of all climbers, and of each, in all rounds."""
+        """Return the best true design of all climbers, and of each climber, in all rounds."""
         numbers = {"round": self.round, "climbers racing": int(self.racing.sum())}
         return replace(super().result(), numbers=numbers)
 

@@ -1,4 +1,4 @@
-"""Uniform random search: the yardstick that every other method has to beat."""
+"""Uniform random search, the baseline that every other method has to beat."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from taichi_sim.base.arrays import Floats
 
 @dataclass(eq=False, kw_only=True)
 class RandomSearch(IndependentSearches):
-    """C searches that draw a uniform point of the space in every generation."""
+    """Search at random: C independent searches, each of which draws a uniform point in every generation."""
 
     start: Mapping[str, float] | None = hidden(None)
 
     def ask(self) -> Floats:
-        """One fresh point per search, shape (C, D)."""
+        """Return a new random point for each search, shape (C, D)."""
         return self._random_starts(self.space, range(self.climbers))

@@ -1,4 +1,4 @@
-"""How far and where to go from gradients: rules for C climbers side by side, in ranges of the variables.
+"""Step rules of gradient ascent (Adam, L-BFGS), for C climbers side by side, in ranges of the variables.
 
 Sources: Kingma & Ba, Adam: a method for stochastic optimization, ICLR 2015, algorithm 1; Nocedal & Wright,
 Numerical Optimization, 2nd ed. 2006, algorithm 7.4 (two-loop recursion of L-BFGS), eq. 7.20 (its scaling), and
@@ -18,13 +18,13 @@ MOMENTUM, SQUARES, SMALL = 0.9, 0.999, 1e-8  # beta_1, beta_2 and epsilon of Ada
 
 
 class StepRule(Protocol):
-    """A rule for steps of ascent. Everything that changes is in ``arrays``, each of shape (C, ...)."""
+    """Base class of step rules of gradient ascent. Everything that changes is in ``arrays``, each of shape (C, ...)."""
 
     arrays: Arrays
 
     @property
     def monotone(self) -> bool:
-        """Whether a step must be taken back, and a shorter one tried, where it has not led up enough."""
+        """Whether a step that does not increase the objective enough is undone and tried again, shorter."""
 
     def learn(self, climbers: Bools, moved: Floats, change: Floats) -> None:
         """Take in by how much gradients changed as some climbers moved, both of shape (C, D); ignored by default."""

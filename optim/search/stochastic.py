@@ -1,4 +1,4 @@
-"""Stochastic gradient ascent: each move follows the gradient in a few of the worlds, or draws, that count."""
+"""Stochastic gradient ascent: each move follows the gradient in only a few of the worlds or draws."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ FORGETS = 0.99  # beta_2 of Adam: in a few hundred moves slopes change
 
 @dataclass(eq=False, kw_only=True)
 class StochasticAscent(IndependentSearches):
-    """C climbers whose moves follow gradients in a minibatch of a problem's worlds, or draws of what is uncertain.
+    """Search by stochastic gradient ascent: C climbers follow gradients in a few of the problem's worlds or draws.
 
     A gradient in one of 16 draws costs a sixteenth of that in all, and points nearly the same way on average, so a
     climber makes 16 times as many moves (Robbins & Monro, Ann. Math. Stat. 22, 1951). Moves are those of Adam with a
@@ -33,11 +33,11 @@ class StochasticAscent(IndependentSearches):
     climber whose point or gradient failed goes on from its average.
 
     Attributes:
-        climbers: C; all meet the same minibatches.
-        minibatch_size: worlds or draws of a move; of a problem that has no more, each move meets all.
+        climbers: number C of climbers; all move in the same minibatches.
+        minibatch_size: number of worlds or draws in a move, or all of a problem that has no more.
         candidates: random points of which a climber starts at the best, judged in the first minibatch.
-        moves: of a round.
-        judging: moves between two judgements in all worlds.
+        moves: number of moves in a round.
+        judging: moves between two evaluations in all worlds or draws.
         learning_rate: typical step at the start of a round [ranges of the variables].
         settling: part of the learning rate that is left at the end of a round.
         clip: length to which longer gradients are shortened [objective per range].
@@ -71,27 +71,27 @@ class StochasticAscent(IndependentSearches):
 
     @property
     def wants(self) -> method.Wants:
-        """Gradients; of starts and averages the points alone."""
+        """Gradients; for candidate starts and averages only scores."""
         return "gradients" if self.phase == CLIMBING else "points"
 
     @property
     def sharpness(self) -> float:
-        """Infinite: gradients are those of true designs."""
+        """Sharpness of the points: infinite, as gradients are taken at true designs."""
         return np.inf
 
     @property
     def minibatch(self) -> Minibatch | None:
-        """The next one; all worlds for the average."""
+        """Minibatch of the next move; None, for all worlds or draws, to evaluate averages."""
         return None if self.phase == JUDGING else Minibatch(self.minibatch_size, self.batch, self.seed)
 
     def ask(self) -> Floats:
-        """Candidates for the starts, shape (C * candidates, D); or where the climbers are, or were on average."""
+        """Return candidate starts, shape (C * candidates, D); or the climbers' points or averages, shape (C, D)."""
         if self.phase == STARTING:
             return self._random_starts(self.space, self._seeking.tolist(), self.candidates)
         return self.space.round(self.average if self.phase == JUDGING else self.here)
 
     def tell(self, points: Floats, evaluation: Evaluation) -> None:
-        """Choose starts, move, or keep averages that are better in all worlds."""
+        """Choose the starts, move the climbers, or keep averages that are better in all worlds or draws."""
         scores = method.single_objective(evaluation, len(points))
         if self.phase == STARTING:
             self._begin(points, scores)
@@ -110,7 +110,7 @@ class StochasticAscent(IndependentSearches):
         return np.flatnonzero(np.isnan(self.here).any(axis=1))
 
     def result(self) -> method.SearchResult:
-        """The best average of all climbers, and of each, in all rounds."""
+        """Return the best average of all climbers, and of each climber, in all rounds."""
         return replace(super().result(), numbers={"move": self.move})
 
     def _begin(self, points: Floats, scores: Floats) -> None:

@@ -1,4 +1,4 @@
-"""What evolutionary methods share: who is best, how far a variable mutates, starts around given values, bounds."""
+"""Operators that evolutionary methods share: ranking, mutation steps, starts around given values, and bounds."""
 
 from collections.abc import Mapping
 from typing import Literal

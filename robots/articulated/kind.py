@@ -30,7 +30,7 @@ def _reflexes(text: str) -> Any:
 
 
 class ArticulatedKind(RobotKind):
-    """Robots of MJCF and URDF files."""
+    """The kind of articulated robots, which are made from MJCF and URDF files."""
 
     name = "articulated"
     title = "articulated robot"

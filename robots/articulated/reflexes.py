@@ -26,13 +26,13 @@ PARTS = ("amplitude", "phase", "offset")  # of a drive's rhythm
 
 @dataclass(frozen=True)
 class DriveReflexes(Answering):
-    """What an articulated robot feels, and what answers in its drives; its weights are free.
+    """Reflexes of an articulated robot: its senses, and a network, with free weights, that changes its commands.
 
     Attributes are those of ``Answering``, and:
         senses: names in ``SENSES`` of ``robots.articulated.senses``.
-        gain: of a network, most by which an answer changes a command; commands stay from -1 to 1.
-        delay: in commands.
-        noise: is the same for all robots of a batch, and of their seed.
+        gain: largest change of a command by a network; commands stay from -1 to 1.
+        delay: delay from a reading to its answer [commands].
+        noise: noise of the readings, drawn from the robot's seed, and the same for all robots of a batch.
 
     Example:
         >>> DriveReflexes.parse("tilt,clock+hidden:8,4+gain:0.3").hidden
@@ -43,7 +43,7 @@ class DriveReflexes(Answering):
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Reflexes of a text: senses, then what differs from the defaults, as in ``touch,tilt+hidden:8+gain:0.3``.
+        """Parse reflexes: senses, then what differs from the defaults, as in ``touch,tilt+hidden:8+gain:0.3``.
 
         Raises:
             ValueError: for anything else.

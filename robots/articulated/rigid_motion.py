@@ -1,4 +1,4 @@
-"""What articulated robots came to, as measures of a user's own see it."""
+"""The motion of articulated robots from which users' own measures are computed."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -18,22 +18,22 @@ ENDED = "position", "orientation", "angles"  # what is known of the end of a run
 
 @dataclass(frozen=True, eq=False)
 class RigidMotion:
-    """Where B articulated robots of N bodies and H hinges came to, as a law of a user's own sees it.
+    """Final poses of B articulated robots of N bodies and H hinges, from which users' own measures are computed.
 
     Bodies and hinges are in the order of their names. Arrays of the end may be traced for derivatives: a law computes
     with operators and with the functions of NumPy that ``taichi_sim.autodiff.arrays`` knows, and takes plain arrays
     just as well.
 
     Attributes:
-        places: of the bodies' centres at the end [m], shape (B, N, 3).
+        places: bodies' centres at the end [m], shape (B, N, 3).
         turns: orientations of the bodies at the end, unit quaternions (w, x, y, z), shape (B, N, 4).
-        angles: of the hinges at the end, as the robot's file counts them [rad], shape (B, H).
-        start_places: of the bodies' centres as the model has them [m], shape (N, 3).
-        start_turns: their orientations, shape (N, 4).
-        masses: of the bodies [kg], shape (N,).
-        bodies: their names.
-        hinges: the names of the bodies that the hinges carry.
-        duration: of the trial [s].
+        angles: angles of the hinges at the end, as the robot's file counts them [rad], shape (B, H).
+        start_places: bodies' centres as the model has them [m], shape (N, 3).
+        start_turns: bodies' orientations as the model has them, shape (N, 4).
+        masses: masses of the bodies [kg], shape (N,).
+        bodies: names of the bodies.
+        hinges: names of the bodies that the hinges carry.
+        duration: duration of the trial [s].
         heading: unit vector of the direction of travel, shape (3,).
     """
 
@@ -50,7 +50,7 @@ class RigidMotion:
 
     @classmethod
     def of(cls, robot: "ArticulatedRobot", position: Any, orientation: Any, angles: Any) -> "RigidMotion":
-        """Where robots came to, by their bases' places (B, 3) and orientations (B, 4) and hinges' angles (B, H)."""
+        """Make final poses from the bases' places (B, 3) [m] and orientations (B, 4), and hinge angles (B, H) [rad]."""
         tree = robot.model.tree
         names = tuple(body.name for body, _ in tree.ordered), tuple(hinge.child for hinge in tree.hinges)
         places, turns = poses(tree, position, orientation, angles)
@@ -62,7 +62,7 @@ class RigidMotion:
         return cls(places, turns, told, *begin, masses, *names, time, robot.direction)
 
     def centres(self, places: Any) -> Any:
-        """Centres of mass, shape (..., 3), of bodies at some places, shape (..., N, 3)."""
+        """Compute centres of mass [m], shape (..., 3), from the bodies' places, shape (..., N, 3)."""
         return (places * (self.masses / self.masses.sum())[:, None]).sum(axis=-2)
 
 

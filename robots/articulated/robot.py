@@ -47,7 +47,7 @@ STEADY = 16  # commands of a cycle at least, with which coupled oscillators are 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArticulatedRobot(Robot):
-    """A robot of an MJCF or URDF file, a tree of hinges on ground, and what commands its drives.
+    """A robot from an MJCF or URDF file, a tree of rigid bodies and hinges, with the controller of its drives.
 
     A command from -1 to 1 means a drive's whole range: an angle or a rate, as the file says. By a rhythm it is
 
@@ -57,8 +57,8 @@ class ArticulatedRobot(Robot):
     weights times sensors).
 
     Attributes:
-        text: of the file, so that the description needs no other.
-        name: of the robot, for people.
+        text: content of the file, so that the description needs no other file.
+        name: name of the robot for people.
         controller: ``"rhythm"`` or ``"network"``; it decides which parameters are free.
         duration: of a trial [s].
         heading: direction in which distance counts, seen from above, anticlockwise from x [degrees].
@@ -160,12 +160,12 @@ class ArticulatedRobot(Robot):
 
     @property
     def rhythm_size(self) -> int:
-        """How many of the parameters are those of a rhythm."""
+        """Number of the parameters that belong to the rhythm."""
         return 1 + len(PARTS) * len(self.drives)
 
     @property
     def weights_fixed(self) -> bool:
-        """Whether reflexes, if there are any, have the weights that they have."""
+        """Whether the weights of the reflexes, if there are any, are fixed, not free."""
         return self.reflexes is None or self.reflexes.weights is not None
 
     @property
@@ -175,30 +175,30 @@ class ArticulatedRobot(Robot):
 
     @property
     def senses(self) -> Senses:
-        """Touch sensors of the file, and the light at the base's centre if there is one."""
+        """Sensors: the touch sensors of the file, and a light sensor at the base's centre if there is a light."""
         eyes = [] if self.light is None else [(self.model.tree.bodies[0].name, (0.0, 0.0, 0.0))]
         return Senses(self.model.senses.touch, eyes)
 
     @cached_property
     def physics(self) -> rigid.World:
-        """Time step and gravity of the model; friction and slip as asked for."""
+        """Physical world: time step and gravity of the model, and the friction and slip of the robot's fields."""
         own = self.model.world
         friction = own.friction if self.friction is None else float(self.friction)
         return rigid.World(own.time_step, own.gravity, self.slip, friction, own.error_reduction, own.integration)
 
     @property
     def network(self) -> Network:
-        """Neurons that remember their last values, as those of the quadrupeds."""
+        """Network of neurons that remember their last values, like those of the quadrupeds."""
         return Network()
 
     @property
     def steps(self) -> int:
-        """Time steps of a trial."""
+        """Number of time steps in a trial."""
         return max(1, round(self.duration / self.physics.time_step))
 
     @property
     def hold(self) -> int:
-        """Time steps for which a command of a rhythm is kept."""
+        """Number of time steps for which each command of a rhythm is kept."""
         return max(1, round(1 / ((self.command_rate or USUAL_RATE) * self.physics.time_step)))
 
     @property
@@ -209,7 +209,7 @@ class ArticulatedRobot(Robot):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """What is free: the frequency of a rhythm and three numbers of each drive, or the weights of a network."""
+        """Free parameters: the frequency of a rhythm and three numbers of each drive, or the weights of a network."""
         if self.controller == "network":
             sensors = [*(f"touch {name}" for name in self.senses.touch), *(["light"] if self.light else [])]
             names = [f"{sensor} to {drive}" for sensor in sensors for drive in self.drives]
@@ -228,7 +228,7 @@ class ArticulatedRobot(Robot):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """Speed, distance, and the user's own."""
+        """Measures of the robot: speed, distance, and users' own measures."""
         return *MEASURES, *self.own_measures
 
     def save(self, point: ArrayLike, path: Path) -> None:
@@ -236,7 +236,7 @@ class ArticulatedRobot(Robot):
         Robot.save(replace(self, own_measures=()), point, path)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values; :func:`robot_of_record` gives it back."""
+        """Describe the robot as JSON values, from which :func:`robot_of_record` rebuilds it."""
         found = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         light = None if self.light is None else list(self.light)
         friction = "inf" if self.friction == math.inf else self.friction
@@ -255,15 +255,15 @@ class ArticulatedRobot(Robot):
 
     @property
     def uncertain_in(self) -> tuple[str, ...]:  # type: ignore[override]
-        """What can be drawn of it: the slope, and its friction, unless no cone limits that."""
+        """Quantities that can be uncertain: the slope, and friction if it is finite."""
         return ("friction", "slope") if math.isfinite(self.physics.friction) else ("slope",)
 
     def perturbed(self, drawn: "Perturbation") -> "ArticulatedRobot":
-        """This robot with its friction multiplied as drawn."""
+        """Return this robot with its friction multiplied by a drawn factor."""
         return self if drawn.gripping == 1 else replace(self, friction=self.physics.friction * drawn.gripping)
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
-        """Let the robot move at N points, with the gradients of speed and distance if wanted."""
+        """Simulate the robot at N points, with the gradients of measures if wanted."""
         found = try_points(self, points, trial)
         seconds = self.steps * self.physics.time_step
         slopes = dict(found.gradients)
@@ -277,26 +277,26 @@ class ArticulatedRobot(Robot):
 
     @property
     def feels(self) -> bool:  # type: ignore[override]
-        """Whether it has reflexes."""
+        """Whether the robot has reflexes."""
         return self.reflexes is not None
 
     def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
-        """What it feels at N points, shape (N, P), at every decision, shape (N, S, T)."""
+        """Return what the robot's S sensors read at N points, shape (N, P), at T decisions, shape (N, S, T)."""
         return felt_over_time(self, points, world, compute)
 
     def as_terrain(self, world: World) -> World:
-        """The level floor is a terrain that is flat."""
+        """Convert the level floor to a flat terrain; other worlds are terrains already."""
         return Terrain() if world == GROUND else world
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of the robot, with its sensors and commands."""
+        """Build the motion of the robot, with its sensors and commands, from an outcome with recorded frames."""
         from robots.articulated.motion import motion_of
 
         (run,) = outcome.result.runs
         return motion_of(self, run.frames, world, name=name)
 
     def facts(self) -> Facts:
-        """Body, drives and trial."""
+        """Rows for a report: body, drives and trial."""
         tree, physics = self.model.tree, self.physics
         mass = sum(body.mass for body in tree.bodies)
         slip = "" if physics.slip is None else f", points that hold slip at {physics.slip:g} m/s for each newton"
@@ -311,13 +311,13 @@ class ArticulatedRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Rear and front of what may touch the ground, along the heading [m]."""
+        """Positions along the heading of the rear and front of what may touch the ground [m]."""
         centres, radii = self.model.tree.balls()
         along = centres @ self.direction
         return float((along - radii).min()), float((along + radii).max())
 
     def at_horizon(self, length: int) -> tuple[str, "ArticulatedRobot"]:
-        """The robot for so many seconds."""
+        """Return a label and the robot with a trial of ``length`` seconds."""
         return counted(length, "second"), replace(self, duration=float(length))
 
 
@@ -356,10 +356,10 @@ def _updated(record: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def load_robot(path: str | PathLike[str], **settings: Any) -> ArticulatedRobot:
-    """The robot of an MJCF or URDF file, named after it. Records of runs may have one that starts deep in the ground.
+    """Load a robot from an MJCF or URDF file, and name it after the file.
 
     Args:
-        path: of the file.
+        path: path of the file.
         **settings: fields of :class:`ArticulatedRobot`.
 
     Raises:

@@ -35,15 +35,15 @@ ROBOTS_AT_ONCE = 1024  # between two calls of progress
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArticulatedResult(ShortText):
-    """What N designs of a robot did.
+    """Result of simulating N designs of an articulated robot.
 
     Attributes:
-        distance: of the centre of mass along the heading, (N,) [m]; NaN of those that diverged.
+        distance: way of the centre of mass along the heading, (N,) [m]; NaN of those that diverged.
         centre: place of the centre of mass at the end, (N, 3) [m].
         status: ``"ok"`` or ``"diverged"``, (N,).
         steps: time steps simulated, (N,).
         runs: everything about the rollouts, with frames if asked for; several where N is large.
-        own: measures of the user, by name, (N,) each; NaN of those that diverged.
+        own: users' own measures by name, (N,) each; NaN of those that diverged.
         gradients: derivatives of the distance and of own measures by the parameters, (N, P), where asked for.
     """
 
@@ -57,7 +57,7 @@ class ArticulatedResult(ShortText):
 
     @property
     def gradient(self) -> Floats | None:
-        """Derivatives of the distance, if asked for."""
+        """Derivatives of the distance by the parameters [m per unit], (N, P); None if not asked for."""
         return self.gradients.get("distance")
 
 
@@ -70,7 +70,7 @@ def simulate(
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> ArticulatedResult:
-    """Let a robot move at N points.
+    """Simulate an articulated robot at N points.
 
     Args:
         robot: the robot.
@@ -94,7 +94,7 @@ def differentiate(
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> ArticulatedResult:
-    """Let a robot move at N points, with the derivatives of the distance by its parameters.
+    """Simulate an articulated robot at N points, with derivatives of the distance by its parameters.
 
     Contacts, stops and limits act as they did, see ``taichi_sim.rigid.gradient``.
 

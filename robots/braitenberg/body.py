@@ -24,7 +24,7 @@ Site = tuple[float, float]
 
 @dataclass(frozen=True)
 class VehicleBody:
-    """A vehicle's body.
+    """Body of a Braitenberg vehicle: the places of its light sensors.
 
     Attributes:
         sensors: places of its light sensors in its own frame [m], x ahead and y to the left, each from -0.5 to 0.5.
@@ -43,7 +43,7 @@ class VehicleBody:
 
     @classmethod
     def published(cls, design: int) -> Self:
-        """The body of a number, from 1 to 6561, in the published grid of 9 x 9 places for each of two sensors.
+        """Return body number 1 to 6561 of the published grid, which has 9 x 9 places for each of two sensors.
 
         Raises:
             ValueError: for any other number.
@@ -55,7 +55,7 @@ class VehicleBody:
 
     @property
     def design(self) -> int | None:
-        """Its number in the published grid; None if it is not on it."""
+        """Number of the body in the published grid; None if it is not on the grid."""
         if len(self.sensors) != 2:
             return None
         first, second = (_grid_number(site) for site in self.sensors)
@@ -63,12 +63,12 @@ class VehicleBody:
 
     @property
     def mirrored(self) -> "VehicleBody":
-        """Left and right exchanged, of places and of sensors."""
+        """Mirror image of the body: places of sensors, and sensors, exchanged between left and right."""
         return VehicleBody(tuple((x, 0.0 - y) for x, y in reversed(self.sensors)))
 
     @property
     def reversed(self) -> "VehicleBody":
-        """Turned by half a turn, sensors exchanged: driven backwards it is the same vehicle."""
+        """Body turned by half a turn, with sensors exchanged: driven backwards it is the same vehicle."""
         return VehicleBody(tuple((0.0 - x, 0.0 - y) for x, y in reversed(self.sensors)))
 
 

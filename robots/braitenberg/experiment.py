@@ -31,22 +31,26 @@ TEXT_OF_CHAPTER_3 = replace(PUBLISHED, radius=0.2, time_step=0.1, steps=100_000)
 
 
 def weight_grid(count: int) -> Floats:
-    """Values of a weight in a sweep, from -1 to 1, shape (count,); the same but for the sign from either end."""
+    """Return ``count`` evenly spaced values of a weight from -1 to 1, shape (count,), symmetric about 0.
+
+    Raises:
+        ValueError: unless the count is a whole number of at least 2.
+    """
     count = whole_number("weights", count, 2)
     values = np.linspace(-1.0, 1.0, count)
     return (values - values[::-1]) / 2
 
 
 def contralateral(weights: ArrayLike) -> Floats:
-    """Controllers of two sensors with one weight each, as matrices.
+    """Make controllers of vehicles with two sensors, each of which drives the motor of the other side.
 
-    Each sensor drives the motor of the other side: v = (w1 s1 + w2 s2) / 2 and a' = w1 s1 - w2 s2.
+    Speed and turning rate are v = (w1 s1 + w2 s2) / 2 and a' = w1 s1 - w2 s2.
 
     Args:
-        weights: w1 and w2, shape (..., 2), each from -1 to 1.
+        weights: weights w1 and w2, shape (..., 2), each from -1 to 1.
 
     Returns:
-        Shape (..., 2, 2).
+        Matrices of the controllers (motor, sensor), shape (..., 2, 2).
 
     Raises:
         ValueError: for other shapes and values.
@@ -104,7 +108,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> Rollouts:
-    """Run controllers in bodies in all environments of a task.
+    """Simulate Braitenberg vehicles: all controllers in their bodies, in all environments of a task.
 
     Args:
         bodies: B bodies.
@@ -128,7 +132,7 @@ def trace(
     every: int = 1,
     **compute: Unpack[ComputeOptions],
 ) -> Traces:
-    """Motion and sensor readings over time, as in :func:`simulate`.
+    """Record the motion and sensor readings of vehicles over time, for the same arguments as :func:`simulate`.
 
     Args:
         bodies, controllers, task: see :func:`simulate`.

@@ -19,7 +19,7 @@ DESIGN = Option(
 
 
 class VehicleKind(RobotKind):
-    """Braitenberg vehicles: light sensors that drive two motors."""
+    """The kind of Braitenberg vehicles, whose light sensors drive two motors."""
 
     name = "vehicle"
     title = "Braitenberg vehicle"

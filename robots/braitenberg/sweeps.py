@@ -27,14 +27,17 @@ BODIES_PER_FILE = 32  # a file each half a minute or so
 
 @dataclass(frozen=True)
 class Sweep:
-    """Settings of a sweep.
+    """Settings of a sweep over all controllers on a grid of weights.
 
     Attributes:
-        weights: values of each of the two weights, from -1 to 1.
-        radius: of success [m].
-        time_step: [s].
-        steps: of every rollout.
+        weights: number of values of each of the two weights, from -1 to 1.
+        radius: distance from the light below which a vehicle succeeds [m].
+        time_step: time step [s].
+        steps: time steps of every rollout.
         precision: ``"f64"``; ``"f32"`` flips a few percent of the cells.
+
+    Raises:
+        ValueError: for a setting that is not allowed.
     """
 
     weights: int = 121
@@ -69,12 +72,12 @@ def sweep(
     out: Path | str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Overlap:
-    """Number of environments in which each controller of a grid reaches the light, for every body.
+    """Count the environments in which each controller of a grid reaches the light, for every body.
 
     Args:
         bodies: with two sensors each.
-        weights: n, values of each weight, see :func:`weight_grid`.
-        r: radius of success [m].
+        weights: number n of values of each weight, see :func:`weight_grid`.
+        r: distance from the light below which a vehicle succeeds [m].
         dt: time step [s].
         steps: of every rollout.
         precision, device, threads: as of :class:`Compute`; results do not depend on threads.
@@ -116,7 +119,7 @@ def sweep(
 
 
 def read_sweep(folder: Path | str) -> tuple[Sweep, list[VehicleBody]]:
-    """The settings of a sweep on disk, and the bodies of which :func:`sweep` finds the results there, in order.
+    """Read the settings of a sweep on disk, and the bodies whose results :func:`sweep` finds there, in order.
 
     Raises:
         ValueError: if the folder holds no sweep.

@@ -12,7 +12,7 @@ from taichi_sim.base.checks import positive, whole_number
 
 @dataclass(frozen=True)
 class Grid:
-    """Cells side by side in a box; the robot is to travel along +x, and +z is up.
+    """A box-shaped grid of cubic cells for a robot that travels along +x; +z is up.
 
     Attributes:
         shape: number of cells along x, y and z.
@@ -41,12 +41,12 @@ class Grid:
 
     @property
     def count(self) -> int:
-        """V, the number of cells."""
+        """Number V of cells."""
         return int(np.prod(self.shape))
 
     @cached_property
     def places(self) -> Indices:
-        """Place of each cell along x, y and z, shape (V, 3)."""
+        """Indices of each cell along x, y and z, shape (V, 3)."""
         return np.argwhere(np.ones(self.shape))
 
     @cached_property
@@ -59,12 +59,12 @@ class Grid:
 
     @cached_property
     def free(self) -> Indices:
-        """The F cells that may differ from all others, shape (F,); the rest are mirror images."""
+        """Numbers of the F independent cells, shape (F,); all others are their mirror images."""
         return np.unique(np.ravel_multi_index(tuple(self._folded.T), self.shape))
 
     @cached_property
     def source(self) -> Indices:
-        """Which of the free cells each cell is like, shape (V,)."""
+        """Number of the free cell whose mirror image each cell is, or which it is itself, shape (V,)."""
         return np.searchsorted(self.free, np.ravel_multi_index(tuple(self._folded.T), self.shape))
 
     @cached_property
@@ -73,7 +73,7 @@ class Grid:
         return self.places[self.free] - (np.array(self.shape) - 1) / 2
 
     def smoothing(self, radius: float) -> sparse.csr_array:
-        """Weights of free cells in the mean about each, shape (F, F): they fall off linearly up to a radius [cells].
+        """Return weights, shape (F, F), that average free cells around each, falling off linearly to a radius [cells].
 
         Source: Bruns & Tortorelli, Comput. Methods Appl. Mech. Engrg. 190, 2001 (density filter).
         """

@@ -20,7 +20,7 @@ OWN = ("fields", "detail", "full", "feature", "target", "perturbation", "seed", 
 
 
 class FreeformKind(LatticeGroundKind):
-    """Freeform robots: what is in each cell of a grid is searched."""
+    """The kind of freeform robots, in which a search chooses the content of each cell of a grid."""
 
     name = "freeform"
     title = "freeform robot"

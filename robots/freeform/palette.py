@@ -1,4 +1,4 @@
-"""The tissues that cells are made of, and mixtures of them between designs."""
+"""Tissues of the cells of freeform robots, and mixtures of tissues between designs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -33,11 +33,14 @@ SILICONE = Material(
 
 @dataclass(frozen=True)
 class Tissue:
-    """What a cell may be made of.
+    """A tissue that cells may be made of: a material that is a muscle or passive.
 
     Attributes:
-        material: of the cell; with scale 1 and without heat.
+        material: material of the cell, with scale 1 and without thermal expansion or temperature.
         muscle: whether the cell swells and shrinks; else it is passive, such as a bone or a payload.
+
+    Raises:
+        ValueError: for a material with another scale, thermal expansion or temperature.
     """
 
     material: Material = SILICONE
@@ -52,10 +55,13 @@ class Tissue:
 
 @dataclass(frozen=True)
 class Palette:
-    """The tissues of a robot.
+    """The tissues that the cells of a freeform robot may be made of.
 
     Attributes:
         tissues: at least one, at least one of them a muscle.
+
+    Raises:
+        ValueError: if there is no tissue, or none is a muscle.
     """
 
     tissues: tuple[Tissue, ...] = (Tissue(),)
@@ -72,27 +78,27 @@ class Palette:
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The material of each tissue."""
+        """Materials of the tissues, in their order."""
         return tuple(tissue.material for tissue in self.tissues)
 
     @property
     def muscles(self) -> Floats:
-        """1 for muscles, 0 for others, shape (T,)."""
+        """Array with 1 for each tissue that is a muscle and 0 for others, shape (T,)."""
         return np.array([float(tissue.muscle) for tissue in self.tissues])
 
     def time_step(self, edge: float) -> float:
-        """Largest time step that is stable for bodies of these tissues with an edge h [m], in [s]."""
+        """Return the largest stable time step [s] of bodies of these tissues with cells of edge h [m]."""
         kinds = range(len(self))
         line = np.array([(place, 0, 0) for place in range(len(self) ** 2 * 2)])
         pairs = np.array([kind for first in kinds for second in kinds for kind in (first, second)])
         return LatticeBody(line, self.materials, pairs, edge).recommended_time_step
 
     def mixtures(self, presence: Any, weights: Any) -> dict[str, Any]:
-        """Numbers of the materials of cells between designs, by name, shape (N, V); arrays may be traced.
+        """Compute material properties of mixed cells by name, shape (N, V); arrays may be traced for derivatives.
 
         Args:
-            presence: 0 to 1, shape (N, V).
-            weights: of each tissue, which add up to 1, shape (N, V, T).
+            presence: presence of each cell, 0 to 1, shape (N, V).
+            weights: parts of each tissue, which add up to 1, shape (N, V, T).
         """
         found = {name: (weights * np.array([getattr(m, name) for m in self.materials])).sum(axis=2) for name in MIXED}
         stiff = LEAST_MODULUS + (1 - LEAST_MODULUS) * presence**POWER
@@ -100,7 +106,7 @@ class Palette:
         return found | {"youngs_modulus": stiff * found["youngs_modulus"], "density": heavy * found["density"]}
 
     def body(self, body: LatticeBody, numbers: dict[str, Floats]) -> LatticeBody:
-        """A body each of whose voxels has a material of its own, of these numbers by name, shape (V,)."""
+        """Give each voxel of a body its own material, from material properties by name, shape (V,)."""
         each = np.stack([numbers[name] for name in MIXED], axis=1).tolist()
         first = self.materials[0]
         return body.with_materials(replace(first, **dict(zip(MIXED, row, strict=True))) for row in each)

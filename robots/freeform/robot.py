@@ -40,14 +40,14 @@ DETAILS = {"filtered": "radius", "blobs": "balls", "network": "hidden", "pattern
 
 @dataclass(frozen=True)
 class FreeformActuation:
-    """How muscles move, and how long: edges of 1 + amplitude sin(2 pi (f t + phase)).
+    """Actuation of a freeform robot: muscles whose edges are 1 + amplitude sin(2 pi (f t + phase)), and timing.
 
     Attributes:
-        amplitude: largest of the edges, part of their length, up to 0.5.
-        frequency: f [Hz].
-        cycles: whole cycles that count; another one comes before them.
+        amplitude: largest amplitude of the edges, as a part of their length, up to 0.5.
+        frequency: frequency f [Hz].
+        cycles: number of whole cycles that count; another one comes before them.
         settling: time on the ground, or afloat, before anything moves [s].
-        channels: K, how many different waves a robot may have, as many as a rig can drive; None for one a muscle.
+        channels: number K of different waves that a robot may have, such as a rig can drive; None for one per muscle.
         time_step_safety: the largest stable time step is divided by this.
     """
 
@@ -70,22 +70,22 @@ class FreeformActuation:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FreeformRobot(Robot):
-    """A grid whose cells a search may fill, mix and move; it travels along x.
+    """A freeform robot: a search chooses presence, tissue and muscle of each cell of a grid; it travels along x.
 
     A point is judged as the robot that can be built of it: see :mod:`robots.freeform.solid`. Between such robots, with
     a finite sharpness of the trial, cells are mixtures of tissues and nothing, which have gradients.
 
     Attributes:
-        grid: of the cells.
-        palette: what cells may be made of.
-        actuation: of the muscles.
-        fields: name in ``PARAMETRISATIONS``: how a point writes what cells are.
-        detail: of the parametrisation: its radius, balls or hidden nodes; None for the usual.
+        grid: grid of the cells.
+        palette: tissues that cells may be made of.
+        actuation: actuation of the muscles.
+        fields: name in ``PARAMETRISATIONS``, for how a point sets presence, tissue and muscle of the cells.
+        detail: radius, number of balls or of hidden nodes of the parametrisation; None for the usual.
         full: whether all cells are there, so that muscles and tissues alone are free.
         feature: least thickness of a robot [cells].
         target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
         perturbation: standard deviation of noise on the start positions of robots that can be built [m].
-        seed: of the noise.
+        seed: seed of the noise.
         gains: factors of the amplitudes of its muscles, where these are uncertain; no part of a description.
         own_measures: of the user, see ``robots.own_measures``; installed ones may be given by name.
 
@@ -130,7 +130,7 @@ class FreeformRobot(Robot):
 
     @cached_property
     def parametrisation(self) -> Parametrisation:
-        """How a point writes fields."""
+        """Parametrisation by which a point sets the fields of the cells."""
         detail: dict[str, Any] = {}
         if self.detail is not None:
             name = DETAILS[self.fields]
@@ -140,23 +140,23 @@ class FreeformRobot(Robot):
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The variables of the parametrisation."""
+        """Free parameters of the robot: the variables of the parametrisation."""
         return tuple(self.parametrisation.variables())
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """The measures of lattice robots, with speeds in lengths of the grid."""
+        """Measures of the robot: those of lattice robots, with speeds in lengths of the grid."""
         return *measures_of(self.target is not None), *self.own_measures
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """Its measures in all of some worlds: with lights the distance that remains, with props those of the first."""
+        """Return the measures in all of some worlds, for lights the distance that remains, and for the first prop."""
         terrains = [terrain_of(world) for world in worlds]
         targeted = self.target is not None or all(each.light for each in terrains)
         return *measures_among(terrains, targeted), *self.own_measures
 
     @property
     def descriptors(self) -> dict[str, tuple[float, float]]:  # type: ignore[override]
-        """Mass, mass of the payload and number of channels, as far as designs may differ in them."""
+        """Ranges of mass, payload mass and number of channels, for those in which designs may differ."""
         heaviest = self.grid.count * self.grid.voxel_size**3 * max(m.density for m in self.palette.materials)
         found = {} if self.full and len(self.palette) == 1 else {"mass": (0.0, heaviest)}
         if not self.palette.muscles.all():
@@ -167,12 +167,12 @@ class FreeformRobot(Robot):
 
     @property
     def differentiable(self) -> bool:  # type: ignore[override]
-        """Whether its parametrisation has gradients."""
+        """Whether the robot has gradients, as its parametrisation does."""
         return self.fields != "pattern"
 
     @property
     def relaxable(self) -> bool:  # type: ignore[override]
-        """Whether there is anything between two robots that can be built."""
+        """Whether there are mixtures between robots that can be built, through which gradients lead."""
         return self.differentiable and not (self.full and len(self.palette) == 1)
 
     @cached_property
@@ -182,7 +182,7 @@ class FreeformRobot(Robot):
 
     @cached_property
     def cycle(self) -> Cycle:
-        """When what happens; the time step is one for all designs."""
+        """Timing of the cycles; all designs have the same time step."""
         return self._cycle(self._stable_step)
 
     @property
@@ -194,7 +194,7 @@ class FreeformRobot(Robot):
         return max(driven, *(max(m.scale) for m in materials)) * max(heated, 1.0)
 
     def cycle_on(self, terrain: Terrain) -> Cycle:
-        """The :attr:`cycle` on a terrain, whose water and props may take shorter time steps.
+        """Return the :attr:`cycle` on a terrain, whose water and props may take shorter time steps.
 
         Raises:
             ValueError: for props too light or too heavy for their contact with the tissues.
@@ -216,17 +216,17 @@ class FreeformRobot(Robot):
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Rear and front of its grid along the heading, whose first cells are about the origin [m]."""
+        """Positions of the rear and front of the grid along the heading [m]; its first cells are centred at 0."""
         return -self.grid.voxel_size / 2, self.length - self.grid.voxel_size / 2
 
     @property
     def aim(self) -> Aim:
-        """How its motion is measured: heading, length, and target."""
+        """Settings of the measures: heading, length and target."""
         return Aim(0.0, self.length, self.target, own_measures=self.own_measures)
 
     @property
     def tabled_by(self) -> str:  # type: ignore[override]
-        """The option with which a rig has a line for each wave of its designs; empty if it does."""
+        """Option that lets a rig have a line for each wave of the designs; empty if it has."""
         from robots.hardware.channel_table import LINES
 
         channels, lines = self.actuation.channels, len(LINES)
@@ -234,11 +234,11 @@ class FreeformRobot(Robot):
 
     @property
     def actuators(self) -> int:  # type: ignore[override]
-        """Number of muscles that it can have at most: its cells."""
+        """Largest number of muscles that a design can have: the number of cells."""
         return self.grid.count
 
     def perturbed(self, drawn: Perturbation) -> "FreeformRobot":
-        """This robot with tissue friction, muscle amplitudes and period multiplied as drawn."""
+        """Return this robot with tissue friction, muscle amplitudes and period multiplied by drawn factors."""
         drive = self.actuation
         frequency = min(max(drive.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
         tissues = (dataclasses.replace(t, material=drawn.rubbed(t.material)) for t in self.palette.tissues)
@@ -250,11 +250,11 @@ class FreeformRobot(Robot):
         )
 
     def solid_at(self, fields: Fields, row: int) -> Solid:
-        """The robot that can be built of one row of plain fields."""
+        """Return the buildable robot of one row of fields."""
         return solid_of(self.grid, self.palette, fields, row, self.feature, self.actuation.channels)
 
     def waves(self, solid: Solid, points: Any) -> tuple[Any, Any]:
-        """Amplitude and phase [cycles] of a solid's channels, shape (N, count), at points that may be traced.
+        """Compute amplitude and phase [cycles] of a solid's channels, shape (N, count), at points that may be traced.
 
         A channel has the mean of the waves of its cells.
         """
@@ -267,7 +267,7 @@ class FreeformRobot(Robot):
         return amplitude, np.arctan2(sine, cosine + RESOLUTION) / (2 * np.pi)
 
     def built(self, solid: Solid, amplitude: Floats, phase: Floats) -> LatticeRobot:
-        """The lattice robot of a solid with these waves of its channels, shape (count,) each."""
+        """Build the lattice robot of a solid, with amplitudes and phases [cycles] of its channels, shape (count,)."""
         drive, body = self.actuation, solid.body(self.grid, self.palette)
         return LatticeRobot(
             body,
@@ -286,7 +286,7 @@ class FreeformRobot(Robot):
         )
 
     def design(self, point: ArrayLike) -> LatticeRobot:
-        """The robot that can be built of one point, shape (P,).
+        """Return the buildable lattice robot of one point, shape (P,).
 
         Raises:
             ValueError: if it is no robot.
@@ -308,41 +308,41 @@ class FreeformRobot(Robot):
         compute: Compute = HERE,
         progress: Progress | None = None,
     ) -> Replay:
-        """Try one design and build its motion, see :meth:`Robot.replay`; its cells and channels are told, too."""
+        """Simulate one design and build its motion, see :meth:`Robot.replay`, with its cells and channels in words."""
         found = super().replay(point, world, frames=frames, name=name, compute=compute, progress=progress)
         solid = self.solid_at(self.parametrisation(self.points(point)), 0)
         measures = {**found.outcome.measures, **counts_of([solid], found.outcome.status)}
         return dataclasses.replace(found, outcome=dataclasses.replace(found.outcome, measures=measures))
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
-        """Let the robots of N points move."""
+        """Simulate the robots of N points."""
         return self.run_in(points, (trial.world,), trial)[0]
 
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[FreeformRobot]" = ()
     ) -> list[Outcome]:
-        """Let the robots of N points move in several worlds; those with the same cells share a batch."""
+        """Simulate the robots of N points in several worlds; those with the same cells share a batch."""
         found = try_variants(variants or [self] * len(worlds), points, worlds, trial)
         return [outcome_of(each) for each in found]
 
     @property
     def steps(self) -> int:
-        """Time steps of the cycles."""
+        """Number of time steps in the cycles."""
         return self.cycle.end - self.cycle.begin
 
     def save(self, point: ArrayLike, path: Path) -> None:
-        """Write the robot that can be built of one point, as a lattice robot."""
+        """Write the buildable robot of one point to a file, as a lattice robot."""
         self.design(point).save((), path)
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values."""
+        """Describe everything that results depend on, as JSON values."""
         palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
         own = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("gains", "own_measures")}
         measures = {"own_measures": names_of(self.own_measures)} if self.own_measures else {}
         return {**own, **measures, "palette": palette}
 
     def facts(self) -> Facts:
-        """Grid, palette, parametrisation and cycle."""
+        """Rows for a report: grid, palette, parametrisation and cycle."""
         drive, sides = self.actuation, " x ".join(map(str, self.grid.shape))
         names = [t.material.name or f"tissue {n}" for n, t in enumerate(self.palette.tissues, 1)]
         each = "a wave for each muscle" if drive.channels is None else counted(drive.channels, "channel")
@@ -355,7 +355,7 @@ class FreeformRobot(Robot):
         ]
 
     def columns(self, points: ArrayLike) -> dict[str, list[str]]:
-        """Cells and channels of several designs."""
+        """Columns of a table of several designs: their cells and channels."""
         fields = self.parametrisation(self.points(points))
         solids = [self.solid_at(fields, row) for row in range(len(fields.presence))]
         return {
@@ -364,7 +364,7 @@ class FreeformRobot(Robot):
         }
 
     def at_horizon(self, length: int) -> tuple[str, "FreeformRobot"]:
-        """The robot for so many cycles."""
+        """Return a label and the robot with ``length`` cycles."""
         drive = dataclasses.replace(self.actuation, cycles=length)
         return counted(length, "cycle"), dataclasses.replace(self, actuation=drive)
 

@@ -40,7 +40,7 @@ GAINS = MappingProxyType(
 
 
 def task_settings(task: Task) -> dict[str, Any]:
-    """What the environment of a task is made with: its robot, its first world, and what its rewards count."""
+    """Return the arguments of a task's environment: its robot, its first world, and the gain that rewards count."""
     words = ("mean", "worst", "each")
     (goal,) = (text for text in task.options["objective"] if text not in words and not is_bound(text))
     world = task.options["terrain"][0]

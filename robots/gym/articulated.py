@@ -1,4 +1,4 @@
-"""Articulated robots as environments, one or a batch: an action is what their drives are told for a while."""
+"""Articulated robots as Gymnasium environments, one or a batch: an action is a command to each drive."""
 
 import warnings
 from pathlib import Path
@@ -199,7 +199,7 @@ class Driven(Batch):
 
 
 class ArticulatedEnvironment(RobotEnvironment):
-    """A robot of an MJCF or URDF file whose drives are told what to do, 50 times a second unless it says another rate.
+    """Gymnasium environment of a robot from an MJCF or URDF file: actions command its drives, by default at 50 Hz.
 
     Action, shape (M,): for each drive from -1 to 1, its command, which means its whole range: an angle or a rate, as
     the file says. With ``actions="differences"``, times ``strength``, how its command differs from the rhythm of the
@@ -249,7 +249,7 @@ class ArticulatedEnvironment(RobotEnvironment):
 
 
 class ArticulatedVector(RobotVector):
-    """Copies of an articulated robot in one batch."""
+    """Vector environment of copies of an articulated robot in one batch."""
 
     def __init__(
         self,

@@ -49,7 +49,7 @@ def named_world(given: object, allowed: str = "give a terrain, or its name") -> 
 
 
 class RobotEnvironment(gymnasium.Env[Observation, Any]):
-    """Gymnasium environment whose reward is progress, and in which a robot that diverges never wins.
+    """Base class of Gymnasium environments whose reward is progress; a robot that diverges loses its rewards.
 
     A subclass says what is simulated, as a batch of one.
     """
@@ -67,7 +67,7 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode."""
+        """Begin an episode; return its first observation and ``info``."""
         super().reset(seed=seed)
         which = np.arange(1)
         way = self._batch.way(dict(options or {}), self.np_random)
@@ -78,7 +78,7 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         return self._account.observed[0].copy(), info
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Apply an action.
+        """Apply an action for one step; return observation, reward, terminated, truncated and ``info``.
 
         A robot that diverged keeps its last finite observation and loses all that it has gained.
 
@@ -97,7 +97,7 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
         return observed, float(reward[0]), ended, self._batch.left == 0, info
 
     def render(self) -> Bytes | None:
-        """A picture of the robot as it is: red, green, blue, shape (H, W, 3); None without a render mode."""
+        """Draw the robot as it is, as an RGB image of shape (H, W, 3); None without a render mode."""
         return None if self.render_mode is None else self._pictures.draw(0)
 
     def _info(self) -> dict[str, Any]:
@@ -107,7 +107,7 @@ class RobotEnvironment(gymnasium.Env[Observation, Any]):
 
 
 class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
-    """Many robots as one batch; with the same actions each moves as it does alone, to the bit.
+    """Base class of vector environments: a batch of robots, each of which moves as it does alone, to the bit.
 
     The step after the last of an episode begins it anew, whatever the action (``AutoresetMode.NEXT_STEP``). Most
     robots begin together: then one that diverges or falls rests until the episodes of all are over, and only then its
@@ -132,10 +132,10 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._whole = False  # begun, and no step was interrupted
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode of all robots.
+        """Begin an episode of each robot; return the first observations and ``info``.
 
         Args:
-            seed: of the first robot; those of the others follow it. Or a list of one each.
+            seed: seed of the first robot; those of the others follow it. Or a list of one each.
             options: of the environment of one robot, a value for all or a list of one each.
         """
         following = [seed + robot for robot in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
@@ -187,7 +187,7 @@ class RobotVector(gymnasium.vector.VectorEnv[Any, Any, Any]):
         return cut & ~anew & ~self._account.ended
 
     def render(self) -> tuple[Bytes, ...] | None:
-        """Pictures of the robots as they are, as of one; None without a render mode."""
+        """Draw each robot as it is, as an RGB image of shape (H, W, 3); None without a render mode."""
         return None if self.render_mode is None else tuple(map(self._pictures.draw, range(self.num_envs)))
 
     def _info(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Lattice robots as environments, one or a batch: an action says how muscles differ from their waves for a while."""
+"""Lattice robots as Gymnasium environments, one or a batch: actions change how muscles follow their waves."""
 
 import warnings
 from collections.abc import Sequence
@@ -199,7 +199,7 @@ class Rewarded(Batch):
 
 
 class LatticeRobotEnvironment(RobotEnvironment):
-    """A lattice robot whose muscles are told, sixteen times a cycle, how to differ from their waves.
+    """Gymnasium environment of a lattice robot: actions change its muscles' waves sixteen times a cycle.
 
     Action, shape (R,): for each driven region from -1 to 1, times ``strength``: the difference of its scale from the
     wave a sixteenth of a cycle later, to which it goes in a straight line. All zero play the waves, to the bit.
@@ -246,7 +246,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
 
 
 class LatticeRobotVector(RobotVector):
-    """Copies of a lattice robot in one batch, each in a world of several; all episodes are equally long."""
+    """Vector environment of copies of a lattice robot, each in a world of several; all episodes are equally long."""
 
     def __init__(
         self,

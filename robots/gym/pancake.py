@@ -175,7 +175,7 @@ class Pancakes(Batch):
 
 
 class PancakeEnvironment(RobotEnvironment):
-    """Roll or inch in a direction, one column of a gait at a time.
+    """Gymnasium environment in which the inflatable robot rolls or inches, one column of a gait at a time.
 
     Action: bladders 1 to 8 and feet 1 and 2, shape (10,): on (inflated, gripping) or off. With
     ``actions="continuous"`` numbers from 0 to 1, of which those above a half are on. A step lasts until the slowest
@@ -226,7 +226,7 @@ class PancakeEnvironment(RobotEnvironment):
 
 
 class PancakeVector(RobotVector):
-    """Inflatable robots as one batch, which play a column each at the same time."""
+    """Vector environment of inflatable robots in one batch, each of which plays a column in every step."""
 
     def __init__(
         self,

@@ -10,7 +10,7 @@ from robots.gym.batch import Observation
 
 
 class Policy(Protocol):
-    """Policy: chooses an action for each observation."""
+    """Interface of policies, which choose an action for each observation."""
 
     def reset(self) -> None:
         """Begin a new episode without memory of the last one."""
@@ -75,7 +75,7 @@ class NeuronPolicy:
 def episode(
     environment: gymnasium.Env[Any, Any], policy: Policy, seed: int = 0, options: dict[str, Any] | None = None
 ) -> tuple[float, dict[str, Any]]:
-    """Play an episode; give its return (the sum of rewards) and the last ``info``."""
+    """Play one episode with a policy; return the sum of its rewards and the last ``info``."""
     policy.reset()
     observation, info = environment.reset(seed=seed, options=options)
     gained, over = 0.0, False

@@ -82,7 +82,7 @@ class Quadrupeds(Batch):
 
 
 class QuadrupedEnvironment(RobotEnvironment):
-    """Environment in which a quadruped goes towards a light on legs, wheels or whegs.
+    """Gymnasium environment in which a quadruped goes towards a light on legs, wheels or whegs.
 
     Action: values of the eight motor neurons, shape (8,), from -1 to 1, kept for one step of 0.05 s (20 Hz). Motors of
     legs take them as angles, those of wheels as speeds, in units of what the variant allows, within the robot's torque;
@@ -113,7 +113,7 @@ class QuadrupedEnvironment(RobotEnvironment):
 
 
 class QuadrupedVector(RobotVector):
-    """Quadrupeds as one batch."""
+    """Vector environment of quadrupeds in one batch."""
 
     def __init__(
         self,

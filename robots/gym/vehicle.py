@@ -89,7 +89,7 @@ class Vehicles(Batch):
 
 
 class VehicleEnvironment(RobotEnvironment):
-    """Environment in which a vehicle steers to a light by its two motors.
+    """Gymnasium environment in which a Braitenberg vehicle steers to a light by its two motors.
 
     Action: motor commands, shape (2,), from -1 to 1, in units of ``fastest``; the first turns the vehicle to the left.
     The vehicle drives at half their sum [m/s] and turns at their difference [rad/s]. A published controller W commands
@@ -115,7 +115,7 @@ class VehicleEnvironment(RobotEnvironment):
 
 
 class VehicleVector(RobotVector):
-    """Vehicles as one batch; each begins anew in the step after its own episode is over."""
+    """Vector environment of vehicles in one batch; each begins anew in the step after its own episode is over."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Tables of robots that repeat a cycle: what a rig's lines are told to play the waves of a robot's channels.
+"""Pressure tables for robots that repeat a cycle: commands to a rig's lines that play the channels' waves.
 
 A table has the form of a gait table, with a state for each straight piece of a wave: the prefix brings vented lines to
 where the cycle begins and plays it once, the main is one cycle, to be looped, and the suffix vents the lines. Channels
@@ -99,14 +99,14 @@ class Rhythm:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ChannelTable(RigTable):
-    """Commands over time that play the waves of a robot's channels.
+    """Table of commands to a rig's lines over time, which play the waves of a robot's channels.
 
     Attributes:
-        times, states, pressures, units, rig, rate, clipped, timing: as of every ``RigTable``.
+        times, states, pressures, units, rig, rate, clipped, timing: see ``RigTable``.
         robot: name of the robot.
-        rhythm: that was asked for; rows are slower where limits of rate were kept.
-        waves: that were asked for, in the order of their lines; of a table that was read, what its rows play.
-        seed: of the search that found the robot; None if not known.
+        rhythm: requested timing of the waves; rows are slower where limits of rate were kept.
+        waves: requested waves, in the order of their lines; in a table that was read, what its rows play.
+        seed: seed of the search that found the robot; None if not known.
     """
 
     times: Floats
@@ -124,16 +124,16 @@ class ChannelTable(RigTable):
 
     @property
     def columns(self) -> int:
-        """Straight pieces of a cycle."""
+        """Number of straight pieces in a cycle."""
         return self.rhythm.nodes
 
     @property
     def loops(self) -> int:
-        """How often the main is played: as often as cycles count; the prefix plays the one before them."""
+        """Times that the main section is played: as often as cycles count; the prefix plays the one before them."""
         return self.rhythm.loops
 
     def header(self) -> list[tuple[str, str]]:
-        """What the head of its file says: the rhythm, and of each line its channel and calibration."""
+        """Header of the table's file: the rhythm, and the channel and calibration of each line."""
         lines = [
             {"line": line, "channel": wave.name, **asdict(wave.calibration), **wave.about}
             for line, wave in zip(LINES, self.waves, strict=False)
@@ -152,13 +152,13 @@ class ChannelTable(RigTable):
 
     @property
     def played_frequency(self) -> float:
-        """Cycles per second that the rows play [Hz]: that asked for, unless they are longer than rounding explains."""
+        """Frequency that the rows play [Hz]: the requested one, unless they last longer than rounding explains."""
         length, nodes = self.durations["main"], self.columns
         asked = self.rhythm.frequency
         return asked if abs(length - 1 / asked) <= (nodes + 1) * _TIMES else 1 / length
 
     def played(self) -> tuple[Wave, ...]:
-        """The waves that the rows of the main play, at equal times, by the inverse of each calibration."""
+        """Waves that the rows of the main section play, at equal times, by the inverse of each calibration."""
         rows = np.flatnonzero(np.array(self.sections) == "main")
         times = self.times[rows] - self.times[rows[0]]
         kpa = self.pressures[rows] * KPA_PER_UNIT[self.units]
@@ -226,7 +226,7 @@ def channel_report(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig | No
 
 
 def read_channels(path: str | os.PathLike[str]) -> ChannelTable:
-    """Read a table that ``write_csv`` wrote of a ``ChannelTable``; its waves are those that the rows play.
+    """Read a ``ChannelTable`` that ``write_csv`` wrote; its waves are what the rows play.
 
     Raises:
         ValueError: if the file is damaged; tells what is wrong, and where.

@@ -57,7 +57,7 @@ def gait_table(
     on_violation: str = "refuse",
     seed: int | None = None,
 ) -> GaitTable:
-    """The pressures that play a design on a rig, within the rig's limits.
+    """Make the table of line pressures that plays a gait of the inflatable robot on a rig, within its limits.
 
     All lines start vented. The core goes to the line pressure of the design's; a flat body (pressure 0) is drawn flat
     by vacuum. The feet grip meanwhile, as in the simulation's initialisation.
@@ -65,9 +65,9 @@ def gait_table(
     Args:
         design: pressure [Pa], one for each of the rig's lines for cores where they differ, orientation [degrees] and
             schedule.
-        rig: the dissertation's if None.
-        units: ``"kpa"`` or ``"psi"``; None: those of the rig.
-        rate: rows per second, and states last whole samples; None: rows at the corners of the pressures.
+        rig: the rig; the dissertation's if None.
+        units: ``"kpa"`` or ``"psi"``; None: the rig's.
+        rate: rows per second [Hz], and states last whole samples; None: rows at the corners of the pressures.
         on_violation: of the rig's limits: ``"refuse"``, or ``"clip"``: pressures stop at limits, and strokes take as
             long as the limit of rate asks.
         seed: of the search that found the design, for the header.

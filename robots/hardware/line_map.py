@@ -1,4 +1,4 @@
-"""The map between what is simulated and pressures on the lines of a rig.
+"""The map between simulated core pressures and levels, and pressures on the lines of a rig.
 
 A line has not the pressure that is simulated: the core of the physical robot is round at 50 kPa, the simulated one at
 12 kPa, and bladders and feet are simulated as on or off. Source: Powers 2021 dissertation, ch. 5, "Simulation
@@ -47,19 +47,22 @@ def _not_below(name: str, off: float, on: float) -> PressureError:
 
 @dataclass(frozen=True)
 class LineMap:
-    """Line pressures (gauge) of what is simulated.
+    """The map from simulated core pressures and actuator levels to gauge pressures on the lines of a rig.
 
     The outer bladders' pressures are this lab's own, as none was published: the study cites less than 20 kPa for
     similar ones.
 
     Attributes:
         simulated_pa: core pressure in the simulation [Pa] that ``core_kpa`` stands for; others in proportion.
-        core_kpa: of the core at that pressure [kPa].
-        flat_kpa: of the core of a flat body, simulated at 0 Pa: vacuum, or vented at 0 [kPa].
-        on_kpa: of bladders 1 to 8 inflated and of feet 1 and 2 gripping [kPa], 10 values.
-        off_kpa: of bladders deflated and of feet sliding [kPa], 10 values.
+        core_kpa: line pressure of the core at that simulated pressure [kPa].
+        flat_kpa: line pressure of the core of a flat body, simulated at 0 Pa: vacuum, or vented at 0 [kPa].
+        on_kpa: line pressures of bladders 1 to 8 inflated and of feet 1 and 2 gripping [kPa], 10 values.
+        off_kpa: line pressures of bladders deflated and of feet sliding [kPa], 10 values.
         ramp_pa: simulated core pressure [Pa] up to which the line goes linearly from ``flat_kpa`` to what is in
             proportion; 0 jumps there, as tables did that do not say it. Presets of rigs have ``RAMP_PA``.
+
+    Raises:
+        ValueError: for a pressure that is not allowed, or an actuator whose off pressure is not below its on pressure.
     """
 
     simulated_pa: Positive = 12e3
@@ -76,14 +79,14 @@ class LineMap:
                 raise _not_below(name, off, on)
 
     def lines(self, pressures: ArrayLike, levels: ArrayLike) -> Floats:
-        """Line pressures [kPa] of states.
+        """Compute the line pressures [kPa] of S simulated states.
 
         Args:
-            pressures: simulated, of the core [Pa], one or shape (S,); of each of C cores shape (C, S).
-            levels: of the ten actuators in each state, from 0 (off) to 1 (on), shape (10, S).
+            pressures: simulated core pressures [Pa], one or shape (S,); for C cores shape (C, S).
+            levels: levels of the ten actuators in each state, from 0 (off) to 1 (on), shape (10, S).
 
         Returns:
-            Those of the cores, then of the actuators, shape (S, C + 10).
+            Pressures of the lines of the cores, then of the actuators, shape (S, C + 10).
         """
         simulated, told = np.asarray(pressures, float), np.asarray(levels, float).T
         core = np.where(simulated == 0, self.flat_kpa, self.core_kpa * simulated / self.simulated_pa)
@@ -93,7 +96,9 @@ class LineMap:
         return np.column_stack([np.broadcast_to(core, (*core.shape[:-1], len(told))).T, actuators])
 
     def simulated(self, lines: ArrayLike) -> tuple[Floats, Floats]:
-        """The inverse of :meth:`lines`; beyond its two pressures an actuator is off or on.
+        """Compute the simulated states of line pressures [kPa], the inverse of :meth:`lines`.
+
+        Beyond its two pressures an actuator is off or on.
 
         Returns:
             Core pressures [Pa], shape (S,), of several cores shape (C, S), and levels of the actuators, shape (10, S).
@@ -102,7 +107,7 @@ class LineMap:
         return np.round(core, PRESSURE_DECIMALS), np.round(levels, LEVEL_DECIMALS)
 
     def as_read(self, lines: ArrayLike) -> tuple[Floats, Floats]:
-        """The same with all digits, of which the last may be those of the table."""
+        """Compute simulated states like :meth:`simulated`, without rounding off the digits of a table."""
         given, off = np.asarray(lines, np.float64), np.array(self.off_kpa)
         told = given[:, :-ACTUATORS].T if given.shape[1] > ACTUATORS + 1 else given[:, 0]
         core = np.maximum(told, 0.0) * self.simulated_pa / self.core_kpa
@@ -112,7 +117,7 @@ class LineMap:
         return core, np.clip(levels, 0.0, 1.0).T
 
     def without_unused_ramp(self, pressures: ArrayLike) -> Self:
-        """This map as the header of a table states it: without the ramp if no core pressure [Pa] lies on it.
+        """Return this map as the header of a table states it: without the ramp if no core pressure [Pa] lies on it.
 
         Earlier versions, which know no ramp, read such a header, too.
         """
@@ -125,7 +130,7 @@ class LineMap:
         return self.flat_kpa, self.core_kpa * self.ramp_pa / self.simulated_pa
 
     def within(self, low: ArrayLike, high: ArrayLike) -> Self:
-        """The map whose actuators keep to limits [kPa], each of shape (10,).
+        """Return the map with the pressures of actuators cut to limits [kPa], each of shape (10,).
 
         Raises:
             ValueError: if the limits leave an actuator one pressure for both states.
@@ -137,14 +142,14 @@ class LineMap:
         return replace(self, on_kpa=tuple(on.tolist()), off_kpa=tuple(off.tolist()))
 
     def to_text(self) -> str:
-        """One line, for the header of a table."""
+        """Write the map as one line, for the header of a table."""
         default = type(self)()
         unused = {name for name in _ADDED if getattr(self, name) == getattr(default, name)}
         return json.dumps({name: value for name, value in asdict(self).items() if name not in unused})
 
     @classmethod
     def from_text(cls, text: str) -> Self:
-        """The map of such a line.
+        """Read the map from a line that :meth:`to_text` wrote.
 
         Raises:
             ValueError: if it is damaged.

@@ -1,4 +1,4 @@
-"""The pneumatic rig: what its lines can do.
+"""The pneumatic rig: its lines, with their pressures, rates and delays.
 
 Source: Powers 2021 dissertation, ch. 5, "Transferring to a physical robot" and "Experiments with the physical robot";
 Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021.
@@ -50,7 +50,7 @@ MOST_CORES = 7  # lines for cores: as many as the published pouch has room for
 
 @dataclass(frozen=True)
 class Channel:
-    """One pneumatic line; gauge pressures.
+    """One pneumatic line of a rig: its times, limits and response; all pressures are gauge pressures.
 
     Attributes:
         rise_s: time from off to on [s]; a smaller step is given as long.
@@ -58,10 +58,13 @@ class Channel:
         minimum_kpa: lowest pressure allowed [kPa], at most 0, as lines start vented.
         maximum_kpa: highest pressure allowed [kPa], at least 0.
         slew_kpa_per_s: fastest change of pressure allowed [kPa/s].
-        valve_delay_s: from the command until the pressure begins to change [s].
+        valve_delay_s: time from the command until the pressure begins to change [s].
         lag_s: time constant with which the bladder behind the line follows it, as a first-order system [s]; 0 is none.
             Tables are made without it; ``simulate --table`` plays them with it.
         resolution_kpa: steps in which its regulator takes commands [kPa]; 0 is none. Tables are made without it, too.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     rise_s: Positive
@@ -97,17 +100,20 @@ _MAP = LineMap(ramp_pa=RAMP_PA)
 
 @dataclass(frozen=True, repr=False)
 class PneumaticRig(ShortText):
-    """The lines that drive the robot. The defaults are the dissertation's rig.
+    """A pneumatic rig, whose lines drive the inflatable robot. The defaults are the dissertation's rig.
 
     Attributes:
-        name: for people.
+        name: name of the rig for people.
         supply_kpa: pressure of the supply; no line can exceed it [kPa].
         vacuum_kpa: pressure of the vacuum, negative, or 0 without one; no line can fall below it, nor it below
             that of empty space [kPa].
         channels: in the order of :attr:`channel_names`: core, or several cores, bladders 1 to 8, feet 1 and 2.
         shortest_state_s: duration of a state in which nothing changes [s].
         line_map: pressures that lines take for what is simulated.
-        units: ``"kpa"`` or ``"psi"``, in which people are told of it; all fields are in kPa.
+        units: ``"kpa"`` or ``"psi"``, the unit of messages and tables; all fields are in kPa.
+
+    Raises:
+        ValueError: for a value that is not allowed, or pressures of a line beyond supply or vacuum.
     """
 
     name: str = "dissertation"
@@ -145,27 +151,27 @@ class PneumaticRig(ShortText):
 
     @property
     def cores(self) -> int:
-        """How many of its lines are for cores."""
+        """Number of lines that drive cores."""
         return core_count(len(self.channels))
 
     @property
     def channel_names(self) -> tuple[str, ...]:
-        """Names of what its lines drive, in their order."""
+        """Names of the cores, bladders and feet that the lines drive, in order."""
         return channel_names(self.cores)
 
     @property
     def pressure_limits(self) -> tuple[Floats, Floats]:
-        """Lowest and highest pressures of its lines [kPa], shape (L,) each."""
+        """Lowest and highest allowed pressures of the L lines [kPa], shape (L,) each."""
         low, high = np.array([(channel.minimum_kpa, channel.maximum_kpa) for channel in self.channels]).T
         return low, high
 
     def stroke_times(self, steps: Floats) -> Floats:
-        """How long whole strokes of lines take that rise or fall as changes of pressure do [s], shape (..., L)."""
+        """Return the times of whole strokes [s], up or down by the sign of the pressure change, shape (..., L)."""
         rise, fall = np.array([(channel.rise_s, channel.fall_s) for channel in self.channels]).T
         return np.where(steps > 0, rise, fall)
 
     def least_times(self, steps: Floats) -> Floats:
-        """How long changes of pressure [kPa] take at least, at the limits of rate [s], shape (..., L)."""
+        """Return the shortest times [s] of pressure changes [kPa] within the limits of rate, shape (..., L)."""
         return np.abs(steps) / np.array([channel.slew_kpa_per_s for channel in self.channels])
 
     def save(self, path: str | os.PathLike[str]) -> None:

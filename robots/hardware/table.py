@@ -36,22 +36,22 @@ SCHEMA = "morpholab-gait-2"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaitTable(RigTable):
-    """Commands over time that play a gait of the inflatable robot.
+    """Table of commands to a rig's lines over time, which play a gait of the inflatable robot.
 
     Attributes:
-        times: of the rows [s], shape (N,), with the main played once; between rows pressures change linearly. They
-            increase, but a section begins with the row that ends the one before.
-        states: numbers of the states that rows belong to, shape (N,): 0 shapes the body, then the columns come
+        times: times of the rows [s], shape (N,), with the main section played once. Between rows pressures change
+            linearly. Times increase, but a section begins with the row that ends the one before.
+        states: number of the state that each row belong to, shape (N,): 0 shapes the body, then the columns come
             twice, in prefix and main, then lines are vented.
         pressures: gauge pressures of :attr:`channels` in ``units``, shape (N, 11), or (N, C + 10) of C cores.
         units: ``"kpa"`` or ``"psi"``.
-        design: that it was made of, exactly.
-        line_map: from simulated to line pressures, as played (after clipping).
-        seed: of the search that found the design; None if not known.
+        design: the design that the table was made from, exactly.
+        line_map: map from simulated to line pressures, as played (after clipping).
+        seed: seed of the search that found the design; None if not known.
         rig: name of the rig.
         rate: rows per second; None for rows at corners.
-        clipped: what was clipped, a line each.
-        timing: of the states; empty in a table that was read.
+        clipped: pressures that were clipped, a line of text each.
+        timing: timing of the states; empty in a table that was read.
     """
 
     times: Floats
@@ -68,20 +68,20 @@ class GaitTable(RigTable):
 
     @property
     def columns(self) -> int:
-        """Columns of the schedule."""
+        """Number of columns of the schedule."""
         return self.design.schedule.columns
 
     @property
     def loops(self) -> int:
-        """How often the main is played: once less than the columns are, as the prefix plays them too."""
+        """Times that the main section is played: once less than the columns are, as the prefix plays them too."""
         return self.design.schedule.repeats - 1
 
     def schedule(self) -> GaitSchedule:
-        """The schedule that the table was made of."""
+        """Schedule that the table was made from."""
         return self.design.schedule
 
     def header(self) -> list[tuple[str, str]]:
-        """What the head of its file says: the design, exactly, and how it was made a table."""
+        """Header of the table's file: the design, exactly, and how the table was made from it."""
         design = self.design
         return [
             ("schema", SCHEMA),
@@ -102,9 +102,9 @@ class GaitTable(RigTable):
         ]
 
     def simulated(self, lines: ArrayLike) -> tuple[Floats, Floats]:
-        """Core pressures [Pa] and levels that lines play, as :meth:`LineMap.simulated`; of the design the very numbers.
+        """Compute core pressures [Pa] and levels from line pressures, like :meth:`LineMap.simulated`.
 
-        A table has nine digits: what its rows tell is taken for the design's number that is written so.
+        A table has nine digits: a row that agrees to these with a number of the design gives that very number.
         """
         core, levels = self.line_map.as_read(lines)
         schedule = self.design.schedule
@@ -117,7 +117,7 @@ class GaitTable(RigTable):
         )
 
     def played(self) -> InflatableDesign:
-        """What the rows play, by the inverse of the map.
+        """Design that the rows play, by the inverse of the line map.
 
         The header only says whether the gait is on and off, changes its core pressure and has times of its own, and
         what lines know nothing of: the orientation, paces, materials and bladders. Where the gait is on and off, an
@@ -154,7 +154,7 @@ class GaitTable(RigTable):
         return replace(self.design, pressure=before[0] if shared else tuple(before), schedule=gait)
 
     def played_at_once(self) -> InflatableDesign:
-        """What the rows play if lines need no longer than the simulator, with the header's times if the rows keep them.
+        """Design that the rows play on lines as fast as the simulator, with the header's times if the rows keep them.
 
         They do where all lines are done before a column settles as long as the header says, after the motion that it
         says: what states last longer is time that valves and strokes take on a rig.
@@ -220,7 +220,7 @@ def on_lines(design: InflatableDesign, rig: PneumaticRig) -> InflatableDesign:
 
 
 def design_hash(design: InflatableDesign) -> str:
-    """A short fingerprint of a robot's design, equal for equal designs on every machine."""
+    """Compute a short fingerprint of a robot's design, equal for equal designs on every machine."""
     pressure, schedule = common_pressure(design.pressure), design.schedule
     content: list[Any] = [design.pressure if pressure is None else float(pressure), float(design.orientation)]
     content += [schedule.to_text(), schedule.repeats]
@@ -230,7 +230,7 @@ def design_hash(design: InflatableDesign) -> str:
 
 
 def read_csv(path: str | os.PathLike[str]) -> GaitTable:
-    """Read a gait table that :func:`export_csv` wrote.
+    """Read a gait table that :func:`export_csv` wrote as CSV.
 
     Raises:
         ValueError: if the file is damaged; tells what is wrong, and where.
@@ -239,7 +239,7 @@ def read_csv(path: str | os.PathLike[str]) -> GaitTable:
 
 
 def read_design(path: Path, from_rows: bool = False) -> InflatableDesign:
-    """The design of a gait file (JSON), or of a gait table (``.csv``): that of its header, or what its rows play.
+    """Read the design of a gait file (JSON), or of a gait table (``.csv``): its header's, or what its rows play.
 
     Raises:
         ValueError: for any other file, and for rows asked of one that has none.

@@ -162,13 +162,13 @@ def timeline(commands: Commands, rig: PneumaticRig, rate: float | None = None, k
 
 @dataclass(frozen=True)
 class Violation:
-    """One limit exceeded once.
+    """A limit of a rig that a gait exceeds at one time.
 
     Attributes:
-        channel: one of the rig's.
+        channel: name of the rig's channel.
         time_s: when the command passes the limit of pressure, or begins to change too fast [s].
-        value: asked for, in the unit.
-        limit: of the rig, in the same unit.
+        value: value that the gait needs, in ``unit``.
+        limit: limit of the rig, in the same unit.
         unit: the rig's own, ``"kPa"`` or ``"psi"``, of a rate ``"kPa/s"`` or ``"psi/s"``.
     """
 
@@ -184,10 +184,10 @@ class Violation:
 
 
 class RigViolation(ValueError):
-    """A gait exceeds limits of the rig; its text is one line.
+    """Error of a gait that exceeds limits of the rig; its message is one line.
 
     Attributes:
-        violations: all of them, in order of time.
+        violations: all limits that are exceeded, in order of time.
     """
 
     def __init__(self, violations: Sequence[Violation]) -> None:

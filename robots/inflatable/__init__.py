@@ -1,4 +1,4 @@
-"""The inflatable shape-changing robot: what its designs do on a terrain.
+"""The inflatable shape-changing robot: its body, gaits and files, and their simulation on terrains.
 
 A *design* is a core pressure, a heading and a schedule; also materials of the body, if regions are not as built.
 A *schedule* has levels of ten actuators, from off (0) to on (1), over *columns*: actuation states, each with its motion

@@ -1,4 +1,4 @@
-"""How the inflatable robot is driven: rates and friction.
+"""Actuation of the inflatable robot: rates of inflation, timing, damping and friction.
 
 Source: Powers 2021 dissertation, ch. 5, "Simulation environment" and "Optimization", as the experiment ran it.
 """
@@ -22,12 +22,12 @@ PUBLISHED_STEPS = 186_719  # that they take where bladders always move; what pub
 
 @dataclass(frozen=True)
 class InflatableActuation:
-    """How the robot is driven. The defaults are those of the published experiment.
+    """Actuation of the inflatable robot: rates, timing, damping and friction. Defaults are the published experiment's.
 
     Attributes:
-        high_friction: of gripping feet, static and kinetic; of skin, seams and bladders as far as they have none of
-            their own.
-        low_friction: of sliding feet.
+        high_friction: Coulomb coefficient of gripping feet, static and kinetic; also of skin, seams and bladders that
+            have none of their own, see the last three.
+        low_friction: Coulomb coefficient of sliding feet.
         deflated, inflated: thickness of a bladder, in voxels per voxel.
         inflation_rate: change of that thickness per time step.
         widening: growth across the pouch per growth in thickness.
@@ -40,15 +40,18 @@ class InflatableActuation:
             a program does not depend on the pressure. None is by ``pressure_ramp``, as published. From 6000 steps on,
             the small robot is left as by the published ramp, within what noise of 1e-6 m does to it; 3000 shake it too
             much.
-        hold_steps: steps at full pressure before the gait begins.
-        settle_steps: steps between the end of one column's motion and the next column.
+        hold_steps: time steps at full pressure before the gait begins.
+        settle_steps: time steps between the end of one column's motion and the next column.
         moving_damping, settling_damping: damping ratio against the world while bladders move, and between.
         weight: "published": bladders have no weight while they move or stay inflated, a quirk of the experiment;
             "physical": they always have it.
-        bladder_friction: of bladders; None is a third of ``high_friction``, as published.
+        bladder_friction: Coulomb coefficient of bladders; None is a third of ``high_friction``, as published.
         skin_friction: of skin beside seams and feet; None is ``high_friction``.
         seam_friction: of seams, within feet too; None is ``high_friction``, but those within feet slide as feet do
             until the first column has ended, as published.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     high_friction: Friction = 2.0
@@ -77,7 +80,7 @@ class InflatableActuation:
             raise ValueError(f"inflated: {self.inflated!r} is not allowed; it must exceed deflated, {self.deflated!r}")
 
     def on(self, terrain: Terrain) -> "InflatableActuation":
-        """This actuation with the friction of a terrain; in a fluid, only the fluid resists motion.
+        """Return this actuation with the friction of a terrain; in a fluid, only the fluid resists motion.
 
         Raises:
             ValueError: for props, and the friction of a lattice robot's materials.
@@ -94,14 +97,14 @@ class InflatableActuation:
         return self.high_friction / 3 if self.bladder_friction is None else self.bladder_friction
 
     def growth(self, pressure: Any) -> tuple[float, Any, float]:
-        """Growth of a bladder per growth in thickness at a core pressure [Pa]: across, along, through."""
+        """Return a bladder's growth across, along and through the pouch per growth in thickness, at a pressure [Pa]."""
         along = (
             self.lengthening_flat + (self.lengthening_round - self.lengthening_flat) * pressure / self.round_pressure
         )
         return self.widening, 1 / along, 1.0
 
     def initial_steps(self, pressure: float) -> int:
-        """Steps of the initialisation: a ramp to a core pressure [Pa], the highest of several, then a hold."""
+        """Count the time steps of the initialisation: a ramp to the highest core pressure [Pa], then a hold."""
         ramp = math.floor(pressure / self.pressure_ramp) + 1 if self.ramp_steps is None else self.ramp_steps
         return ramp + self.hold_steps
 

@@ -58,7 +58,7 @@ def cores_of(regions: ArrayLike) -> Ints:
 
 @dataclass(frozen=True)
 class InflatableGeometry:
-    """Shape and materials of the pouch. The defaults are the published robot: 1428 voxels, 3290 links.
+    """Shape and materials of the inflatable robot's pouch. Defaults are the published robot: 1428 voxels, 3290 links.
 
     Attributes:
         bladder_columns: voxels across a bladder; the pouch is 4 bladders and the 3 seams between them wide.
@@ -68,16 +68,19 @@ class InflatableGeometry:
         voxel_size: h [m].
         youngs_modulus: of the skin [Pa].
         bladder_modulus: of the bladders [Pa].
-        density: [kg/m^3].
+        density: density of skin and bladders [kg/m^3].
         foot_seam_scale: rest size of foot seams across the pouch, in voxels.
         internal_damping: damping ratio of links.
         collision_damping: damping ratio of contacts.
         time_step_safety: the largest stable time step is divided by this.
-        cores: that the pouch is divided into along its length, of as equal numbers of rows as possible.
+        cores: number of cores that divide the pouch along its length, of as equal numbers of rows as possible.
         bladders: places that have a bladder: 1 to 4 on top, in order of x, and 8 to 5 underneath in the same columns.
             Others are left out, with their mass and stiffness; their numbers and regions stay, and nothing fills them.
         closed: whether pressure acts on the closed surface of a single core, as it does on those of several. By the
             published law, on faces of voxels, a pouch whose regions differ in size drives itself along.
+
+    Raises:
+        ValueError: for a value that is not allowed, or too few rows for feet or cores.
     """
 
     bladder_columns: Count = 3
@@ -116,7 +119,7 @@ class InflatableGeometry:
 
     @property
     def region_count(self) -> int:
-        """R, the number of regions: of the skin of every core, and of the bladders."""
+        """Number R of regions: those of the skin of every core, and the bladders."""
         return REGION_COUNT + FIRST_BLADDER * (self.cores - 1)
 
     @property
@@ -132,7 +135,7 @@ class InflatableGeometry:
         return (*SKIN_NAMES, *bladders, *others)
 
     def rest_sizes(self, regions: ArrayLike) -> tuple[Floats, Floats]:
-        """Rest sizes of regions across and along the pouch, in voxels, shape (N,) each; bladders deflated."""
+        """Return the rest sizes of regions across and along the pouch [voxels], shape (N,) each; bladders deflated."""
         kinds = kinds_of(regions)
         return np.where(kinds == FOOT_SEAM, self.foot_seam_scale, 1.0), np.ones(len(kinds))
 
@@ -152,12 +155,12 @@ class InflatableGeometry:
 
     @property
     def bladder_rows(self) -> range:
-        """Rows that bladders lie on."""
+        """Range of the rows that the bladders lie on."""
         return range(self.foot_rows + 1, self.rows - self.foot_rows + 1)
 
     @property
     def bladder_shares(self) -> list[float]:
-        """The part of the rows under bladders that each core has."""
+        """Fraction of the rows under bladders that belongs to each core."""
         under = self.bladder_rows
         return [sum(row in under for row in rows) / len(under) for rows in self.core_rows]
 
@@ -173,7 +176,7 @@ class InflatableGeometry:
 
     @property
     def body(self) -> LatticeBody:
-        """The lattice; built once per geometry."""
+        """Lattice body of the robot; built once per geometry."""
         return _bodies(self).plain
 
     @property
@@ -182,7 +185,7 @@ class InflatableGeometry:
         return self.body.recommended_time_step / self.time_step_safety
 
     def relative_time_step(self, modulus: float) -> float:
-        """The largest stable time step of skin of another modulus [Pa], where this skin's is 1.
+        """Return the largest stable time step for skin of another modulus [Pa], relative to that of this skin.
 
         As 1 / sqrt(E), see ``LatticeBody.recommended_time_step``, if bladders keep their proportion.
         """

@@ -82,16 +82,19 @@ def kilopascals(pressure: Pressure) -> str:
 
 @dataclass(frozen=True)
 class InflatableDesign:
-    """Shape, orientation and control of the robot.
+    """A design of the inflatable robot: the core pressure that gives its shape, its heading, and its schedule.
 
     Attributes:
-        pressure: of the core [Pa], 0 (flat) to 15,000; 12,000 makes it round. In a body with several cores a number
-            is that of all of them, and a tuple has one for each, from the end of foot 1 on. Where columns of the
+        pressure: core pressure [Pa], 0 (flat) to 15,000; 12,000 makes it round. In a body with several cores a number
+            counts for all of them, and a tuple has one for each, from the end of foot 1 on. Where columns of the
             schedule have core pressures, this is the pressure before the gait: one number, if cores share them.
-        orientation: heading [degrees] from the rolling direction (0, along x) to the inching direction (90, along y).
+        orientation: heading [degrees], from 0, the rolling direction along x, to 90, the inching direction along y.
         schedule: when and how far bladders inflate and feet grip.
         materials: of the body's regions, and friction of the feet; None is as the geometry has them.
         bladders: places that have a bladder; None is as the geometry has them. The schedule leaves the others empty.
+
+    Raises:
+        ValueError: for a field that is not allowed, or a schedule that fills bladders which are not there.
     """
 
     pressure: Pressure
@@ -130,7 +133,11 @@ class InflatableDesign:
             raise ValueError(f"bladders: {told}, but column {column} of the gait fills it; leave it empty, or add it")
 
     def with_layout(self, bladders: Layout) -> Self:
-        """The design of a body that has these bladders alone; the schedule leaves the others empty."""
+        """Return the design for a body with only these bladders; its schedule leaves the others empty.
+
+        Raises:
+            ValueError: for places that are not allowed.
+        """
         places = checked_layout("bladders", bladders)
         return replace(self, schedule=self.schedule.emptied(~layout_mask(places)), bladders=places)
 
@@ -151,14 +158,14 @@ BY_HAND = {"inching": INCHING, "rolling": ROLLING}
 
 
 def core_shapes(geometry: "InflatableGeometry", pressure: float) -> list[tuple[float, ...]]:
-    """Pressures of the cores in all 2^N shapes of a geometry with N cores [Pa].
+    """List the core pressures [Pa] of all 2^N shapes of a geometry with N cores, each inflated or not.
 
     Shape s has core k inflated where bit k of s is 1, the first core's being the lowest bit: so the first shape is
     flat, the second has the first core alone, and the last has all.
 
     Args:
-        geometry: of the body.
-        pressure: of cores that are inflated [Pa].
+        geometry: geometry of the body.
+        pressure: pressure of inflated cores [Pa].
 
     Raises:
         ValueError: for a pressure that is not allowed, or none.

@@ -1,4 +1,4 @@
-"""How far inflatable robots travel, and how that distance changes with their designs.
+"""Derivatives of the distances that inflatable robots travel, by the numbers of their designs.
 
 On the way back a program's events are written again, traced, and give the derivatives by the numbers of the designs.
 Derivatives are those of the events' values and rates; their steps are whole and stay. So they are piecewise: where a
@@ -48,22 +48,22 @@ RECORDING = 0.3  # part of a differentiation's time that goes before the way bac
 
 @dataclass(frozen=True, eq=False)
 class InflatableGradient:
-    """Derivatives of the distances [m] of a batch of designs; NaN where a status is not "ok".
+    """Derivatives of the distances [m] of B designs by the numbers of the designs; NaN where a status is not "ok".
 
-    Those by numbers that the designs do not have are None.
+    Derivatives by numbers that the designs do not have are None.
 
     Attributes:
-        pressure: by the core pressure [1/Pa], shape (B,); by that of each core, shape (B, N), where designs have
-            several.
-        orientation: by the heading [1/degree], shape (B,).
-        levels: by the levels of bladders and feet, shape (B, 10, T).
-        core_pressure: by the core pressure of the columns [1/Pa], shape (B, T), or (B, N, T).
+        pressure: by the core pressure [m/Pa], shape (B,), or by that of each of N cores, shape (B, N), where designs
+            have one for each.
+        orientation: by the heading [m/degree], shape (B,).
+        levels: by the levels of bladders and feet [m], shape (B, 10, T).
+        core_pressure: by the core pressure of the columns [m/Pa], shape (B, T), or (B, N, T).
         result: the distances themselves, speeds and status.
-        pace: by the pace of strokes, shape (B, 8, T); columns last as many steps as they do.
-        friction: by the friction of feet that grip and slide, shape (B, 2, 2). It is that of kinetic friction alone:
+        pace: by the pace of strokes [m], shape (B, 8, T), with the number of time steps of each column held fixed.
+        friction: by the friction of feet that grip and slide [m], shape (B, 2, 2). Only kinetic friction counts, as
             static friction acts through switches.
-        size: by the relative rest sizes of the regions, shape (B, 2, R).
-        modulus: by the relative moduli of the regions, shape (B, R).
+        size: by the relative rest sizes of the regions [m], shape (B, 2, R).
+        modulus: by the relative moduli of the regions [m], shape (B, R).
     """
 
     pressure: Floats
@@ -78,12 +78,12 @@ class InflatableGradient:
 
     @property
     def inflation(self) -> Floats:
-        """Derivatives by the levels of the bladders, shape (B, 8, T)."""
+        """Derivatives by the levels of the bladders [m], shape (B, 8, T)."""
         return self.levels[:, :BLADDERS]
 
     @property
     def grip(self) -> Floats:
-        """Derivatives by the levels of the feet, shape (B, 2, T)."""
+        """Derivatives by the levels of the feet [m], shape (B, 2, T)."""
         return self.levels[:, BLADDERS:]
 
 
@@ -128,7 +128,7 @@ def differentiate(
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates; one for all designs, or one for each.
         counting: which part of a gait counts, its stages, and the window.
-        memory: bound for what is kept of the way there [B]. On a CPU, robots are differentiated in groups of
+        memory: bound on the memory for recorded states [B]. On a CPU, robots are differentiated in groups of
             ``ROBOTS_PER_THREAD`` a thread, one after the other.
         perturbation, seed: noise on the start positions [m], see ``simulate``.
         progress: called now and then with the fraction done.

@@ -60,7 +60,7 @@ def pressure(high: float = float("inf")) -> Any:
 
 
 class InflatableKind(TerrainKind):
-    """The shape-changing robot: designs in JSON files or gait tables."""
+    """The kind of the inflatable robot, whose designs are JSON files or gait tables."""
 
     name = "inflatable"
     title = "inflatable robot"

@@ -27,7 +27,7 @@ Row = tuple[float, ...]
 
 @dataclass(frozen=True)
 class RegionMaterials:
-    """Friction of the feet, and modulus and rest size of every region of a body; None is as the geometry has it.
+    """Materials of a design: friction of the feet, and modulus and rest size of each region; None keeps the geometry's.
 
     Attributes:
         friction: Coulomb coefficients, static and kinetic, of feet 1 and 2 while they grip, then of the two while they
@@ -35,6 +35,9 @@ class RegionMaterials:
         modulus: Young's modulus of the regions, relative to that of the geometry, shape (R,), 0.5 to 1.4.
         size: rest size of the regions across the pouch, then along it, relative to that of the geometry, shape (2, R),
             0.85 to 1.15. Bladders keep their thickness.
+
+    Raises:
+        ValueError: for numbers or shapes that are not allowed, or sliding feet with more friction than gripping ones.
     """
 
     friction: tuple[Row, Row] | None = None
@@ -60,13 +63,13 @@ class RegionMaterials:
 
     @property
     def given(self) -> dict[str, Any]:
-        """What differs from the geometry, as lists of numbers by name."""
+        """Numbers that differ from the geometry's, as lists by name."""
         tables = {name: getattr(self, name) for name in ("friction", "modulus", "size")}
         return {name: np.array(table).tolist() for name, table in tables.items() if table is not None}
 
     @classmethod
     def of(cls, record: Any) -> Self:
-        """The materials of what :attr:`given` was.
+        """Build materials from what :attr:`given` returned.
 
         Raises:
             ValueError: if names are unknown or numbers not allowed.

@@ -33,7 +33,7 @@ TABLES = ("inflation", "grip", "core_pressure", "motion_steps", "settle_steps", 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaitSchedule:
-    """How far ten actuators are on, from 0 (off) to 1 (on), in T columns that are played one after the other.
+    """Schedule of a gait: levels of ten actuators, 0 (off) to 1 (on), in T columns played one after the other.
 
     Equal, and of equal hash, when all fields are.
 
@@ -53,6 +53,9 @@ class GaitSchedule:
         skip_idle: whether a column in which no bladder is switched ends after one step of motion, as published; else
             it lasts as long as a full stroke. Only a schedule of on and off without the four tables above can skip
             columns (others get False), because only there such a column moves nothing.
+
+    Raises:
+        ValueError: for a table or number that is not allowed.
     """
 
     levels: Floats
@@ -99,7 +102,7 @@ class GaitSchedule:
         return f"GaitSchedule.from_text({self.to_text()!r}, repeats={self.repeats})"
 
     def emptied(self, bladders: Bools) -> Self:
-        """The schedule that leaves some bladders empty, a mask of shape (8,); feet and times stay."""
+        """Return the schedule with some bladders left empty, a mask of shape (8,); feet and times stay."""
         if not self.inflation[bladders].any():
             return self
         levels = self.levels.copy()
@@ -108,7 +111,7 @@ class GaitSchedule:
 
     @property
     def columns(self) -> int:
-        """T, the number of different columns."""
+        """Number T of different columns."""
         return self.levels.shape[1]
 
     @property
@@ -128,12 +131,12 @@ class GaitSchedule:
 
     @property
     def has_own_times(self) -> bool:
-        """Whether columns last as long as the schedule says, in time steps of the published robot."""
+        """Whether the schedule sets how long columns last, in time steps of the published robot."""
         return self.motion_steps is not None or self.settle_steps is not None
 
     @cached_property
     def bits(self) -> Bools:
-        """The levels of a schedule of on and off as truth values, shape (10, T), read-only.
+        """Levels of an on/off schedule as booleans, shape (10, T), read-only.
 
         Raises:
             ValueError: if a level lies between 0 and 1.
@@ -146,7 +149,7 @@ class GaitSchedule:
 
     @property
     def played(self) -> Floats:
-        """The levels of all columns as they are played, shape (10, T * repeats)."""
+        """Levels of all columns in the order played, shape (10, T * repeats)."""
         return np.tile(self.levels, self.repeats)
 
     @property
@@ -155,7 +158,7 @@ class GaitSchedule:
         return float((4 * self.levels * (1 - self.levels)).mean())
 
     def cut(self, columns: int | None, repeats: int | None) -> Self:
-        """The schedule of the first ``columns`` columns, played ``repeats`` times; None keeps what there is.
+        """Return the schedule of the first ``columns`` columns, played ``repeats`` times; None keeps what there is.
 
         Raises:
             ValueError: for more columns than there are, or less than one.
@@ -167,7 +170,7 @@ class GaitSchedule:
         return replace(self, **tables, repeats=self.repeats if repeats is None else repeats)
 
     def project(self, threshold: float = 0.5) -> Self:
-        """The schedule of on and off that is on where this one's levels are at least at the threshold.
+        """Round to an on/off schedule, which is on where the levels are at or above the threshold.
 
         Raises:
             ValueError: if columns have core pressures or times of their own, which on and off cannot say.
@@ -181,11 +184,11 @@ class GaitSchedule:
         return self.decided(threshold)
 
     def decided(self, threshold: float = 0.5) -> Self:
-        """Like :meth:`project`, but leaves core pressures, times and pace out."""
+        """Round to an on/off schedule like :meth:`project`, but drop core pressures, times and pace."""
         return type(self)((self.levels >= number("threshold", threshold, 0.0, 1.0)).astype(float), self.repeats)
 
     def sharpened(self, sharpness: float) -> Self:
-        """The schedule with every level u pushed away from 1/2, further for larger sharpness; 0, 1/2 and 1 stay.
+        """Push every level u away from 1/2, further for larger sharpness; 0, 1/2 and 1 stay.
 
         u' = (tanh(b/2) + tanh(b (u - 1/2))) / (2 tanh(b/2)), the projection of topology optimisation (Wang, Lazarov &
         Sigmund, Structural and Multidisciplinary Optimization 43, 767-784, 2011) about 1/2; b = 0 is its limit u' = u.
@@ -198,7 +201,7 @@ class GaitSchedule:
         return replace(self, levels=np.where(np.isin(u, (0.0, 0.5, 1.0)), u, levels))  # rounding must not move them
 
     def sharpening_slope(self, sharpness: float) -> Floats:
-        """Derivative of :meth:`sharpened` levels by the levels, shape (10, T)."""
+        """Compute the derivative of the :meth:`sharpened` levels by the levels, shape (10, T)."""
         b = number("sharpness", sharpness, 0.0)
         if b < NO_SHARPENING:
             return np.ones_like(self.levels)
@@ -206,7 +209,7 @@ class GaitSchedule:
 
     @classmethod
     def from_codes(cls, f: ArrayLike, phi: ArrayLike, columns: int = 8, repeats: int = 2) -> Self:
-        """The schedule of a code: row r is on in every (f[r] + 1)-th column, column phi[r] + 1 among them.
+        """Decode a schedule: row r is on in every (f[r] + 1)-th column, column phi[r] + 1 among them.
 
         The pattern continues backwards too: counted from 1, the columns phi + 1 + k (f + 1) that exist, for
         every integer k (as the published experiments ran; the text has nothing before column phi + 1). So
@@ -215,7 +218,7 @@ class GaitSchedule:
         Args:
             f: columns between activations, shape (10,), whole numbers from 0 to ``columns``.
             phi: offsets [columns], shape (10,), whole numbers from 0 to ``columns``.
-            columns: T.
+            columns: number T of columns.
             repeats: how often the columns are played.
         """
         columns = whole_number("columns", columns, 1, MOST_COLUMNS)
@@ -224,7 +227,7 @@ class GaitSchedule:
         return cls((np.arange(columns) - offset) % period == 0, repeats)
 
     def to_codes(self) -> tuple[Ints, Ints]:
-        """The code (f, phi), each of shape (10,): for every row the smallest f, then the smallest phi.
+        """Encode as (f, phi), each of shape (10,): for every row the smallest f, then the smallest phi.
 
         Raises:
             ValueError: if a row has no code, because its activations are not evenly spaced from one end of the
@@ -235,13 +238,13 @@ class GaitSchedule:
 
     @property
     def tables(self) -> dict[str, Any]:
-        """What there is of ``TABLES``, as lists of numbers."""
+        """Tables of the schedule by name (those of ``TABLES`` that it has), as lists of numbers."""
         given = {name: getattr(self, name) for name in TABLES}
         return {name: table.tolist() for name, table in given.items() if table is not None}
 
     @classmethod
     def from_tables(cls, tables: Mapping[str, Any], repeats: int = 2) -> Self:
-        """The schedule of tables as :attr:`tables` gives them; only inflation and grip are needed.
+        """Build a schedule from tables as :attr:`tables` gives them; only inflation and grip are needed.
 
         Raises:
             KeyError: with the name of a table that is missing.
@@ -255,7 +258,7 @@ class GaitSchedule:
         return cls(np.concatenate([inflation, grip]), repeats, **others, skip_idle=False)
 
     def to_text(self) -> str:
-        """The schedule in one line without its repeats; :meth:`from_text` reads it, and numbers are exact.
+        """Write the schedule, without its repeats, as one line that :meth:`from_text` reads exactly.
 
         One that skips idle columns is its bits, rows joined by ``/``; others are their tables as JSON.
         """
@@ -263,7 +266,7 @@ class GaitSchedule:
 
     @classmethod
     def from_text(cls, text: str, repeats: int = 2) -> Self:
-        """The schedule of a line that :meth:`to_text` wrote, such as ten rows of 0 and 1 like ``"10/10/01/..."``.
+        """Read a schedule from a line that :meth:`to_text` wrote, such as ten rows of 0 and 1 like ``"10/10/01/..."``.
 
         Raises:
             ValueError: if it is anything else.

@@ -1,4 +1,4 @@
-"""What inflatable robots do on a terrain.
+"""Simulation of inflatable robots on terrains.
 
 Source: Powers 2021 dissertation, ch. 5 ("A soft robot that adapts to environments through shape change"); Shah, Powers
 et al., Nature Machine Intelligence 3, 51-59, 2021.
@@ -31,7 +31,7 @@ PER_ROBOT = ("distance", "speed", "speed_simulated", "status", "stages", "steps"
 
 @dataclass(frozen=True, eq=False, repr=False)
 class InflatableResult(ShortText):
-    """What a batch of designs did.
+    """Result of simulating B designs of the inflatable robot.
 
     Attributes:
         distance: along the direction of travel, positive uphill [m], shape (B,); NaN unless the status is "ok".
@@ -43,9 +43,9 @@ class InflatableResult(ShortText):
         steps: time steps after the initialisation; those before divergence for a robot that diverged, shape (B,).
         time_step: dt [s].
         frames: recorded poses, or None.
-        body: the lattice.
-        displacement: in the plane of the ground, along x, where a robot rolls, and y, where it inches, whatever its
-            heading [m], shape (B, 2); NaN unless the status is "ok". How far it drifts, too.
+        body: lattice body of the robots.
+        displacement: displacement in the plane of the ground, along x (rolling) and y (inching), whatever the heading
+            [m], shape (B, 2); NaN unless the status is "ok". It includes drift.
     """
 
     distance: np.ndarray
@@ -73,7 +73,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> InflatableResult:
-    """Simulate a batch of designs on a terrain.
+    """Simulate a batch of designs of the inflatable robot on a terrain.
 
     Args:
         designs: one design or several, with the same bladders; one is a batch of one.
@@ -231,7 +231,7 @@ def travel_directions(headings: np.ndarray) -> np.ndarray:
 
 
 def sideways(displacement: ArrayLike, headings: ArrayLike) -> np.ndarray:
-    """How far robots have drifted to the left of their headings [m], shape (B,).
+    """Compute how far robots drifted to the left of their headings [m], shape (B,).
 
     Args:
         displacement: of ``InflatableResult`` [m], shape (B, 2).

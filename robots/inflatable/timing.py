@@ -29,14 +29,17 @@ MOST_COLUMNS = 2000  # that are played to fill time; shorter ones hardly move, a
 
 @dataclass(frozen=True)
 class Counting:
-    """Which part of a gait counts, and how it is divided.
+    """Settings of how the distance of a gait is counted: after a warm-up, in stages, and over a window.
 
     Attributes:
         warm_up: time steps of the gait before its distance begins to count, and the rest of the cycle in which they
             end.
-        stages: equally long parts of which distances are known, see :func:`stage_starts`.
+        stages: number of equally long parts whose distances are measured, see :func:`stage_starts`.
         window: cycles at the end of a gait by which its distance is differentiated, all if it has fewer; 0 is all that
             counts, see ``differentiate``.
+
+    Raises:
+        ValueError: for a number that is not allowed.
     """
 
     warm_up: Annotated[int, partial(whole_number, low=0)] = 0
@@ -277,7 +280,7 @@ def gait_steps(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATIO
 
 
 def predicted_steps(design: InflatableDesign, actuation: InflatableActuation = ACTUATION) -> int:
-    """Time steps of an evaluation, initialisation included, whatever the robot's geometry; cheap."""
+    """Count the time steps of simulating a design, initialisation included, without simulating it."""
     return actuation.initial_steps(highest_pressure(design.pressure)) + gait_steps(design.schedule, actuation)
 
 

@@ -1,4 +1,4 @@
-"""Robots of the user's own: any lattice body, driven in groups of its regions, free where a search may change it."""
+"""Lattice robots: soft robots that users define as any lattice body, with muscles that a search may change."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""What drives groups of a robot's regions: waves of size, temperature, pressure or friction, some of them free."""
+"""Drives of lattice robots: waves of size, temperature, pressure or friction in groups of regions."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -16,12 +16,15 @@ from taichi_sim.lattice import LatticeBody, Quantity
 
 @dataclass(frozen=True)
 class Free:
-    """A number that a search may change.
+    """A free number of a robot: a search may change it between two bounds.
 
     Attributes:
         low: smallest value.
         high: largest value.
-        start: where nothing has been searched; by default in the middle.
+        start: value before any search; by default the middle.
+
+    Raises:
+        ValueError: unless the numbers are finite, low below high, and the start between them.
     """
 
     low: float
@@ -37,7 +40,7 @@ class Free:
 
     @property
     def middle(self) -> float:
-        """The start, or else the middle."""
+        """Value before any search: the start, or the middle of the bounds by default."""
         return (self.low + self.high) / 2 if self.start is None else self.start
 
 
@@ -57,18 +60,18 @@ FIELDS = ("mean", "amplitude", "phase", "knots")
 
 @dataclass(frozen=True)
 class Drive:
-    """A group of regions that follow one wave: mean + amplitude w(f t + phase), w a sine or a curve through knots.
+    """A drive: regions that follow one wave, mean + amplitude w(f t + phase), w a sine or a curve through knots.
 
     A value may be ``Free``; that of a field other than ``knots`` may be a tuple, a value for each region.
 
     Attributes:
-        name: of the group.
-        regions: labels of the body's regions.
+        name: name of the drive.
+        regions: labels of the body's regions that it drives.
         quantity: ``"scale"``, rest size in voxel edges; ``"temperature"`` [K], which swells a material by its
             thermal expansion; ``"pressure"`` [Pa] on the body's pressurised faces; ``"friction"`` against the floor.
-        mean: what the quantity swings about; None: what the region's material says, 0 for pressure.
-        amplitude: in the unit of the quantity.
-        phase: in cycles.
+        mean: mean of the wave, in the unit of the quantity; None: the value of the region's material, 0 for pressure.
+        amplitude: amplitude of the wave, in the unit of the quantity.
+        phase: phase of the wave [cycles].
         knots: of a curve instead of the sine: its values at equal times of the cycle, which it joins by straight lines
             and closes to a ring; at least two.
         axes: of the scale: some of "xyz", in the voxel's frame.
@@ -76,6 +79,9 @@ class Drive:
             is as far along all. So a bladder that thickens may lengthen a little.
         gains: factors of the amplitude, one for each region; none is as said. They are no part of a description: what
             is drawn of a robot whose drives are uncertain.
+
+    Raises:
+        ValueError: for a field that is not allowed.
     """
 
     name: str
@@ -132,13 +138,13 @@ class Drive:
 
     @property
     def quantities(self) -> tuple[int, ...]:
-        """Channels of each region."""
+        """Channels of each region that the drive sets, see ``taichi_sim.lattice.Quantity``."""
         channels = QUANTITIES[self.quantity]
         return tuple(channels["xyz".index(a)] for a in self.axes) if self.quantity == "scale" else channels
 
     @property
     def free(self) -> dict[str, Free]:
-        """What a search may change, by name: ``legs_phase``, ``legs_phase_1`` of the first region, ``legs_knots_1``."""
+        """Free numbers of the drive by name: ``legs_phase``, ``legs_phase_1`` of the first region, ``legs_knots_1``."""
         found = {}
         for field, values in self._fields():
             several = isinstance(getattr(self, field), tuple)
@@ -148,12 +154,12 @@ class Drive:
         return found
 
     def filled(self, given: Iterable[float]) -> "Drive":
-        """The drive without anything free; ``given`` are values of :attr:`free`, in its order."""
+        """Return the drive with nothing free, with ``given`` values of :attr:`free` in its order."""
         numbers = iter(given)
         return replace(self, **self._each(lambda value: next(numbers) if isinstance(value, Free) else value))
 
     def describe(self) -> dict[str, Any]:
-        """All that results depend on, as JSON values; a free value is a record of its fields."""
+        """Describe the drive as JSON values; a free value becomes a table of its fields."""
         told = {"name": self.name, "regions": list(self.regions), "quantity": self.quantity, "axes": self.axes}
         if self.proportions:
             told["proportions"] = list(self.proportions)
@@ -170,7 +176,7 @@ class Drive:
         return found
 
     def nodes(self, points: Any, rest: Floats, later: ArrayLike = 0.0) -> Any:
-        """What the drive makes of its channels at the nodes of a cycle, shape (N, Q, G, 16): Q channels of G regions.
+        """Compute the channels' values at the 16 nodes of a cycle, shape (N, Q, G, 16): Q channels of G regions.
 
         Args:
             points: values of :attr:`free` in its order, shape (N, F); they may be traced.
@@ -196,7 +202,7 @@ class Drive:
 
     @property
     def shares(self) -> tuple[float, ...]:
-        """How far each channel of a region goes for what the first does."""
+        """Amplitude of each channel of a region, relative to that of the first."""
         return self.proportions or (1.0,) * len(self.quantities)
 
     def _of_regions(self, values: Any) -> Any:

@@ -29,14 +29,14 @@ _MATERIAL, _WAVE = ("modulus", "density", "friction"), ("amplitude", "phase")
 
 @dataclass(frozen=True)
 class MarkedRegion:
-    """What a mesh marks of a body: a material, a muscle, or both; a muscle, if nothing is said.
+    """A part of a body that a mesh marks as a material, a muscle, or both; by default a muscle.
 
     Attributes:
-        name: of the material or muscle.
-        file: of the mesh.
+        name: name of the material or muscle.
+        file: file of the mesh.
         material: Young's modulus [Pa], density [kg/m^3] and static friction, where they differ from the body's.
-        amplitude: of the muscle's edges, in voxel edges; None unless it was given.
-        phase: in cycles; None unless it was given.
+        amplitude: amplitude of the muscle's edges [voxel edges]; None unless it was given.
+        phase: phase of the muscle [cycles]; None unless it was given.
     """
 
     name: str
@@ -52,7 +52,7 @@ class MarkedRegion:
 
     @classmethod
     def from_text(cls, text: str) -> "MarkedRegion":
-        """A region such as ``legs=legs.stl,amplitude=0:0.3,phase=0:1`` or ``feet=feet.stl,modulus=1e6``.
+        """Parse a region such as ``legs=legs.stl,amplitude=0:0.3,phase=0:1`` or ``feet=feet.stl,modulus=1e6``.
 
         Raises:
             ValueError: for other names, and values that are no numbers or ranges LOW:HIGH.
@@ -94,7 +94,7 @@ def robot_of_mesh(
     friction: float = 1.0,
     **settings: Any,
 ) -> "LatticeRobot":
-    """The robot whose body fills a mesh with voxels; its surfaces and moulds lie where the mesh does.
+    """Make a lattice robot whose body fills a mesh with voxels; exported surfaces and moulds lie where the mesh does.
 
     Where regions overlap, the last one counts, of materials and of muscles apart. A warning tells of a body below 1 mm
     or above 10 m, whose file is likely in another unit.
@@ -105,9 +105,9 @@ def robot_of_mesh(
         regions: meshes of the same unit and coordinates that mark materials and muscles; at least one muscle.
         scale: metres per unit of the meshes.
         modulus: Young's modulus of voxels that no region gives one [Pa].
-        density: likewise [kg/m^3].
-        friction: static, likewise; the kinetic one is ``SLIDING`` of it.
-        settings: of ``LatticeRobot``.
+        density: density of voxels that no region gives one [kg/m^3].
+        friction: static friction of voxels that no region gives one; kinetic friction is ``SLIDING`` times static.
+        settings: further fields of ``LatticeRobot``.
 
     Raises:
         ValueError: one line that names the field, the value and what is allowed.

@@ -95,7 +95,7 @@ def rhythm_of(robot: "LatticeRobot") -> Rhythm:
 
 
 def played_robot(robot: "LatticeRobot", table: ChannelTable) -> "LatticeRobot":
-    """The robot, driven by what the rows of a table play instead of by its own drives.
+    """Replace a robot's drives by what the rows of a rig's table play.
 
     Raises:
         ValueError: if the table is of channels that the robot does not have.

@@ -16,7 +16,7 @@ from taichi_sim.lattice.files import read_vxl_json
 
 
 def save_robot(robot: LatticeRobot, path: str | PathLike[str]) -> None:
-    """Write a robot, with what is free of it."""
+    """Write a robot, with its free parameters, as JSON."""
     write_record(path, ROBOT_FORMAT, robot.describe())
 
 

@@ -28,12 +28,12 @@ from taichi_sim.lattice import Decision, Felt, LatticeBody, LatticeProgram
 
 @dataclass(frozen=True)
 class Reflexes(Answering):
-    """What a lattice robot feels, and what answers in its muscles; its weights are free.
+    """Reflexes of a lattice robot: its senses, and a network, with free weights, by which they change its muscles.
 
     Attributes are those of ``Answering``, and:
         senses: names in ``SENSES`` of ``robots.lattice_robot.senses``.
-        gain: of a network, most by which an answer changes a muscle's scale.
-        delay: 0 to 15 readings.
+        gain: largest change of a muscle's scale by a network.
+        delay: delay from a reading to its answer [readings], 0 to 15.
         light: place (x, y) of the light, from where the body's centre starts [m]; None is that of the terrain.
 
     Raises:
@@ -52,19 +52,19 @@ class Reflexes(Answering):
                 raise ValueError(f"light: {self.light} is not allowed without the sense light; give both, or neither")
 
     def width(self, body: LatticeBody, regions: Sequence[int]) -> int:
-        """How many numbers are felt of a body that is driven in some regions."""
+        """Count the numbers that are felt of a body whose given regions are driven."""
         return width_of(SENSES, self.senses, Parts.of(body, regions))
 
     def network(self, body: LatticeBody, regions: Sequence[int]) -> LayeredNetwork:
-        """What answers, or modulates oscillators, in a body that is driven in some regions."""
+        """Build the network that answers, or modulates oscillators, in a body whose given regions are driven."""
         return self.network_of(self.width(body, regions), len(regions))
 
     def weight_count(self, body: LatticeBody, regions: Sequence[int]) -> int:
-        """How many weights there are, K."""
+        """Count the weights, K, for a body whose given regions are driven."""
         return self.network(body, regions).weight_count
 
     def least(self, nodes: Floats, shares: Floats) -> float:
-        """Bound below the values that answers can bring muscles to.
+        """Return a lower bound of the values to which answers can bring muscles.
 
         Args:
             nodes: values of their waves, shape (C, 16).
@@ -75,7 +75,7 @@ class Reflexes(Answering):
         return min(float(each.mean()) - (1.0 + self.gain) * reach(each) for each in nodes)
 
     def check(self, body: LatticeBody, regions: Sequence[int]) -> None:
-        """Refuse a body that lacks what is felt, or driven regions, and weights that do not fit.
+        """Refuse a body that lacks what the senses read, or driven regions, and weights of the wrong number.
 
         Raises:
             ValueError: that tells what the body lacks, or how many weights there are, and should be.

@@ -46,20 +46,20 @@ MOST_CYCLES = 10_000
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatticeRobot(OutOfTheLab):
-    """A soft robot of the user's own, which repeats a cycle.
+    """A soft robot: any lattice body, whose drives move groups of its regions in a repeated cycle.
 
     Attributes:
-        body: of the robot; it is moved so that it stands on the ground.
-        drives: groups of its regions, with what each does.
-        moduli: Young's moduli of materials that are free [Pa], by the materials' names or numbers from 0.
+        body: lattice body of the robot; it is moved so that it stands on the ground.
+        drives: groups of its regions, each with the wave that it follows.
+        moduli: free Young's moduli of materials [Pa], by the materials' names or numbers from 0.
         frequency: cycles per second [Hz], 0.1 to 100.
-        cycles: that count, 1 to 10,000; another one comes before them.
+        cycles: number of cycles that count, 1 to 10,000; another one comes before them.
         settling: time before they begin, in which driven regions go to where the cycle begins [s], up to 1000.
         heading: direction of travel [degrees] from x towards y; on a slope it is uphill.
         time_step_safety: the largest stable time step is divided by this.
         name: for people.
         target: point (x, y) that it should come near, from where its centre of mass starts [m]; None for none.
-        reference_length: length in which speeds are told [m]; None is that of the body along its heading.
+        reference_length: length by which speeds are divided [m]; None is that of the body along its heading.
         perturbation: standard deviation of noise on the start positions [m], below a voxel's edge.
         seed: of the noise.
         reflexes: what it feels, and how that changes its waves; None for a robot that feels nothing.
@@ -143,29 +143,29 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def free(self) -> dict[str, Free]:
-        """All that a search may change, by name, in the order of points."""
+        """Free numbers of the robot by name, in the order of points."""
         return self._space.free
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
-        """The free variables; a phase that may be all of a cycle is an angle."""
+        """Free parameters of the robot; a phase whose bounds span a whole cycle is an angle."""
         return self._space.parameters
 
     @property
     def felt_regions(self) -> tuple[int, ...]:
-        """Regions whose scale is driven, which reflexes feel and answer."""
+        """Labels of the regions whose scale is driven; the reflexes feel and change these."""
         return self._space.felt_regions
 
     def weights_of(self, points: Floats) -> Floats:
-        """Weights of the reflexes at points, shape (N, K)."""
+        """Return the weights of the reflexes at N points, shape (N, K)."""
         return self._space.weights_of(points)
 
     def bodies(self, points: Floats) -> list[LatticeBody]:
-        """The body of each point; one object if no modulus is free."""
+        """Return the body of each point; the same object for all if no modulus is free."""
         return self._space.bodies(points)
 
     def filled(self, point: ArrayLike) -> "LatticeRobot":
-        """The robot of a point, with nothing free; it moves in the same time steps."""
+        """Return the robot of a point with nothing free, with the same time step as this one."""
         points = self.points(point)
         each = zip(self.drives, self._space.shares(points[:1]), strict=True)
         drives, body = tuple(drive.filled(share[0].tolist()) for drive, share in each), self.bodies(points)[0]
@@ -181,7 +181,7 @@ class LatticeRobot(OutOfTheLab):
         return dataclasses.replace(found, highest_size=self.largest_size)
 
     def design(self, point: ArrayLike) -> "LatticeRobot":
-        """The robot of a point, without anything free."""
+        """Return the robot of a point with nothing free."""
         return self.filled(point)
 
     @cached_property
@@ -191,7 +191,7 @@ class LatticeRobot(OutOfTheLab):
 
     @cached_property
     def cycle(self) -> Cycle:
-        """When what happens, where it is; the time step is one for all points."""
+        """Timing of the cycles in the robot's surroundings; all points have the same time step."""
         stable = self._space.stiffest.stable_time_step(self.is_afloat, self.largest_size)
         largest = stable / self.time_step_safety
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
@@ -203,50 +203,50 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def measures(self) -> tuple[Measure, ...]:  # type: ignore[override]
-        """Its measures; with a target, or a light that it feels, also the distance that remains."""
+        """Measures of the robot; with a target, or a light that it feels, also the distance that remains."""
         return *measures_of(self.target is not None or self.feels_light, self.has_muscles), *self.own_measures
 
     def measures_in(self, worlds: Sequence[World]) -> tuple[Measure, ...]:
-        """Its measures in all of some worlds; where there are props, those of the first of them, too."""
+        """Return the measures in all of some worlds; with props in all, also measures of the first prop."""
         terrains = [terrain_of(world) for world in worlds]
         targeted = self.target is not None or all(map(self.light_in, terrains))
         return *measures_among(terrains, targeted, self.has_muscles), *self.own_measures
 
     def light_in(self, terrain: Terrain) -> tuple[float, float] | None:
-        """Place (x, y) of the light, from where the body's centre starts [m]: the terrain's, or the reflexes'."""
+        """Return the light's place (x, y) from where the body's centre starts [m]: the terrain's or the reflexes'."""
         if terrain.light is not None:
             return turned(terrain.light, self.heading)
         return self.reflexes.light if self.reflexes is not None else None
 
     @property
     def feels_light(self) -> bool:
-        """Whether its reflexes feel light."""
+        """Whether the robot's reflexes feel light."""
         return self.reflexes is not None and "light" in self.reflexes.senses
 
     @property
     def direction(self) -> Floats:
-        """Direction of travel, shape (3,)."""
+        """Unit vector of the direction of travel, shape (3,)."""
         return ahead(self.heading)
 
     @property
     def length(self) -> float:
-        """Length in which speeds are told [m]: that of the body along its heading, unless another one is given."""
+        """Length by which speeds are divided [m]: ``reference_length``, or the body's along its heading."""
         if self.reference_length is not None:
             return self.reference_length
         return float(np.ptp(self.body.start_positions @ self.direction)) + self.body.voxel_size
 
     @property
     def footprint(self) -> tuple[float, float]:
-        """Rear and front of its voxels along the heading [m]."""
+        """Positions of the rear and front of the voxels along the heading [m]."""
         return footprint_of(self.body, self.direction)
 
     @property
     def aim(self) -> Aim:
-        """How its motion is measured: heading, length, target, and the robot among props."""
+        """Settings of the measures: heading, length, target, and the robot among props."""
         return Aim(self.heading, self.length, self.target, self.placed, own_measures=self.own_measures)
 
     def starts(self, count: int, seeds: Ints | None = None) -> Floats | None:
-        """Voxel centres of so many robots at the start [m], with noise, shape (count, V, 3); None without noise.
+        """Return noisy voxel centres of ``count`` robots at the start [m], shape (count, V, 3); None without noise.
 
         The noise of each is that of its seed, by default of the robot's own one: none depends on the others.
         """
@@ -260,21 +260,21 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def actuators(self) -> int:  # type: ignore[override]
-        """How many regions are driven, of each drive that moves them."""
+        """Number of driven regions, counted for each drive that moves them."""
         return sum(len(drive.regions) for drive in self.drives if drive.quantity != "friction")
 
     @property
     def uncertain_in(self) -> tuple[str, ...]:  # type: ignore[override]
-        """Friction of all materials, unless it is driven, slope, and levels and timing of the drives."""
+        """Quantities that can be uncertain: slope, friction unless it is driven, and levels and timing of drives."""
         driven = any(drive.quantity == "friction" for drive in self.drives)
         return ("slope", "levels", "timing") if driven else ("friction", "slope", "levels", "timing")
 
     def perturbed(self, drawn: Perturbation) -> "LatticeRobot":
-        """This robot with material friction, drive amplitudes and period multiplied as drawn."""
+        """Return this robot with its friction, drive amplitudes and period multiplied by drawn factors."""
         return perturbed_robot(self, drawn)
 
     def on(self, terrain: Terrain) -> "LatticeRobot":
-        """This robot with a terrain's friction, light, water and props, where it has any; a light is the usual target.
+        """Return this robot with a terrain's friction, light, water and props, if any; a light is the usual target.
 
         Raises:
             ValueError: if the terrain gives a friction for parts of the inflatable robot, has no light to feel, or
@@ -303,12 +303,12 @@ class LatticeRobot(OutOfTheLab):
         return dataclasses.replace(self, **changed) if changed else self
 
     def nodes(self, points: Any, later: ArrayLike = 0.0) -> list[Any]:
-        """What each drive makes of its channels at points, shape (N, P), see ``Drive.nodes``."""
+        """Compute the values of each drive's channels at points, shape (N, P), see ``Drive.nodes``."""
         each = zip(self.drives, self._space.shares(points), strict=True)
         return [drive.nodes(share, self.rest_of(drive), later) for drive, share in each]
 
     def settles_at_rest(self, points: Floats) -> Bools:
-        """At which points, shape (N, P), nothing moves while the robot settles, because waves begin at rest.
+        """Mask of the points, shape (N, P), at which nothing moves while the robot settles, as waves begin at rest.
 
         Waves of phase 0 or 0.5 do. Such a robot settles to a tie: which voxel slips first is decided by rounding, and
         the derivatives of its settling grow without bound.
@@ -316,15 +316,15 @@ class LatticeRobot(OutOfTheLab):
         return settles_at_rest(self, points)
 
     def caution(self, point: ArrayLike) -> str:
-        """What misleads differences at a point, shape (P,): that nothing moves while it settles."""
+        """Warn if finite differences mislead at a point, shape (P,), as nothing moves while it settles; else empty."""
         return caution_of(self, point)
 
     def fault(self, point: ArrayLike) -> str:
-        """Why a point, shape (P,), is no robot; empty if it is one."""
+        """Explain why a point, shape (P,), is not a valid robot; empty if it is one."""
         return fault_of(self, point)
 
     def rest_of(self, drive: Drive) -> Floats:
-        """What the channels of a drive hold before anything drives them, shape (Q, G)."""
+        """Return the values of a drive's channels before anything drives them, shape (Q, G)."""
         return np.array([[self.rest(region, quantity) for region in drive.regions] for quantity in drive.quantities])
 
     @cached_property
@@ -335,40 +335,40 @@ class LatticeRobot(OutOfTheLab):
         return dict(zip(regions.tolist(), found, strict=True))
 
     def rest(self, region: int, quantity: int) -> float:
-        """What a channel holds before anything drives it: what the material of the region's first voxel says."""
+        """Return a channel's value before anything drives it: that of the material of the region's first voxel."""
         return float(channel_values(self._material_of[region])[quantity])
 
     def run(self, points: Floats, trial: Trial) -> Outcome:
-        """Let the robot move at N points, with the gradients of speed and distance if wanted."""
+        """Simulate the robot at N points, with the gradients of measures if wanted."""
         return outcome_of(try_points(self, points, trial))
 
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[LatticeRobot]" = ()
     ) -> list[Outcome]:
-        """Let the robot move at N points in several worlds, in one batch where little enough differs."""
+        """Simulate the robot at N points in several worlds, in one batch where little enough differs."""
         return try_variants(variants or [self] * len(worlds), points, worlds, trial)
 
     @property
     def feels(self) -> bool:  # type: ignore[override]
-        """Whether it has reflexes."""
+        """Whether the robot has reflexes."""
         return self.reflexes is not None
 
     def felt_over_time(self, points: Floats, world: World, compute: Compute) -> Floats:
-        """What it feels at N points, shape (N, P), sixteen times a cycle, shape (N, S, T)."""
+        """Return what the robot's S sensors read at N points, shape (N, P), sixteen times a cycle, shape (N, S, T)."""
         return felt_over_time(self, points, terrain_of(world), compute)
 
     def spoken(self, outcome: Outcome) -> str:
-        """All measures of the outcome: a light and props of the terrain add some to its own."""
+        """Summarise all measures of an outcome, including those for a light and props of the terrain."""
         known = (*measures_of(targeted=True), *OF_PROPS, *self.own_measures)
         return ", ".join(m.value(float(outcome.measures[m.name][0])) for m in known if m.name in outcome.measures)
 
     @property
     def steps(self) -> int:
-        """Time steps of the cycles."""
+        """Number of time steps in the cycles."""
         return self.cycle.end - self.cycle.begin
 
     def motion(self, outcome: Outcome, world: World, name: str) -> "Motion":
-        """The motion of the robot."""
+        """Build the motion of the robot from an outcome with recorded frames."""
         from robots.lattice_robot.motion import lattice_robot_motion
 
         return lattice_robot_motion(outcome.result, self, terrain_of(world), name=name)
@@ -379,15 +379,15 @@ class LatticeRobot(OutOfTheLab):
 
     @property
     def fixed(self) -> "LatticeRobot":
-        """The robot itself, or where it starts, if something is free."""
+        """Return the robot itself, or with its starting values if something is free."""
         return self.filled(self.start) if self.free else self
 
     def describe(self) -> dict[str, Any]:
-        """What its results and exports depend on, as JSON values; ``robot_of_record`` gives it back to the bit."""
+        """Describe the robot as JSON values; ``robot_of_record`` rebuilds it exactly, to the bit."""
         return description_of(self)
 
     def facts(self) -> Facts:
-        """Body, drives and cycle."""
+        """Rows for a report: body, drives and cycle."""
         voxels = f"{self.body.voxel_count} voxels of {1000 * self.body.voxel_size:g} mm"
         return [
             ("Robot", f"{self.name}: {voxels}"),
@@ -397,5 +397,5 @@ class LatticeRobot(OutOfTheLab):
         ]
 
     def at_horizon(self, length: int) -> tuple[str, "LatticeRobot"]:
-        """The robot for so many cycles."""
+        """Return a label and the robot with ``length`` cycles."""
         return counted(length, "cycle"), dataclasses.replace(self, cycles=length)

@@ -34,7 +34,7 @@ LARGEST_BATCH = 256  # robots of a batch on a CPU, at most, where several worlds
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatticeRobotResult(ShortText):
-    """What a robot did at N points.
+    """Result of simulating a lattice robot at N points.
 
     Attributes:
         measures: by the names in ``robots.lattice_robot.measures``, shape (N,) each; NaN unless the status is "ok".
@@ -42,7 +42,7 @@ class LatticeRobotResult(ShortText):
         reason: why a point is no robot, shape (N,); empty if it is one.
         steps: time steps simulated, shape (N,).
         time_step: dt [s].
-        bodies: the lattice of each; None of a point that is no robot.
+        bodies: lattice body of each point; None for a point that is no robot.
         frames: recorded poses of each, times from the start of the cycles; None where not asked for, or no robot.
         gradients: derivatives of measures by what is free, in the order of ``LatticeRobot.free``, by name, shape
             (N, P) each; NaN unless the status is "ok". Those that were not asked for are left out.
@@ -59,23 +59,23 @@ class LatticeRobotResult(ShortText):
 
     @property
     def distance(self) -> Floats:
-        """Distance of the centre of mass along the heading in the cycles that count [m], shape (N,)."""
+        """Distance that the centre of mass moved along the heading in the cycles that count [m], shape (N,)."""
         return self.measures["distance"]
 
     @property
     def speed(self) -> Floats:
-        """Body lengths along the heading per second, shape (N,)."""
+        """Speed along the heading [body lengths per second], shape (N,)."""
         return self.measures["speed"]
 
     def rows(self, which: slice) -> "LatticeRobotResult":
-        """What some of the points did."""
+        """Select the results of some of the points."""
         bodies, frames = self.bodies[which], self.frames[which]
         measures, gradients = ({n: v[which] for n, v in each.items()} for each in (self.measures, self.gradients))
         told = self.status[which], self.reason[which], self.steps[which]
         return LatticeRobotResult(measures, *told, self.time_step, bodies, frames, gradients)
 
     def split(self, parts: int) -> "Iterator[LatticeRobotResult]":
-        """What equally many points did that follow one another."""
+        """Split the results into ``parts`` of equally many successive points."""
         size = len(self.status) // parts
         return (self.rows(slice(first, first + size)) for first in range(0, len(self.status), size))
 
@@ -94,11 +94,11 @@ def simulate(
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> LatticeRobotResult:
-    """Let a robot move on a terrain, at many points as one batch.
+    """Simulate a lattice robot on a terrain, at many points as one batch.
 
     Args:
-        robot: what moves.
-        points: values of what is free, shape (N, P); by default those that it starts with.
+        robot: the robot.
+        points: values of its P free parameters, shape (N, P); by default those that it starts with.
         terrain: flat ground by default; its friction, if any, replaces that of all materials.
         record_every: record the poses every so many time steps from the start of the cycles on.
         progress: called now and then with the fraction done.
@@ -120,14 +120,14 @@ def differentiate(
     progress: Progress | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> LatticeRobotResult:
-    """Let a robot move, with the derivatives of the distances by what is free.
+    """Simulate a robot at many points, with derivatives of the distances by its free parameters.
 
     Where nothing moves while the robot settles, see ``LatticeRobot.settles_at_rest``, derivatives are those of waves
     that are ``BESIDE`` of a cycle later.
 
     Args:
         robot, points, terrain, progress: as in :func:`simulate`.
-        memory: bound for what is kept of the way there [B]. On a CPU, points are differentiated in groups of
+        memory: bound on the memory for recorded states [B]. On a CPU, points are differentiated in groups of
             ``ROBOTS_PER_THREAD`` a thread, one after the other.
         **compute: device, precision and threads, as of :class:`Compute`.
 

@@ -16,13 +16,13 @@ TOLD_ANYWAY = frozenset(each.name for each in (*MEASURES, TARGETED, *OF_PROPS)) 
 
 @dataclass(frozen=True, eq=False)
 class SoftMotion:
-    """How B soft robots of V voxels moved, without the props around them, as a law of a user's own sees it.
+    """Motion of B soft robots of V voxels, without the props around them, from which users' own measures are computed.
 
     Arrays may be traced for derivatives: a law computes with operators and with the functions of NumPy that
     ``taichi_sim.autodiff.arrays`` knows, and takes plain arrays just as well.
 
     Attributes:
-        times: of the 17 moments of the last cycle, from where it begins [s], shape (17,).
+        times: times of the 17 moments of the last cycle, from where it begins [s], shape (17,).
         positions: of voxel centres in these moments [m], shape (B, 17, V, 3).
         sizes: rest size of every voxel along its own axes in these moments [m], shape (B, 17, V, 3).
         strains: of every link in these moments, shape (B, 17, L).
@@ -51,7 +51,7 @@ class SoftMotion:
 
     @classmethod
     def of(cls, record: Record, constants: Constants) -> "SoftMotion":
-        """What a robot without props did."""
+        """Make the motion of robots without props from a record."""
         body = constants.body
         start = np.tile(body.start_positions, (len(constants.density), 1, 1))
         start[:, :, 2] += constants.raised
@@ -71,7 +71,7 @@ class SoftMotion:
         )
 
     def centres(self, positions: Any) -> Any:
-        """Centres of mass, shape (B, ..., 3), of voxel centres, shape (B, ..., V, 3)."""
+        """Compute centres of mass [m], shape (B, ..., 3), from voxel centres, shape (B, ..., V, 3)."""
         shares = [masses / masses.sum() for masses in self.masses]
         along = [
             np.stack([row @ share for row, share in zip(positions[..., axis], shares, strict=True)])

@@ -23,7 +23,7 @@ SUFFIXES = (".py", ".json", *VOXEL_SUFFIXES, *MESH_SUFFIXES)
 
 
 def load_robot(path: str | PathLike[str]) -> LatticeRobot:
-    """The robot of a file.
+    """Load a lattice robot from a file.
 
     Args:
         path: Python that sets ``robot`` to a ``LatticeRobot`` (it is run), JSON of ``save_robot``, or a voxel file
@@ -53,13 +53,13 @@ def load_robot(path: str | PathLike[str]) -> LatticeRobot:
 def robot_of_voxel_file(
     file: VoxelFile, *, amplitude: Free | None = None, phase: Free | None = None, **settings: Any
 ) -> LatticeRobot:
-    """The robot that a voxel file describes, driven by its heat.
+    """Make a lattice robot from a voxel file, driven by the temperature that the file describes.
 
     Args:
-        file: of ``load_voxel_file``.
-        amplitude: of the temperature, if it is to be free [K].
-        phase: of every region, if they are to be free, in cycles; where they start is as in the file.
-        settings: of ``LatticeRobot``.
+        file: a voxel file that ``load_voxel_file`` read.
+        amplitude: amplitude of the temperature, if it is to be free [K].
+        phase: phase of every region, if these are to be free [cycles]; they start as in the file.
+        settings: further fields of ``LatticeRobot``.
 
     Raises:
         ValueError: for a file that nothing drives, or whose heat no material feels.

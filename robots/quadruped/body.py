@@ -25,12 +25,12 @@ STEPS = 1000
 
 @dataclass(frozen=True)
 class Variant:
-    """What the published experiment and its text do differently.
+    """Settings in which the published experiment, as it was run, differs from its text.
 
     Attributes:
         name: ``"as run"`` or ``"text"``.
-        gain: of sensors on motor neurons.
-        touch_values: of touch sensors apart from the ground, and on it.
+        gain: gain of sensors on motor neurons.
+        touch_values: readings of touch sensors off the ground, and on it.
         wheel_rate: fastest rate of wheels [rad/s].
         joint_limit: largest angle of legs' joints either way [rad]; commands span it.
         inertia_turned_twice: whether thighs have the moments of inertia of the published experiment's library, which
@@ -54,18 +54,21 @@ VARIANTS = {"as-run": AS_RUN, "text": TEXT}
 
 @dataclass(frozen=True)
 class Quadruped:
-    """A quadruped's body.
+    """Body of a quadruped on legs, wheels or whegs (legs that end in wheels).
 
     Attributes:
         kind: ``"legged"``: hips and knees move; ``"wheeled"``: legs are stiff and stand on wheels that drive and
             swivel; ``"whegged"``: hips move, and legs end in wheels.
         body_width: edge of the square main body [m].
-        body_height: [m].
-        limb_length: of each leg's two limbs, between their ends' centres [m].
-        limb_radius: [m].
-        wheel_radius: [m].
-        mass: of each part [kg].
-        torque: largest of each motor [N m].
+        body_height: height of the main body [m].
+        limb_length: length of each leg's two limbs, between their ends' centres [m].
+        limb_radius: radius of the limbs [m].
+        wheel_radius: radius of the wheels [m].
+        mass: mass of each part [kg].
+        torque: largest torque of each motor [N m].
+
+    Raises:
+        ValueError: for an unknown kind, or a number that is not allowed.
     """
 
     kind: Kind
@@ -90,7 +93,7 @@ class Quadruped:
         return self.limb_length + self.limb_radius
 
     def tree(self, variant: Variant = AS_RUN) -> Tree:
-        """The robot as an articulated body."""
+        """Build the robot as a tree of rigid bodies and joints."""
         main = Body("main", (0, 0, self.height), self.mass, [Box((self.body_width, self.body_width, self.body_height))])
         bodies, joints = [main], list[Hinge | Weld]()
         for leg in range(len(LEGS)):
@@ -134,7 +137,7 @@ class Quadruped:
         ]
 
     def senses(self) -> Senses:
-        """Four feet that feel the ground, and the light at the main body's centre."""
+        """Sensors: four feet that feel the ground, and a light sensor at the main body's centre."""
         feet = "shin" if self.kind == "legged" else "wheel"
         return Senses([f"{feet} {leg}" for leg in range(len(LEGS))], [("main", (0, 0, 0))])
 

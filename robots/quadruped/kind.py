@@ -22,7 +22,7 @@ _LENGTHS = {
 
 
 class QuadrupedKind(LightKind):
-    """Quadrupeds by the names of their bodies."""
+    """The kind of quadrupeds, which are chosen by the names of their bodies."""
 
     name = "quadruped"
     title = "quadruped"

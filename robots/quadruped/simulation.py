@@ -27,13 +27,13 @@ from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuadrupedResult(ShortText):
-    """What N robots did in E environments.
+    """Result of simulating N quadrupeds in E environments.
 
     Attributes:
         light: last reading of the light sensor, (N, E) [1/m^2]; the fitness of an environment.
-        distance: from the light at the end, seen from above, (N, E) [m].
+        distance: distance from the light at the end, seen from above, (N, E) [m].
         closest: smallest such distance at any time, (N, E) [m].
-        position: of the main body at the end, (N, E, 3) [m].
+        position: position of the main body at the end, (N, E, 3) [m].
         status: ``"ok"`` or ``"diverged"``, (N, E); numbers of the latter are NaN.
         rollouts: everything about the N E rollouts, environments changing fastest.
         gradient: derivatives of ``light`` by the weights, (N, E, 5, 8) [1/m^2], if asked for; readings are not rounded
@@ -56,7 +56,7 @@ def engine(
     width: int | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> RigidEngine:
-    """An engine for robots of one kind, in the world of the published experiment; settings as of ``RigidEngine``.
+    """Make an engine for quadrupeds of one kind in the world of the published experiment, see ``RigidEngine``.
 
     Raises:
         ValueError: for no robot, or several kinds.
@@ -84,14 +84,14 @@ def simulate(
     width: int | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> QuadrupedResult:
-    """Run controllers in robots, each in all environments.
+    """Simulate quadrupeds with their controllers, each in all environments.
 
     Args:
         robots: one robot for all controllers, or one for each, of one kind.
-        weights: (N, 5, 8): four touch sensors and the light; eight motors.
+        weights: weights of the controllers, (N, 5, 8): from four touch sensors and the light to eight motors.
         lights: places of the light in the environments, (E, 2) [m].
         variant: the published experiment, or its text.
-        steps: looks at the sensors; the last one counts, so that steps - 1 time steps are run.
+        steps: number of sensor readings; the last one counts, so that steps - 1 time steps are run.
         record_every: record every so many time steps; not with gradients.
         gradients: with the derivatives of the last light readings by the weights. Contacts, stops and limits act as
             they did (see ``taichi_sim.rigid.gradient``). It takes about five times as long, and 2 MB for a rollout of

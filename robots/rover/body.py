@@ -29,21 +29,21 @@ ROUNDING = 2.0**-10  # m, added to the distance of success in the published expe
 
 @dataclass(frozen=True)
 class Rover:
-    """A two-wheel vehicle's body.
+    """Body of a vehicle with two driven wheels, a castor and two light sensors.
 
     Attributes:
         sensors: places of the light sensors on the body, x to the right and y ahead of its centre [m]. The first
             drives the right wheel, the second the left one.
-        body_mass: of the box [kg].
-        wheel_mass: of each wheel [kg].
-        castor_mass: of the ball in front that rolls along [kg].
-        wheel_radius: of wheels and castor [m]; the box is half as thick.
+        body_mass: mass of the box [kg].
+        wheel_mass: mass of each wheel [kg].
+        castor_mass: mass of the ball in front that rolls along [kg].
+        wheel_radius: radius of wheels and castor [m]; the box is half as thick.
         speed: of motors: each holds half of speed times the rate it is commanded, if its torque suffices [1].
         command_range: rate that a neuron of one commands [rad/s].
-        torque: largest of each motor [N m].
-        sensor_radius: of the balls that the sensors are [m].
-        sensor_mass: [kg].
-        sensor_height: of their centres above the tops of the wheels [m].
+        torque: largest torque of each motor [N m].
+        sensor_radius: radius of the sensors, which are balls [m].
+        sensor_mass: mass of each sensor [kg].
+        sensor_height: height of the sensors' centres above the tops of the wheels [m].
 
     Raises:
         ValueError: for numbers that are not allowed, or sites beside the body.
@@ -78,24 +78,24 @@ class Rover:
 
     @classmethod
     def published(cls, design: int) -> Self:
-        """The base body with sensors as those of ``VehicleBody.published``, which drives along its x."""
+        """Make the base body with the sensors of ``VehicleBody.published``, turned from driving along x to along y."""
         (x1, y1), (x2, y2) = VehicleBody.published(design).sensors
         return cls(((0.0 - y1, x1), (0.0 - y2, x2)))
 
     @property
     def vehicle(self) -> VehicleBody:
-        """The theoretical model's body with the same sensors."""
+        """Body of the theoretical model, a Braitenberg vehicle, with the same sensors."""
         return VehicleBody(tuple((y, 0.0 - x) for x, y in self.sensors))
 
     @property
     def mirrored(self) -> Self:
-        """Left and right exchanged, of places and of sensors."""
+        """Mirror image of the body: places of sensors, and sensors, exchanged between left and right."""
         (x1, y1), (x2, y2) = self.sensors
         return replace(self, sensors=((0.0 - x2, y2), (0.0 - x1, y1)))
 
     @property
     def success_distance(self) -> float:
-        """Distance of centres, seen from above, from which on a light counts as reached [m]."""
+        """Largest distance between centres, seen from above, at which a light counts as reached [m]."""
         return WIDTH / 2 + self.wheel_radius + LIGHT_RADIUS + ROUNDING
 
     @property
@@ -104,7 +104,7 @@ class Rover:
         return 0.5 * self.speed * self.command_range
 
     def tree(self) -> Tree:
-        """The vehicle as an articulated body: the box carries wheels, castor and sensors."""
+        """Build the vehicle as a tree of rigid bodies: the box carries wheels, castor and sensors."""
         radius, half = self.wheel_radius, WIDTH / 2
         ball, drive = Sphere(radius), Motor.velocity(self.rate, self.torque)
         bodies = [Body("body", (0, 0, radius), self.body_mass, [Box((WIDTH, WIDTH, radius / 2))])]

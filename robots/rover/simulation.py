@@ -18,13 +18,13 @@ from taichi_sim.rigid import Network, RigidEngine, RigidResult, World
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RoverResult(ShortText):
-    """What N vehicles did in E environments.
+    """Result of simulating N two-wheel vehicles in E environments.
 
     Attributes:
-        distance: from the light at the end, seen from above, (N, E) [m]; NaN if diverged.
-        closest: smallest such distance at any look, (N, E) [m].
-        success: whether that is small enough, (N, E).
-        position: of the body at the end, (N, E, 3) [m].
+        distance: distance from the light at the end, seen from above, (N, E) [m]; NaN if diverged.
+        closest: smallest such distance at any reading, (N, E) [m].
+        success: whether the smallest distance counts as reaching the light, (N, E).
+        position: position of the body at the end, (N, E, 3) [m].
         status: ``"ok"`` or ``"diverged"``, (N, E).
         rollouts: everything about the N E rollouts, environments changing fastest.
         gradient: derivatives of ``distance`` by w1 and w2, (N, E, 2) [m], if asked for.
@@ -40,7 +40,7 @@ class RoverResult(ShortText):
 
 
 def controllers(weights: object) -> Floats:
-    """Networks of crossed wires, (N, 2, 2): sensor 1 drives the right wheel by w1, sensor 2 the left one by w2.
+    """Make crossed controllers, (N, 2, 2): sensor 1 drives the right wheel by w1, sensor 2 the left one by w2.
 
     Args:
         weights: w1 and w2 of each, (N, 2); or those of one, (2,).
@@ -64,7 +64,7 @@ def controllers(weights: object) -> Floats:
 def engine(
     rovers: Rover | Sequence[Rover], *, width: int | None = None, **compute: Unpack[ComputeOptions]
 ) -> RigidEngine:
-    """An engine for vehicles in the world of the published experiment; settings as of ``RigidEngine``.
+    """Make an engine for vehicles in the world of the published experiment, see ``RigidEngine``.
 
     Raises:
         ValueError: for no vehicle.
@@ -84,13 +84,13 @@ def simulate(
     width: int | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> RoverResult:
-    """Run controllers in vehicles, each in all environments.
+    """Simulate two-wheel vehicles with their controllers, each in all environments.
 
     Args:
         rovers: one body for all controllers, or one for each.
         weights: w1 and w2, (N, 2).
         lights: places of the light in the environments, (E, 2) [m].
-        steps: looks at the light, each before a time step; steps - 1 time steps are run.
+        steps: number of light readings, each before a time step; steps - 1 time steps are run.
         record_every: record every so many time steps; not with gradients.
         gradients: with the derivatives of the distances at the end by the weights.
         width: rollouts side by side on a CPU; results do not depend on it.

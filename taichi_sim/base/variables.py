@@ -25,6 +25,9 @@ class Variable:
             at most 1 apart are neighbours. Methods that know no neighbours ignore it, and no file keeps it.
         mixes: whether relaxed points are mixtures of designs on account of it, though it is not binary; a search then
             lets them become sharper.
+
+    Raises:
+        ValueError: for an unknown kind, or bounds, a step or a start that are not allowed.
     """
 
     name: str
@@ -59,12 +62,12 @@ class Variable:
 
     @property
     def is_integer(self) -> bool:
-        """Whether only whole numbers are values."""
+        """Whether the variable takes only whole numbers: it is an integer or binary."""
         return self.kind in ("integer", "binary")
 
     @property
     def first(self) -> float:
-        """The value before any search: the start, or the middle, rounded down where only whole numbers are values."""
+        """Value before any search: ``start``, or the middle of the bounds, rounded down for whole numbers."""
         if self.start is not None:
             return self.start
         middle = (self.low + self.high) / 2
@@ -72,5 +75,5 @@ class Variable:
 
     @property
     def allowed(self) -> str:
-        """The values that it takes, as text for people."""
+        """Description of the allowed values as text, such as ``a number from 0 to 1``."""
         return f"{'a whole number' if self.is_integer else 'a number'} from {self.low:g} to {self.high:g}"

@@ -37,11 +37,14 @@ class Water:
     """Water at rest on the ground, everywhere up to one level: what lies lower is a pond, or a sea with its shore.
 
     Attributes:
-        level: of its surface over the level floor [m].
-        density: [kg/m^3].
-        gravity: by which it is heavy for lattice robots [m/s^2]; for rigid ones that of their world counts.
-        added_mass: of the water that a body displaces, how much it takes along when its velocity changes; 0.5 is that
-            of a sphere (Lamb, Hydrodynamics, 1932, art. 92).
+        level: height of the water's surface over the level floor [m].
+        density: density of the water [kg/m^3].
+        gravity: gravity that acts on the water around lattice robots [m/s^2]; for rigid ones their world's counts.
+        added_mass: added-mass coefficient: the mass of water that a body accelerates with it, over that which it
+            displaces; 0.5 is that of a sphere (Lamb, Hydrodynamics, 1932, art. 92).
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     level: Finite
@@ -58,12 +61,12 @@ class Relief:
     """Ground whose height and friction differ from place to place; beyond its grid it goes on as at the edge.
 
     Attributes:
-        heights: of the nodes over the level floor [m], shape (X, Y), at least 2 each way, read-only.
-        spacing: of the nodes [m].
-        origin: where node (0, 0) is [m], (x, y).
+        heights: heights of the nodes over the level floor [m], shape (X, Y), at least 2 each way, read-only.
+        spacing: distance between neighbouring nodes [m].
+        origin: place (x, y) of node (0, 0) [m].
         friction: factors by which the friction coefficients of the robot count at the nodes, shape (X, Y), read-only;
             None is 1 everywhere.
-        water: on the ground.
+        water: water on the ground; None is dry.
         yield_per_depth: of granular ground, the stress per depth at which it gives way [N/m^3] (see
             ``laws.giving_way``); None is firm ground.
 
@@ -104,27 +107,27 @@ class Relief:
 
     @cached_property
     def is_floor(self) -> bool:
-        """Whether it is the level floor: firm and dry, of the robots' own friction, without any height."""
+        """Whether the ground is the level floor: firm and dry, of the robots' own friction, without any height."""
         smooth = self.friction is None or bool((self.friction == 1).all())
         return smooth and self.water is None and self.yield_per_depth is None and not self.heights.any()
 
     @property
     def steepness(self) -> float:
-        """1 / cos of the steepest slope."""
+        """Largest ratio of surface area to area seen from above: 1 / cos of the steepest slope."""
         x, y = (np.abs(np.diff(self.heights, axis=axis)).max() / self.spacing for axis in (0, 1))
         return float(np.sqrt(1 + x**2 + y**2))
 
     def height(self, x: Any, y: Any) -> np.ndarray:
-        """Height over the floor at places [m], as the simulation has it."""
+        """Return the height over the floor at places (x, y) [m], as the simulation has it."""
         return self._below(np.asarray(x, float), np.asarray(y, float))[0]
 
     def factor(self, x: Any, y: Any) -> np.ndarray:
-        """Factor of friction at places [m], as the simulation has it."""
+        """Return the factor of friction at places (x, y) [m], as the simulation has it."""
         factor: np.ndarray = self._below(np.asarray(x, float), np.asarray(y, float))[2]
         return factor
 
     def below(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Height over the floor [m] and third component of the unit normal at places (x, y) [m]."""
+        """Return the height over the floor [m] and third component of the unit normal at places (x, y) [m]."""
         height, nz, _ = self._below(x, y)
         return height, nz
 
@@ -143,7 +146,7 @@ class Relief:
         return np.stack([*corners, *np.moveaxis(self.cells[i, j], -1, 0)])
 
     def rise(self, centres: Any, edge: float) -> float:
-        """How far voxels of an edge [m] at these centres, shape (..., 3), must rise to stand on it, touching [m].
+        """Return how far voxels at these centres, shape (..., 3), with this edge, must rise to stand on the ground [m].
 
         Not at all on the level floor, on which robots begin as they are, with their noise.
         """
@@ -154,7 +157,7 @@ class Relief:
         return float((height + 0.5 * edge * (1 / nz - 1) - z).max())
 
     def rise_of_balls(self, centres: Any, radii: Any) -> float:
-        """How far balls at these centres, shape (N, 3), must rise to stand on it, touching [m]; negative above it."""
+        """Return how far balls at these centres, shape (N, 3), must rise to stand on it [m]; negative above it."""
         x, y, z = np.asarray(centres, float).T
         height, nz = self.below(x, y)
         return float((height + np.asarray(radii, float) / nz - z).max())

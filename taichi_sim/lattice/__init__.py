@@ -1,4 +1,4 @@
-"""The beam lattice: soft bodies of voxels joined by beams, after Voxelyze (Hiller & Lipson 2014)."""
+"""Simulation of soft bodies as lattices of voxels joined by beams, after Voxelyze (Hiller & Lipson 2014)."""
 
 from taichi_sim.ground.relief import Relief, Water
 from taichi_sim.lattice.body import LatticeBody

@@ -31,7 +31,7 @@ def _frozen(array: object, dtype: type, name: str, shape: tuple[int, ...]) -> np
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatticeBody(ShortText):
-    """A body of cubic voxels whose neighbours are joined by beams.
+    """A soft body: cubic voxels on a lattice, whose neighbours are joined by beams.
 
     Attributes:
         voxels: places on the lattice, shape (V, 3), whole numbers; voxel i starts at ``voxel_size * voxels[i]`` [m].
@@ -105,7 +105,7 @@ class LatticeBody(ShortText):
 
     @property
     def voxel_count(self) -> int:
-        """V."""
+        """Number V of voxels."""
         return len(self.voxels)
 
     @property
@@ -115,7 +115,7 @@ class LatticeBody(ShortText):
 
     @property
     def region_count(self) -> int:
-        """R, one more than the largest label."""
+        """Number R of regions: one more than the largest label."""
         return int(self.regions.max()) + 1  # type: ignore[union-attr]
 
     @property
@@ -124,12 +124,12 @@ class LatticeBody(ShortText):
         return self.voxels * self.voxel_size
 
     def scattered(self, deviation: float, seeds: int | Sequence[int], robots: ArrayLike) -> np.ndarray:
-        """Start positions [m] with Gaussian noise, shape (B, V, 3).
+        """Return start positions of B robots with Gaussian noise [m], shape (B, V, 3).
 
         Args:
             deviation: standard deviation [m].
-            seeds: one, of which each robot has a stream of its own; or those of the robots, by number.
-            robots: numbers of the B robots.
+            seeds: one seed, from which each robot has a stream of its own; or a seed for each robot, by its number.
+            robots: numbers of the B robots, shape (B,).
         """
         rows = np.asarray(robots).tolist()
         streams = [(seeds, row) if isinstance(seeds, int) else (seeds[row], 0) for row in rows]
@@ -142,7 +142,7 @@ class LatticeBody(ShortText):
         return build_topology(self.voxels, self.cut_links)
 
     def with_materials(self, materials: Iterable[Material], material_index: ArrayLike | None = None) -> "LatticeBody":
-        """The same voxels of other materials, and by default of the same index into these.
+        """Return the same voxels with other materials; by default each keeps its index into the materials.
 
         What follows from places alone, which every engine needs, is derived once for all such bodies.
         """
@@ -153,7 +153,7 @@ class LatticeBody(ShortText):
 
     @cached_property
     def recommended_time_step(self) -> float:
-        """Largest stable step [s]: 1 / (2 pi sqrt(max a1 / min(m-, m+))) of links, less for what else needs less.
+        """Largest stable time step [s]: 1 / (2 pi sqrt(max a1 / min(m-, m+))) of links, less for what else needs less.
 
         That is damping ratios of links above 1; and, of parts that no links join, their contact with each other and
         that of single voxels with the floor. See ``time_steps``; blocks of many voxels need 1 / 1.3 of it.
@@ -167,7 +167,7 @@ class LatticeBody(ShortText):
         return min(*steps, self._contact_step)
 
     def stable_time_step(self, is_afloat: bool, size: float | None = None) -> float:
-        """Largest stable step [s]: :attr:`recommended_time_step`, and in water less, see ``time_steps.afloat``.
+        """Return the largest stable time step [s], in water less than :attr:`recommended_time_step`.
 
         Args:
             is_afloat: whether it is in water, or in any fluid.

@@ -29,13 +29,13 @@ DRIVERS = ("auto", "packed", "stepped")
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatticeState(ShortText):
-    """Motion of the voxels of a batch, world frame, in the body's voxel order.
+    """State of the voxels of B robots: poses and velocities in the world frame, in the body's voxel order.
 
     Attributes:
-        positions: [m], shape (B, V, 3).
+        positions: voxel centres [m], shape (B, V, 3).
         orientations: unit quaternions (w, x, y, z), shape (B, V, 4).
-        velocities: [m/s], shape (B, V, 3).
-        angular_velocities: [rad/s], shape (B, V, 3).
+        velocities: velocities of the centres [m/s], shape (B, V, 3).
+        angular_velocities: angular velocities [rad/s], shape (B, V, 3).
     """
 
     positions: np.ndarray
@@ -46,7 +46,7 @@ class LatticeState(ShortText):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatticeResult(ShortText):
-    """How the run of a program ended.
+    """Result of running a program: status of the robots, and their recorded poses.
 
     Attributes:
         status: "ok" or "diverged", shape (B,).
@@ -76,7 +76,7 @@ class SavedLattice:
 
 
 class LatticeEngine:
-    """Simulates a batch of robots that share voxels, links and regions and may differ in everything else.
+    """Simulator of a batch of soft robots that share voxels, links and regions and may differ in all else.
 
     The numbers of a robot do not depend on the size of the batch, on its place or neighbours in it, or on the number
     of threads; in f64 on a CPU they are the same bits. A robot that diverges is reported and does not disturb others.
@@ -198,7 +198,7 @@ class LatticeEngine:
         return self._driver.bytes_per_robot
 
     def reset(self) -> None:
-        """Put every robot at rest at its start, its channels as the materials say."""
+        """Put every robot at rest at its start, and set its channels to the values of the materials."""
         self._driver.write(memory.CHANNEL, self.tables.channel)
         # Which still hold what the materials say: those that no event has set, shape (B, 25 G).
         self.initial_channels = np.ones(self.tables.channel.shape[:2], bool)
@@ -211,7 +211,7 @@ class LatticeEngine:
         self.set_state(LatticeState(positions, upright, still, still))
 
     def set_state(self, state: LatticeState) -> None:
-        """Let every robot start anew in a state; its links forget their past, its channels do not.
+        """Set the state of every robot; links forget their past, but channels keep their values.
 
         Voxels on a floor slide if they move sideways, else they stick.
         Fixed voxels are held where the body says, whatever their start.
@@ -242,11 +242,11 @@ class LatticeEngine:
         self._diverged[:] = False
 
     def save(self) -> SavedLattice:
-        """A copy of all that changes: motion, memories of links and contacts, channels."""
+        """Copy everything that changes: motion, memories of links and contacts, and channels."""
         return SavedLattice(self._driver.save(), self._diverged.copy(), self.initial_channels.copy())
 
     def restore(self, saved: SavedLattice) -> None:
-        """Go back to what this engine saved: runs from there have the same bits as before."""
+        """Go back to what :meth:`save` returned; runs from there give the same bits as before."""
         self._driver.restore(saved.driver)
         self._diverged[:], self.initial_channels[:] = saved.diverged, saved.initial_channels
 
@@ -257,10 +257,10 @@ class LatticeEngine:
         progress: Callable[[float], None] | None = None,
         feedback: Feedback | None = None,
     ) -> LatticeResult:
-        """Advance every robot by its own number of steps; all of its state carries over to the next run.
+        """Run a program: advance every robot by its own number of time steps, from its present state.
 
         Args:
-            program: what happens, steps counted from now.
+            program: events over time, with steps counted from now.
             progress: called now and then with the fraction done, 0 to 1.
             feedback: decides the values of some of the program's events on the way.
 
@@ -296,7 +296,7 @@ class LatticeEngine:
         return Tape(self, program, memory, progress, feedback)
 
     def course(self, run: Run, program: LatticeProgram, feedback: Feedback | None) -> Course:
-        """A run that has begun, with the decisions of a feedback."""
+        """Combine a run that has begun with the decisions of a feedback."""
         if feedback is not None:
             check_feedback(feedback, program)
         return Course(run, feedback, self.place, len(self.body.topology.links))
@@ -312,7 +312,7 @@ class LatticeEngine:
 
     @runtime.exclusive
     def finish(self, run: Run) -> LatticeResult:
-        """What a run came to, in the body's voxel order."""
+        """Return the result of a run, in the body's voxel order."""
         steps, diverged, (poses, strains, sizes) = run.finish()
         self._note_events(run.program, steps)
         # A state that is not finite is no result, whatever the strains said.
@@ -335,7 +335,7 @@ class LatticeEngine:
         self.initial_channels[robot[set_now], target[set_now]] = False
 
     def state(self) -> LatticeState:
-        """Where the voxels are and how they move; NaN for robots that diverged."""
+        """Return poses and velocities of the voxels; NaN for robots that diverged."""
         voxel = np.take(self._driver.read(memory.VOXEL), self.place, axis=1).astype(float)
         voxel[self._diverged] = np.nan
         inverse = np.take(self.inverse_masses, self.place, axis=1)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Felt:
-    """What a decision reads of robots, or the derivatives of a cost by it.
+    """Readings of robots from which a feedback decides, or derivatives of a cost by these.
 
     Attributes:
         positions: voxel centres [m], body's voxel order, shape (B, V, 3); NaN of robots that diverged.
@@ -35,10 +35,10 @@ class Felt:
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """When robots are read, and what is decided.
+    """A decision of a feedback: the step at which robots are read, and the events whose values are decided.
 
     Attributes:
-        step: at which they are read; the program records a snapshot of every robot there.
+        step: step at which robots are read; the program records a snapshot of every robot there.
         snapshot: its place among the snapshots.
         events: of the program whose value and rate are decided, none before the step after; any number of them.
     """
@@ -49,12 +49,12 @@ class Decision:
 
 
 class Feedback(Protocol):
-    """What decides, and takes derivatives back through its decisions."""
+    """Interface of feedback: decides values of a program's events, and differentiates its decisions."""
 
     decisions: Sequence[Decision]  # in order of time
 
     def decide(self, number: int, felt: Felt) -> tuple[np.ndarray, np.ndarray]:
-        """Value and rate per step of every event of a decision."""
+        """Return value and rate per step of every event of a decision."""
         ...
 
     def pull_back(self, number: int, values: np.ndarray, rates: np.ndarray) -> Felt:

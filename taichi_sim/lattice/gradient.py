@@ -33,10 +33,10 @@ ROBOTS_PER_THREAD = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatticeGradient(ShortText):
-    """Derivatives of a cost, at the values that the run had.
+    """Derivatives of a cost by everything that a run of lattice robots began with.
 
     Attributes:
-        values, rates: by value and rate of every event of the program, in its order, shape (E,).
+        values, rates: by value and rate per step of every event of the program, in its order, shape (E,).
         positions: by the voxel centres at the start of the run, shape (B, V, 3).
         orientations: by the quaternions, as four free numbers, shape (B, V, 4).
         velocities, angular_velocities: by those at the start, shape (B, V, 3).
@@ -56,10 +56,10 @@ class LatticeGradient(ShortText):
 
 
 class Tape:
-    """A run that can be differentiated, as often as wanted; the engine may go on meanwhile.
+    """A recorded run that can be differentiated, as often as wanted; the engine may go on meanwhile.
 
     Attributes:
-        result: what ``run`` would have returned.
+        result: result of the run, as ``LatticeEngine.run`` would have returned it.
         state: the state after the run.
     """
 
@@ -91,7 +91,7 @@ class Tape:
 
     @property
     def memory(self) -> float:
-        """Bytes taken, now and while pulling back."""
+        """Memory taken now and while pulling back [B]."""
         return self._plan.memory
 
     @runtime.exclusive
@@ -105,7 +105,7 @@ class Tape:
         progress: Callable[[float], None] | None = None,
         horizon: float | None = None,
     ) -> LatticeGradient:
-        """The derivatives of a cost from its derivatives by what the run gave.
+        """Compute the derivatives of a cost by what the run began with, from those by the results of the run.
 
         Args:
             positions, orientations, strains, sizes: of the cost by those of ``result``, shapes as there; so running

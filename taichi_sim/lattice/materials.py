@@ -14,7 +14,7 @@ from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 
 @dataclass(frozen=True)
 class Material:
-    """An isotropic elastic material; a voxel of it is a point mass with rotational inertia.
+    """An isotropic elastic material of a lattice body; a voxel of it is a point mass with rotational inertia.
 
     Attributes:
         youngs_modulus: E [Pa].
@@ -31,7 +31,10 @@ class Material:
         scale: rest size per axis (x, y, z) in voxel edges; the mass does not change with it.
         thermal_expansion: alpha [1/K].
         temperature: T relative to the stress-free state [K].
-        name: for people.
+        name: name of the material for people.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     youngs_modulus: float

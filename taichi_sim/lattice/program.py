@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 
 class Quantity(IntEnum):
-    """What a channel controls. Vectors are consecutive: ``Quantity.FORCE + axis``."""
+    """Quantities that the channels of regions control; of vectors ``Quantity.FORCE + axis`` is a component."""
 
     SCALE = 0  # rest size in voxel edges, x y z of the voxel frame
     TEMPERATURE = 3  # [K] relative to the stress-free state
@@ -48,12 +48,17 @@ EVENT = np.dtype(
 
 @dataclass(frozen=True, eq=False)
 class LatticeProgram:
-    """Events and lengths of a batch of robots. Steps count from the start of the run that the program drives.
+    """A program for a batch of robots: events that change channels of their regions, and numbers of time steps.
+
+    Steps count from the start of the run that the program drives.
 
     Attributes:
-        lengths: time steps of each robot, shape (B,).
+        lengths: number of time steps of each robot, shape (B,).
         events: array of ``EVENT`` records; those of one channel and step: the last wins.
         snapshots: steps after which each robot's pose is recorded, shape (B, S), ascending, -1 for none.
+
+    Raises:
+        ValueError: for wrong shapes, numbers that are not finite, or indices and steps out of range.
     """
 
     lengths: np.ndarray
@@ -88,11 +93,11 @@ class LatticeProgram:
 
     @property
     def robot_count(self) -> int:
-        """B."""
+        """Number B of robots."""
         return len(self.lengths)
 
     def values_after(self, robot: int, region: int, quantity: int, steps: np.ndarray) -> np.ndarray | None:
-        """What a channel was in the last of so many steps, shape of ``steps``; None if the program never sets it.
+        """Return the values of a channel in the last of so many steps, shape of ``steps``; None if it is never set.
 
         After no steps it is what the first step begins with. Before its first event it is NaN: the material tells.
         """
@@ -107,12 +112,15 @@ class LatticeProgram:
         return np.where(place >= 0, event["value"] + event["rate"] * (last - event["step"]), np.nan)
 
     def split(self, steps: ArrayLike) -> tuple["LatticeProgram", "ProgramRest"]:
-        """Two programs that do the same one after the other: until a step of each robot, and from there on.
+        """Split the program into two that do the same one after the other, at a step of each robot.
 
         Snapshots of a step before it belong to the first, others to the second; the places of the rest are -1.
 
         Args:
-            steps: shape (B,), 0 to the robot's length.
+            steps: where to split, shape (B,), 0 to the robot's length.
+
+        Raises:
+            ValueError: for steps that are not allowed.
         """
         cuts = np.asarray(steps, np.int64)
         if cuts.shape != self.lengths.shape or (cuts < 0).any() or (cuts > self.lengths).any():
@@ -161,7 +169,7 @@ class ProgramRest:
 
 
 class ProgramBuilder:
-    """Collects events, whole arrays of robots at a time.
+    """Builder of a :class:`LatticeProgram`, to which events of many robots are added at once.
 
     Example:
         >>> builder = ProgramBuilder(robot_count=2)
@@ -185,11 +193,11 @@ class ProgramBuilder:
         rate: ArrayLike = 0.0,
         robots: ArrayLike | None = None,
     ) -> None:
-        """Let channels take a value at a step and change by a rate per step from there.
+        """Add events: channels take a value at a step and change by a rate per step from there.
 
         Args:
             quantity: a ``Quantity``, plus the axis for vectors.
-            value: broadcast to shape (robots, regions).
+            value: value of the quantity, in its unit, broadcast to shape (robots, regions).
             regions: labels of the regions.
             step: step at which the events happen, broadcast to (robots, regions).
             rate: change per step, broadcast to (robots, regions).
@@ -203,7 +211,11 @@ class ProgramBuilder:
         self._parts.append(part.ravel())
 
     def build(self, lengths: ArrayLike, snapshots: ArrayLike | None = None) -> LatticeProgram:
-        """The program; ``snapshots`` of shape (robots, steps), none by default."""
+        """Build the program; ``snapshots`` are steps, shape (robots, steps), none by default.
+
+        Raises:
+            ValueError: as of :class:`LatticeProgram`.
+        """
         events = np.concatenate(self._parts) if self._parts else np.zeros(0, EVENT)
         marks = np.zeros((self.robot_count, 0), int) if snapshots is None else snapshots
         return LatticeProgram(np.broadcast_to(lengths, self.robot_count), events, np.asarray(marks))

@@ -1,4 +1,4 @@
-"""Articulated rigid bodies on ground, level or uneven, in batches."""
+"""Simulation of articulated rigid bodies on level or uneven ground, in batches."""
 
 from taichi_sim.rigid.engine import RigidEngine
 from taichi_sim.rigid.model.settings import Network, World

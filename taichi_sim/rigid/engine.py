@@ -45,13 +45,13 @@ NEAREST_LIGHT = 1e-6  # m
 
 
 class RigidEngine:
-    """Simulates robots that share a structure and differ in everything else.
+    """Simulator of a batch of articulated robots that share a structure and may differ in all else.
 
     Args:
         trees: one tree for all robots, or one for each robot.
         world: ground, gravity and time.
-        senses: what they sense.
-        network: how neurons turn that into commands.
+        senses: sensors of the robots.
+        network: how neurons turn readings of the sensors into commands.
         ground: uneven ground instead of the plane z = 0, one for all robots, or one for each robot, maybe with water
             or sand; only with a coefficient of friction do its factors of friction count, and only there are they
             allowed.
@@ -108,7 +108,7 @@ class RigidEngine:
 
     @property
     def tree(self) -> Tree:
-        """The first tree, whose structure all have."""
+        """Tree of the first robot, whose structure all robots share."""
         return self.trees[0]
 
     def _tables(self) -> GroundTables:
@@ -124,13 +124,13 @@ class RigidEngine:
         return ground_tables("ground", self._reliefs)
 
     def rest(self) -> State:
-        """All robots as their trees describe them, at rest."""
+        """Return the state of all robots at rest, as their trees describe them."""
         count, none = len(self.trees), np.zeros((len(self.trees), len(self.tree.hinges)))
         position = np.array([tree.ordered[0][0].position for tree in self.trees], float)
         return State(position, np.tile([1.0, 0, 0, 0], (count, 1)), none, np.zeros((count, 6)), none)
 
     def standing(self) -> State:
-        """All robots at rest, each as far above its uneven ground as its tree has it above the plane z = 0.
+        """Return the state of all robots at rest on uneven ground, as far above it as their trees are above z = 0.
 
         Raises:
             ValueError: for another number of trees than of reliefs, both more than one.
@@ -159,12 +159,12 @@ class RigidEngine:
         record_every: int | None = None,
         feedback: Feedback | None = None,
     ) -> RigidResult:
-        """Simulate.
+        """Simulate all robots with controllers or commands.
 
         Args:
-            steps: time steps.
-            weights: of the controllers, (B, S, M); sensors in the order of ``senses``.
-            commands: instead of these, commands to all motors over time, (B, K, M), each kept for ``hold`` steps, the
+            steps: number of time steps.
+            weights: weights of the controllers, (B, S, M); sensors in the order of ``senses``.
+            commands: instead of weights, commands to all motors over time, (B, K, M), each kept for ``hold`` steps, the
                 last one to the end.
             hold: steps that a command is kept.
             lights: place of each robot's light, (B, 3) [m]; far away if None.

@@ -34,13 +34,13 @@ def _product(a: Floats, b: Floats) -> Floats:
 
 
 def poses(tree: Tree, position: Floats, orientation: Floats, angles: Floats) -> tuple[Floats, Floats]:
-    """Poses of all bodies in the order of ``tree.ordered``.
+    """Compute the poses of all bodies of a robot, in the order of ``tree.ordered``, from its base and hinges.
 
     Args:
         tree: the robot.
-        position: of the base's centre, (..., 3) [m].
-        orientation: of the base, unit quaternions (..., 4).
-        angles: of the hinges, (..., H) [rad].
+        position: position of the base's centre, (..., 3) [m].
+        orientation: orientation of the base, unit quaternions (w, x, y, z), (..., 4).
+        angles: angles of the H hinges, (..., H) [rad].
 
     Returns:
         Centres (..., bodies, 3) [m] and unit quaternions (..., bodies, 4).

@@ -11,7 +11,7 @@ from taichi_sim.rigid.state import RigidResult
 
 
 class RigidSession:
-    """A run that stops for new commands; made by :meth:`RigidEngine.session`.
+    """A simulation that pauses for new commands; made by :meth:`RigidEngine.session`.
 
     All that robots carry from step to step stays in their memory, so that they have the same bits as in a run that is
     given all commands at once.
@@ -23,7 +23,7 @@ class RigidSession:
 
     @runtime.exclusive
     def advance(self, commands: Floats | None = None, steps: int = 1) -> RigidResult:
-        """Keep commands for some steps; with 0 steps sense what there is.
+        """Simulate some time steps with constant commands; 0 steps only read the sensors.
 
         Args:
             commands: to all motors, (B, M); those before if None, zeros at first.

@@ -11,7 +11,7 @@ from taichi_sim.base.short_text import ShortText
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Poses and velocities of robots; arrays of one robot serve all.
+    """State of B articulated robots: poses and velocities. Arrays of one robot count for all robots.
 
     Attributes:
         position: of the base's centre, (B, 3) [m].
@@ -30,12 +30,12 @@ class State:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Frames(ShortText):
-    """Poses, readings and neurons over time, from the start on.
+    """Recorded poses, sensor readings and neurons of B robots at F times, from the start on.
 
     Attributes:
-        times: (F,) [s].
+        times: times of the frames, (F,) [s].
         position: of the base, (F, B, 3) [m].
-        orientation: of the base, (F, B, 4).
+        orientation: of the base, unit quaternions, (F, B, 4).
         angles: of the hinges, (F, B, H) [rad].
         readings: of the sensors, (F, B, S).
         neurons: of the motors, (F, B, M).
@@ -51,7 +51,7 @@ class Frames(ShortText):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigidResult(ShortText):
-    """Result of a run. Numbers of a robot that diverged are NaN.
+    """Result of simulating B articulated robots; numbers of a robot that diverged are NaN.
 
     Attributes:
         position: of the base's centre, (B, 3) [m].

@@ -18,7 +18,7 @@ Ints = NDArray[np.int32]
 
 @dataclass(frozen=True)
 class Senses:
-    """Sensors of a robot, in the order of its controller's inputs.
+    """Touch and light sensors of a robot, in the order of its controller's inputs.
 
     Attributes:
         touch: names of bodies that feel whether they touch the ground.

@@ -1,4 +1,4 @@
-"""Braitenberg vehicles: light sensors that drive two motors through a linear controller."""
+"""Simulation of Braitenberg vehicles: light sensors that drive two motors through a linear controller."""
 
 from taichi_sim.vehicle.gradient import Slopes, VehicleGradient, differentiate
 from taichi_sim.vehicle.rollout import Rollouts, rollout

@@ -19,10 +19,10 @@ ROLLOUTS_AT_ONCE = 4096
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Derivatives of a distance from the light.
+    """Derivatives of distances from the light [m] by sensor places and controllers.
 
     Attributes:
-        sites: by the places of the sensors, shape (B, C, E, S, 2).
+        sites: by the places of the sensors [m/m], shape (B, C, E, S, 2).
         controllers: by W, shape (B, C, E, 2, S) [s/m^2]; 0 for connections that no controller has.
     """
 
@@ -35,10 +35,10 @@ class VehicleGradient:
     """Distances from the light [m] and their derivatives; NaN where a sensor met the light.
 
     Attributes:
-        closest: the smallest of a rollout, shape (B, C, E).
-        final: at its end, shape (B, C, E).
-        of_closest: derivatives of the smallest.
-        of_final: derivatives of the one at the end.
+        closest: smallest distance in each rollout, shape (B, C, E).
+        final: distance at the end of each rollout, shape (B, C, E).
+        of_closest: derivatives of the smallest distance.
+        of_final: derivatives of the distance at the end.
     """
 
     closest: Floats
@@ -55,7 +55,7 @@ def differentiate(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> VehicleGradient:
-    """Run all rollouts to their end, with exact derivatives in forward mode.
+    """Simulate vehicles to the end of all rollouts, with exact derivatives of their distances from the light.
 
     The smallest distance has the derivative of the step at which it is reached; that may jump from step to step.
 

@@ -26,7 +26,7 @@ GPU_THREADS = 1 << 16
 
 @dataclass(frozen=True, eq=False)
 class Rollouts:
-    """Results of rollouts, each array of shape (B, C, E).
+    """Results of rollouts of B bodies with C controllers in E environments; all arrays have shape (B, C, E).
 
     Attributes:
         reached: whether the vehicle came closer to the light than the radius.
@@ -54,7 +54,7 @@ def rollout(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> Rollouts:
-    """Run every controller of every body in every environment.
+    """Simulate Braitenberg vehicles: every controller of every body in every environment.
 
     Args:
         batch: bodies and controllers.

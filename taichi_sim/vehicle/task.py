@@ -17,14 +17,14 @@ MOST_ROLLOUTS = 2**31 - 1
 
 @dataclass(frozen=True, eq=False)
 class VehicleTask:
-    """Environments, and the time that a vehicle has to reach the light of each.
+    """A task for Braitenberg vehicles: E environments, and the time to reach the light in each.
 
     Attributes:
         starts: pose (x, y, heading) at which an environment begins [m, m, rad], shape (E, 3).
-        lights: where its light is [m], shape (E, 2) or (2,); the origin by default.
+        lights: place (x, y) of its light [m], shape (E, 2) or (2,); the origin by default.
         radius: a vehicle succeeds when its centre comes closer than this to the light, the start included [m].
-        time_step: of Euler's method [s].
-        steps: how many.
+        time_step: time step of Euler's method [s].
+        steps: number of time steps.
 
     Raises:
         ValueError: if a shape, radius, time step, number of steps or start is not allowed.
@@ -63,7 +63,7 @@ class VehicleTask:
 
 @dataclass(frozen=True, eq=False)
 class VehicleBatch:
-    """Bodies and their controllers.
+    """A batch of Braitenberg vehicles: B bodies, each with C controllers and S sensors.
 
     Attributes:
         sites: places of the sensors in the frame of the body [m], shape (B, S, 2).

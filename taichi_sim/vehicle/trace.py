@@ -19,12 +19,12 @@ MOST_NUMBERS = 1 << 30  # of all traces at once
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Motion of a batch, F samples each.
+    """Recorded motion and sensor readings of a batch of vehicles, at F times.
 
     Attributes:
-        times: of the samples [s], shape (F,).
+        times: times of the samples [s], shape (F,).
         poses: x, y [m] and heading [rad, not wrapped] in the world, shape (B, C, E, F, 3).
-        readings: of the sensors [1/m^2], shape (B, C, E, S, F).
+        readings: readings of the sensors [1/m^2], shape (B, C, E, S, F).
     """
 
     times: Floats

@@ -31,8 +31,8 @@ class World:
     """Ground, gravity and time step of a simulation.
 
     Attributes:
-        time_step: [s].
-        gravity: along z [m/s^2].
+        time_step: time step [s].
+        gravity: gravity along z [m/s^2].
         slip: speed of a point on the ground for each newton of friction [m/(N s)]; None: so little that a force of the
             robot's weight on earth makes a point creep 0.1 mm/s, whatever the robot weighs.
         friction: coefficient of friction; if infinite, no cone limits it, and it has gradients.
@@ -44,6 +44,9 @@ class World:
         pressure_drag: in water, coefficient of faces that it meets; 1.2 is that of a plate broadside on (Hoerner,
             Fluid-Dynamic Drag, 1965, ch. III).
         friction_drag: in water, coefficient of faces that it flows along.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     time_step: Positive = 0.05
@@ -66,12 +69,15 @@ class World:
 
 @dataclass(frozen=True)
 class Network:
-    """Neural network with one neuron m = tanh(memory m + gain sum of W s) for each motor.
+    """Neural controller with one neuron m = tanh(memory m + gain sum of W s) for each motor.
 
     Attributes:
         memory: weight of a neuron's own last value.
         gain: factor of all sensor values.
         touch_values: readings of touch sensors off the ground, and on it.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     memory: Finite = 1.0

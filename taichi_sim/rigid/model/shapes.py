@@ -124,10 +124,10 @@ def _about(axis: Floats, along: float, across: float) -> Floats:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball.
+    """A solid ball.
 
     Attributes:
-        radius: [m].
+        radius: radius of the ball [m].
         centre: from the body's centre of mass [m].
     """
 
@@ -147,11 +147,11 @@ class Sphere:
         return [(np.array(self.centre), self.radius)]
 
     def patches(self) -> list[Patch]:
-        """The whole ball."""
+        """Return the whole surface of the ball as one patch."""
         return [Patch((1.0, 0.0))]
 
     def portions(self) -> list[Portion]:
-        """Itself."""
+        """Return the ball itself as its only portion."""
         return [Portion(np.array(self.centre), self.radius**2 * np.eye(3), self.volume, is_ball=True)]
 
     def faces(self) -> Faces:
@@ -166,12 +166,12 @@ class Sphere:
 
 @dataclass(frozen=True)
 class Capsule:
-    """A capsule: a cylinder with half balls at its ends.
+    """A solid capsule: a cylinder with half balls at its ends.
 
     Attributes:
-        radius: [m].
+        radius: radius of cylinder and ends [m].
         length: length of the cylinder [m].
-        axis: along it, in the axes of the world at rest.
+        axis: direction of the cylinder, in the axes of the world at rest.
         centre: from the body's centre of mass [m].
     """
 
@@ -194,12 +194,12 @@ class Capsule:
         return [(np.array(self.centre) + side * arm, self.radius) for side in (-1.0, 1.0)]
 
     def patches(self) -> list[Patch]:
-        """Of either end its half ball, and half of the cylinder."""
+        """Split the surface between both ends: the half ball of each, and half of the cylinder."""
         axis = unit("axis", self.axis)
         return [Patch((0.5, 0.5), self.length, side * axis) for side in (-1.0, 1.0)]
 
     def portions(self) -> list[Portion]:
-        """One for either half ball, and equal slices of the cylinder; as many for any size, which may change."""
+        """Split the solid into its half balls and equal slices of the cylinder, as many for any size."""
         r, axis, cap = self.radius, unit("axis", self.axis), 3 / 8 * self.radius  # of a half ball, to its centre
         thick = self.length / SLICES
         middles = thick * (np.arange(SLICES) + 0.5) - self.length / 2
@@ -228,10 +228,10 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Box:
-    """A cuboid along the axes of the world at rest.
+    """A solid cuboid, whose edges lie along the axes of the world when its robot is at rest.
 
     Attributes:
-        size: its edges [m].
+        size: lengths of the edges along x, y and z [m].
         centre: from the body's centre of mass [m].
     """
 
@@ -254,11 +254,11 @@ class Box:
         return [(np.array(self.centre) + half * each, 0.0) for each in _CORNERS]
 
     def patches(self) -> list[Patch]:
-        """Of each corner a quarter of the three faces that meet there."""
+        """Split the surface among the corners: a quarter of each of the three faces that meet at a corner."""
         return [Patch(edges=-np.array(self.size) * each) for each in _CORNERS]
 
     def portions(self) -> list[Portion]:
-        """Equal blocks, three along each edge; as many for any size, which may change."""
+        """Split the solid into equal blocks, three along each edge; as many for any size, which may change."""
         size = np.array(self.size)
         edges = size / BLOCKS
         spread, volume = np.diag((edges / 2) ** 2), float(np.prod(edges))

@@ -17,15 +17,18 @@ from taichi_sim.rigid.model.shapes import Faces, Patch, Portion, Solid, Vector, 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A rigid body.
+    """A rigid body of an articulated robot: mass, inertia and the solids that it is made of.
 
     Attributes:
         name: name of the body, unique in its tree.
         position: position of its centre of mass at rest [m].
-        mass: [kg].
+        mass: mass [kg].
         shapes: solids it is made of; all of them collide with the ground.
         inertia: about the centre of mass, (3, 3) [kg m^2]; of its only solid, centred, if not given.
-        immersed: solids that touch nothing, which water finds like the others.
+        immersed: further solids, on which water acts like on the others, but which touch nothing.
+
+    Raises:
+        ValueError: for a value that is not allowed, or no inertia unless there is one solid, centred.
     """
 
     name: str
@@ -63,6 +66,9 @@ class Motor:
         by_angle: rate for each radian of the angle, negative for position control [1/s].
         offset: constant part of the rate [rad/s].
         fastest: largest rate that it holds in either direction [rad/s]; None has no limit.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     torque: NotNegative
@@ -96,17 +102,20 @@ class Motor:
 
 @dataclass(frozen=True)
 class Hinge:
-    """A joint that turns the child about an axis: rate = axis . (its angular velocity - the parent's).
+    """A joint that turns its child body about an axis: rate = axis . (its angular velocity - the parent's).
 
     Attributes:
         parent: name of the body nearer to the base.
         child: name of the body it carries.
         anchor: a point on the axis at rest [m].
-        axis: its direction at rest.
+        axis: direction of the axis at rest, of any length but 0.
         motor: its drive; None turns freely.
         command: number of the command that the drive receives.
         stops: smallest and largest angle [rad]; None has no limits.
         rest: the angle at rest as its file counts it [rad]; here it is 0 there, as are stops and commands.
+
+    Raises:
+        ValueError: for a value that is not allowed.
     """
 
     parent: str
@@ -139,7 +148,7 @@ def _around_zero(stops: tuple[float, float]) -> bool:
 
 @dataclass(frozen=True)
 class Weld:
-    """A joint that fixes the child to the parent.
+    """A joint that fixes its child body to the parent.
 
     Attributes:
         parent: name of the body nearer to the base.
@@ -155,7 +164,7 @@ Joint = Hinge | Weld
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """An articulated robot; its first body is the base.
+    """An articulated robot as a tree of bodies and joints; the first body is the base.
 
     Attributes:
         bodies: all bodies.
@@ -244,7 +253,7 @@ class Tree:
         ]
 
     def patches(self) -> list[Patch]:
-        """The surface that belongs to each of its ``points``, as sand finds it."""
+        """Return the part of the surface that belongs to each of the ``points``, for forces of sand."""
         return [patch for body, _ in self.ordered for shape in body.shapes for patch in shape.patches()]
 
     def portions(self) -> list[tuple[int, Portion, Faces]]:
@@ -257,7 +266,7 @@ class Tree:
         return found
 
     def balls(self) -> tuple[Floats, Floats]:
-        """Centres (N, 3) and radii (N,) of what may touch the ground, at rest [m]; else of the bodies' centres."""
+        """Return centres (N, 3) and radii (N,) at rest of balls that may touch ground, or of bodies' centres [m]."""
         found = [(np.add(self.ordered[n][0].position, centre), radius) for n, centre, radius in self.points()]
         found = found or [(np.array(body.position, float), 0.0) for body in self.bodies]
         return np.array([centre for centre, _ in found]), np.array([radius for _, radius in found])
