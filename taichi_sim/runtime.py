@@ -87,6 +87,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
+_holder: int | None = None  # that thread's number, as long as it runs an :func:`exclusive` function
 _needed: list[Compute | None] = []  # what each :func:`exclusive` function that runs has started, the outermost first
 _running: Compute | None = None
 _begun: Any = None  # Taichi's runtime that was made for it; other code of the process may have made another since
@@ -150,12 +151,15 @@ def exclusive(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def alone(*args: P.args, **kwargs: P.kwargs) -> R:
+        global _holder
         with _lock:
             _needed.append(None)
+            _holder = threading.get_ident()
             try:
                 return function(*args, **kwargs)
             finally:
                 inner = _needed.pop()
+                _holder = _holder if _needed else None
                 if _needed and inner is not None:
                     if _needed[-1] is None:
                         _needed[-1] = inner
@@ -309,8 +313,8 @@ def _prepare_cache(folder: Path) -> bool:
 
 def _after_fork() -> None:
     """Forget in a child process what the parent had started, which would hang when it is used or freed."""
-    global _lock, _forked
-    _lock = threading.RLock()
+    global _lock, _forked, _holder
+    _lock, _holder = threading.RLock(), None
     _needed.clear()
     if _running is not None:
         _forked = True
@@ -355,8 +359,11 @@ def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
 
 
 def inside_kernel() -> bool:
-    """Whether a kernel is being compiled, so that arithmetic writes instructions instead of giving numbers."""
-    return bool(ti.lang.impl.inside_kernel())
+    """Whether this thread compiles a kernel, so that arithmetic writes instructions instead of giving numbers.
+
+    Other threads may compute with the same laws meanwhile, in NumPy.
+    """
+    return bool(ti.lang.impl.inside_kernel()) and _holder in (None, threading.get_ident())
 
 
 class _Prints:

@@ -2,11 +2,14 @@
 
 import subprocess
 import sys
+import threading
 
 import numpy as np
 import pytest
 
 from taichi_sim import runtime
+from taichi_sim.autodiff.rotations import multiply
+from taichi_sim.autodiff.tracing import primitive
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder
 from taichi_sim.runtime import ti
 
@@ -108,3 +111,28 @@ def test_a_call_in_a_callback_that_failed_changes_nothing():
     seen = []
     double.run(ProgramBuilder(1).build(3000), progress=fail)
     assert len(seen) > 1 and set(seen) == {double.compute}
+
+
+def test_other_threads_compute_in_numpy_while_a_kernel_is_compiled():
+    """A law asks whether this thread compiles, not whether any does."""
+    found, one = [], (1.0, 0.0, 0.0, 0.0)
+
+    @primitive
+    def meanwhile(x):
+        other = threading.Thread(target=lambda: found.append((runtime.inside_kernel(), multiply(*one, *one))))
+        other.start(), other.join()
+        return 2.0 * x if runtime.inside_kernel() else x
+
+    @ti.kernel
+    def double(numbers: ti.types.ndarray(dtype=ti.f64, ndim=1)):
+        for i in range(1):
+            numbers[i] = meanwhile(numbers[i])
+
+    @runtime.exclusive
+    def launch(numbers):
+        runtime.start("cpu", "f64", 1)
+        double(numbers)
+        return numbers
+
+    assert launch(np.array([3.0])).tolist() == [6.0]
+    assert not found[0][0] and found[0][1] == (1.0, 0.0, 0.0, 0.0)
