@@ -7,7 +7,7 @@
 # make validate-quadrants  run all tests with Quadrants in place of Taichi, and compare their bits (sets up .venv-quadrants)
 # make fuzz       give random bytes to the readers of files, and add to docs/data/fuzzing.csv what was tried;
 #                 FUZZ="--seconds 600 vxa", FUZZ="--rounds 20 --seconds 60" or FUZZ="--runs 2000"
-# make fuzz-physics  compute random robots by all drivers, and gradients by differences; CASES=10000 GRADIENTS=500; resumes
+# make fuzz-physics  compute random robots in all ways, and gradients by differences; CASES=10000 GRADIENTS=500; resumes
 # make coverage   run the tests and report which lines of Python, and of kernels, none of them runs or compiles
 # make lint       ruff and mypy        make notebooks  run the notebooks in their short mode
 # make site       build the documentation as a site that works without a network, in build/site

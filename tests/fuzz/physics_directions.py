@@ -10,6 +10,7 @@ AGREES = 1e-4  # relative
 STEPS = (1e-5, 1e-6, 1e-7)  # of central differences, in units of what a variable may change by
 MORE_STEPS = (1e-3, 1e-4, 1e-8, 1e-9)  # tried where none of those agrees
 ROUGH = 1e-10  # costs, which are about 1, that differ by less from smooth ones do so by rounding
+STEEP, NEARLY = 1e3, 0.01  # costs so steep are chaotic: differences agree less well, and only at the smallest steps
 CANCELLED = 0.01  # derivatives below this share of what is usual in a random direction are relative to that share
 
 
@@ -74,4 +75,6 @@ def explain(direction: Direction, costs: Costs, events: Events) -> str:
         return told
     if apart <= ROUGH:
         return f"{told}; rounding"
+    if abs(direction.slope) > STEEP and further.min() <= NEARLY:
+        return f"{told}; steep, agrees to {further.min():.0e}"
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"
