@@ -32,6 +32,26 @@ def copied(values: Any) -> Floats:
     return own
 
 
+def mean_of(values: Floats, axis: int | None = None) -> Floats:
+    """Mean of values, as NumPy's, but finite wherever they are, also where their sum is too large for a float."""
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        plain = np.asarray(values.mean(axis=axis))
+        if not values.size or np.isfinite(plain).all():
+            return plain
+        largest = np.abs(values).max(axis=axis, keepdims=True)
+        scaled = (values / largest).mean(axis=axis) * largest.reshape(plain.shape)
+    return np.where(~np.isfinite(plain) & np.isfinite(scaled), scaled, plain)
+
+
+def median_of(values: Floats) -> float:
+    """Median of values, as NumPy's, but finite if they are, also where the sum of the middle two is too large."""
+    with np.errstate(over="ignore"):
+        plain = float(np.median(values))
+    if np.isfinite(plain) or not values.size:
+        return plain
+    return float(mean_of(np.sort(values, axis=None)[(values.size - 1) // 2 : values.size // 2 + 1]))
+
+
 def fixed(values: NDArray[T]) -> NDArray[T]:
     """An array that can no longer be changed."""
     values.setflags(write=False)

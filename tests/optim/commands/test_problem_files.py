@@ -200,3 +200,12 @@ def test_what_morpholab_refuses_of_a_function_is_not_told_as_one_of_its_lines(tm
     (tmp_path / "function.py").write_text("bounds = {'x': (0, 1)}\n\ndef evaluate(points):\n    return points[:, 0]\n")
     code, _, error = morpholab("codesign --problem function.py --method gradient --out a --quiet")
     assert code == 2 and "error: gradient: the method needs one" in error
+
+
+def test_scores_whose_sum_no_float_holds_are_searched(tmp_path, morpholab):
+    source = "bounds = {'x': (0, 1)}\n\ndef evaluate(points):\n    return 1e308 + 7e307 * points[:, 0]\n"
+    (tmp_path / "large.py").write_text(source)
+    code, _, error = morpholab("codesign --problem large.py --out a --climbers 6 --generations 2 --quiet")
+    assert (code, error) == (0, "")
+    for line in log(tmp_path / "a"):
+        assert min(line["scores"]) < line["mean"] < line["best"] and 1e308 < line["median"] < line["best"]
