@@ -24,8 +24,18 @@ def along(ways: Floats, direction: Floats) -> Floats:
     return found
 
 
-def copied(values: Any) -> Floats:
-    """Values as an array of its own, with NaN where a masked array hides them."""
+def copied(values: Any, field: str = "values") -> Floats:
+    """Values as an array of its own, with NaN where a masked array hides them.
+
+    Raises:
+        ValueError: names the field, if they are complex numbers, whose real part alone would be left.
+    """
+    given = np.asarray(values)
+    if given.dtype.kind in "cO" and (found := [each for each in given.flat if np.iscomplexobj(each)]):
+        shown = next(
+            (each for each in found if np.any(np.imag(each))), found[0]
+        )  # others may have been real, beside it
+        raise ValueError(f"{field}: {shown} is not allowed; give real numbers")
     own = np.array(values, float)
     if isinstance(values, np.ma.MaskedArray):
         own[np.ma.getmaskarray(values)] = np.nan
