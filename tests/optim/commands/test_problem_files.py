@@ -214,6 +214,8 @@ def test_scores_whose_sum_no_float_holds_are_searched(tmp_path, morpholab):
     assert (code, error) == (0, "")
     for line in log(tmp_path / "a"):
         assert min(line["scores"]) < line["mean"] < line["best"] and 1e308 < line["median"] < line["best"]
+    assert morpholab("codesign --problem large.py --out a --resume --generations 3 --quiet")[::2] == (0, "")
+    assert morpholab("status a")[::2] == (0, "")
 
 
 @pytest.mark.parametrize("workers", ["", "--workers 1"])
