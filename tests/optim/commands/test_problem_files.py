@@ -216,6 +216,12 @@ def test_scores_whose_sum_no_float_holds_are_searched(tmp_path, morpholab):
         assert min(line["scores"]) < line["mean"] < line["best"] and 1e308 < line["median"] < line["best"]
     assert morpholab("codesign --problem large.py --out a --resume --generations 3 --quiet")[::2] == (0, "")
     assert morpholab("status a")[::2] == (0, "")
+    code, _, error = morpholab("compare a --out a.png")
+    assert code == 2 and error.count("\n") == 1 and not (tmp_path / "a.png").exists()
+    assert (
+        "compare: error: run: a score of 1." in error
+        and "e+308, in a, is not allowed here; give at most 1e+100" in error
+    )
 
 
 @pytest.mark.parametrize("workers", ["", "--workers 1"])
