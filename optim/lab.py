@@ -50,7 +50,7 @@ class Trials:
     _replays: dict[int, Replay] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "points", fixed(copied(self.points)))
+        object.__setattr__(self, "points", fixed(copied(self.points, "points")))
 
     def __len__(self) -> int:
         return len(self.points)

@@ -49,7 +49,7 @@ class Evaluation:
     gradients: Floats | None = None
 
     def __post_init__(self) -> None:
-        objectives = copied(self.objectives)
+        objectives = copied(self.objectives, "objectives")
         if objectives.ndim == 1:
             objectives = objectives[:, None]
         if objectives.ndim != 2:
@@ -63,7 +63,7 @@ class Evaluation:
         object.__setattr__(self, "objectives", objectives)
         object.__setattr__(self, "status", status.astype(str))
         if self.gradients is not None:
-            gradients = copied(self.gradients)
+            gradients = copied(self.gradients, "gradients")
             if objectives.shape[1] != 1 or gradients.ndim != 2 or len(gradients) != len(objectives):
                 raise ValueError(
                     f"gradients: shape {gradients.shape} is not allowed; give (points, variables) of one objective"

@@ -159,7 +159,7 @@ class Space:
         Raises:
             ValueError: if one is not; it names the first variable at fault.
         """
-        points = copied(points)
+        points = copied(points, "points")
         if points.ndim == 0 or points.shape[-1] != self.size:
             raise ValueError(
                 f"points: shape {points.shape} is not allowed; the last axis must be {self.size} variables"

@@ -179,6 +179,7 @@ def test_a_recursion_without_end_is_a_bug_too(morpholab, monkeypatch, tmp_path):
         ("view rolling --glb a.glb --out a.html", "a.html"),
         ("report run --out a.html", "a.html"),
         ("calibrate --example a.toml", "a.toml"),
+        ("compare runs --out a.png", "a.png"),
     ],
 )
 def test_of_two_commands_that_write_the_same_the_second_is_refused(morpholab, tmp_path, line, claimed):

@@ -30,7 +30,7 @@ COMMAND = Command(
             several=True,
         ),
         options.by("(default: evaluations)"),
-        path_to("out", "FILE", f"picture of the curves ({', '.join(PICTURES)})"),
+        path_to("out", "FILE", f"new picture of the curves ({', '.join(PICTURES)})"),
         Option("names", "of the groups, in their order, with commas between (default: methods)", metavar="NAMES"),
     ),
 )
@@ -42,14 +42,12 @@ def run(args: argparse.Namespace) -> Report:
     from optim.runs.config import score_in
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
-    from taichi_sim.base.file_kinds import check_no_pipe
-    from taichi_sim.base.files import check_parent
+    from taichi_sim.base.claims import claimed_path, undone_if_it_fails
 
     if args.out and args.out.suffix.lower() not in PICTURES:
         raise ValueError(f"out: {args.out} is not allowed; its name must end in {', '.join(PICTURES)}")
     if args.out:
-        check_parent("out", args.out)
-        check_no_pipe("out", args.out)
+        args.held.enter_context(claimed_path("out", args.out))
     labels = _labelled(args.label or ())
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
@@ -76,7 +74,9 @@ def run(args: argparse.Namespace) -> Report:
     def write() -> str:
         from optim.plots import save_curves
 
-        save_curves(curves, args.by, args.out, score.label)
+        with undone_if_it_fails() as made:  # also where it is written, but not that its folder has it
+            made.append(args.out)
+            save_curves(curves, args.by, args.out, score.label)
         document["picture"] = str(args.out)
         return str(args.out)
 

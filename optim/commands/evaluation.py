@@ -5,6 +5,7 @@ import contextlib
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from optim.commands.options import Option, flag, number, path_to, whole
@@ -57,7 +58,6 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
         return
     from optim.runs.products import save_failed
     from optim.runs.workers import SILENCE, BackendName, open_workers
-    from optim.runs.workers.folder_files import end_workers
 
     cores = available_threads()
     count = args.workers
@@ -78,7 +78,7 @@ def opened_workers(problem: "Problem", folder: "RunFolder", args: argparse.Names
         progress=getattr(problem, "progress", None),
     ) as evaluate:
         if args.workers_dir is not None:
-            args.held.callback(end_workers, args.workers_dir)  # when the command ends, which may search several times
+            args.held.enter_context(_ending(args.workers_dir))  # as the command ends, which may search several times
         yield evaluate if args.summon is None else _once_summoned(evaluate, args.summon)
 
 
@@ -124,6 +124,22 @@ def _once_summoned(evaluate: "Evaluate", summon: Callable[[], None]) -> "Evaluat
         return evaluate(request)
 
     return summoned
+
+
+@contextlib.contextmanager
+def _ending(folder: Path) -> Iterator[None]:
+    """Tell the workers of a folder, at the end, that it has come; a failure before that is the one that is raised."""
+    from optim.runs.workers.folder_files import end_workers
+
+    try:
+        yield
+    except BaseException:
+        try:
+            end_workers(folder)
+        except (ValueError, RuntimeError) as error:
+            note(f"workers-dir: {error}; the workers wait on, end them yourself")
+        raise
+    end_workers(folder)
 
 
 def with_options(problem: "AnyProblem", **options: object) -> "AnyProblem":

@@ -76,7 +76,7 @@ class FunctionProblem(PlainProblem):
 
     def _judged(self, points: Floats, gradients: bool) -> Evaluation:
         found = self.function(points.copy())
-        evaluation = found if isinstance(found, Evaluation) else Evaluation(copied(found))
+        evaluation = found if isinstance(found, Evaluation) else Evaluation(copied(found, "function"))
         shape = len(points), len(self.objective_names)
         if evaluation.objectives.shape != shape:
             raise ValueError(
@@ -85,7 +85,7 @@ class FunctionProblem(PlainProblem):
             )
         if not gradients or self.gradient is None:
             return evaluation
-        slopes = copied(self.gradient(points.copy()))
+        slopes = copied(self.gradient(points.copy()), "gradient")
         if slopes.shape != points.shape:
             raise ValueError(f"gradient: shape {slopes.shape} is not allowed; give {points.shape}")
         return Evaluation(evaluation.objectives, evaluation.status, evaluation.details, slopes)

@@ -18,6 +18,7 @@ from optim.measures.statistics import Effect, effect, holm, mean_band
 from optim.problem import GAIT
 from optim.runs.config import GROUND_FILES, identity, usual_settings
 from optim.runs.history import History, begun
+from optim.search.method import LARGEST
 from robots.robot import KINDS
 from taichi_sim.base.arrays import Floats
 
@@ -214,7 +215,8 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
 
     Raises:
         ValueError: if a run has no generation yet, its times are unknown but wanted, two runs of a
-            group are the same search, have no place on the axis in common, or differ in more than their seed.
+            group are the same search, have no place on the axis in common, or differ in more than their seed, or
+            if a score is so large that its square is not finite.
     """
     labels = labels or {}
     for history in histories:
@@ -234,7 +236,12 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
     single = all(len(group) == 1 for group in members)
     climbers = single and all(group[0].generations[-1].scores is not None for group in members)
     told = [label or usual for label, usual in zip(named, _labels(members), strict=True)]
-    return [_curve(label, group, axis, climbers) for label, group in zip(told, members, strict=True)]
+    found = [_curve(label, group, axis, climbers) for label, group in zip(told, members, strict=True)]
+    for curve in found:
+        for score in curve.scores[abs(curve.scores) > LARGEST][:1]:
+            where = ", ".join(curve.folders)
+            raise ValueError(f"run: a score of {score:g}, in {where}, is not allowed here; give at most {LARGEST:g}")
+    return found
 
 
 def shared_end(compared: Sequence[Curve], axis: Axis) -> float:

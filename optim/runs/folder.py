@@ -186,9 +186,7 @@ class RunFolder:
         """The error that tells why the folder cannot be written, and what is kept."""
         reason = error.strerror if isinstance(error, OSError) else str(error)
         kept = f"its {self.lines} complete generations are kept, go on with --resume"
-        name = Path(os.fsdecode(getattr(error, "filename", None) or ""))
-        place = self.path if name.parent != self.path or name.name.startswith(files.ASIDE) else name
-        return RuntimeError(f"{place}: cannot be written ({reason}); {kept}")
+        return RuntimeError(f"{_place_of(error, self.path)}: cannot be written ({reason}); {kept}")
 
 
 @contextlib.contextmanager
@@ -230,8 +228,15 @@ def open_run(
             _check_plain(path)
             resolved = _settle(path, config, resume, environment or {})
         except OSError as error:
-            raise unwritten(f"out: {path} cannot be written", error, begun=False) from None
+            raise unwritten(f"out: {_place_of(error, path)} cannot be written", error, begun=False) from None
         yield RunFolder(path, resolved, environment or {}, note, lock)
+
+
+def _place_of(error: Exception, folder: Path) -> Path:
+    """The file of a folder that an error is about, also if it could not be replaced; the folder itself for others."""
+    name = getattr(error, "filename2", None) or getattr(error, "filename", None) or ""
+    place = Path(os.fsdecode(name))
+    return folder if place.parent != folder or place.name.startswith(files.ASIDE) else place
 
 
 def _check_plain(path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from optim.problem import Evaluation, Problem, Request
 from optim.search.method import SearchResult
+from taichi_sim.base.arrays import mean_of, median_of
 from taichi_sim.base.records import Count
 
 
@@ -54,7 +55,7 @@ def record(
     """Make the record of the generation that the method was just told; details of a minibatch are not those of all."""
     valid = result.scores[~np.isnan(result.scores)]
     best_details = last.best_details if last else None
-    scores = evaluation.objectives.mean(axis=1)
+    scores = mean_of(evaluation.objectives, axis=1)
     here = np.flatnonzero((request.points == result.point).all(axis=1) & (scores == result.score))
     if here.size and request.minibatch is None:
         best_details = {name: values[here[0]].tolist() for name, values in evaluation.details.items()}
@@ -63,8 +64,8 @@ def record(
         evaluations=(last.evaluations if last else 0) + len(request.points),
         failed=int(evaluation.failed.sum()),
         best=None if np.isnan(result.score) else result.score,
-        mean=float(valid.mean()) if valid.size else None,
-        median=float(np.median(valid)) if valid.size else None,
+        mean=float(mean_of(valid)) if valid.size else None,
+        median=median_of(valid) if valid.size else None,
         scores=[None if np.isnan(s) else s for s in result.scores.tolist()] if result.kind == "climbers" else None,
         best_point=None if np.isnan(result.score) else problem.space.to_dict(result.point),
         best_details=best_details,

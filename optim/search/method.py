@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from optim.problem import Evaluation, Judging, Minibatch, Request, minibatches_of
 from optim.problem import Wants as Wants
 from optim.space import Space
-from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints
+from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints, mean_of
 
 MOST_POINTS = 100_000  # of a generation: more are an oversight, and may not fit into memory
 LARGEST = 1e100  # of values and slopes: beyond it is failure, whose square would not be finite
@@ -64,7 +64,7 @@ class SearchResult:
     @property
     def scores(self) -> Floats:
         """Objective of each point that the search keeps, or the mean of several objectives, shape (C,)."""
-        return self.objectives.mean(axis=1)
+        return mean_of(self.objectives, axis=1)
 
 
 class Method(Protocol):

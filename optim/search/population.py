@@ -10,7 +10,7 @@ import numpy as np
 from optim.problem import Evaluation
 from optim.search import method
 from optim.search.base import Search, table, whole
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, mean_of
 
 
 @dataclass(eq=False, kw_only=True)
@@ -50,7 +50,7 @@ class PopulationSearch(Search):
         if self.wants == "gradients":
             self._follow(method.slopes_per_range(evaluation, self.space, len(points)))
         else:
-            self._remember(points, evaluation.objectives.mean(axis=1))
+            self._remember(points, mean_of(evaluation.objectives, axis=1))
             self._take(points, evaluation)
         self.generation += 1
 

@@ -106,7 +106,7 @@ def _is_number(value: object) -> bool:
     """Whether a value is finite as a float; JSON writes 1.0 as 1."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return abs(value) < 2**1023 and math.isfinite(value)
+    return math.isfinite(value) if isinstance(value, float) else abs(value) < 2**1023
 
 
 def _spoken(hint: Any) -> str:

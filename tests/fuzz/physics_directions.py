@@ -75,6 +75,6 @@ def explain(direction: Direction, costs: Costs, events: Events) -> str:
         return told
     if apart <= ROUGH:
         return f"{told}; rounding"
-    if abs(direction.slope) > STEEP and further.min() <= NEARLY:
+    if direction.usual > STEEP and further.min() <= NEARLY:
         return f"{told}; steep, agrees to {further.min():.0e}"
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"

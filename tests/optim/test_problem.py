@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from optim import maximise
 from optim.problem import Evaluation, Objective, Problem, objectives_of, score_of
 from optim.space import Space, Variable
 from robots.robot import Measure
@@ -52,3 +53,16 @@ def test_labels_values_and_the_score():
     assert score_of([speed]) is speed
     assert score_of([speed, Objective("up", "m/s")]) == Objective("mean objective", "m/s")
     assert score_of([speed, energy]) == Objective("mean objective")
+
+
+def test_complex_scores_and_slopes_are_refused():
+    with pytest.raises(ValueError, match=r"^objectives: \(1\+2j\) is not allowed; give real numbers$"):
+        Evaluation(np.array([1 + 2j, 3]))
+    with pytest.raises(ValueError, match=r"^objectives: 2j is not allowed; give real numbers$"):
+        Evaluation([1.0, 2j])
+    with pytest.raises(ValueError, match=r"^objectives: 2j is not allowed; give real numbers$"):
+        Evaluation(np.array([[1.0, 2j]], object))
+    with pytest.raises(ValueError, match=r"^gradients: \(3\+0j\) is not allowed; give real numbers$"):
+        Evaluation([1.0], gradients=np.array([[3 + 0j]]))
+    with pytest.raises(ValueError, match=r"^function: 2j is not allowed; give real numbers$"):
+        maximise(lambda points: points[:, 0] * 0 + 2j, bounds={"x": (2, 3)}, generations=1)

@@ -121,7 +121,9 @@ def how_it_ended(process: SpawnProcess) -> str:
     """Describe how a process that has closed its pipe ended."""
     process.join(_LAST_BREATH)
     if process.exitcode is not None and process.exitcode < 0:
-        return f"killed by {signal.Signals(-process.exitcode).name}"
+        number = -process.exitcode
+        named = number in {int(known) for known in signal.Signals}  # between the first and last of real time have none
+        return f"killed by {signal.Signals(number).name if named else f'signal {number}'}"
     return f"exit code {process.exitcode}"
 
 

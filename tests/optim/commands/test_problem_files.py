@@ -1,5 +1,6 @@
 """A problem of the user's own on the command line: runs, resumption, workers, and reading without its file."""
 
+import errno
 import json
 import os
 import signal
@@ -113,6 +114,10 @@ def test_status_compare_and_report_need_no_file(rocket, morpholab):
     (rocket / "rocket.py").unlink()
     code, out, _ = morpholab("status runs")
     assert code == 0 and out.count("finished") == 4
+    (rocket / "mine.svg").write_text("a picture of mine")
+    refused = "morpholab compare: error: out: mine.svg exists; name a new file\n"
+    assert morpholab("compare runs --out mine.svg") == (2, "", refused)
+    assert (rocket / "mine.svg").read_text() == "a picture of mine"
     code, out, error = morpholab("compare runs --out curves.svg")
     assert code == 0 and error == "" and "hill-climb (2 runs)" in out
     code, _, error = morpholab("report runs --out runs.html --quiet")
@@ -200,3 +205,55 @@ def test_what_morpholab_refuses_of_a_function_is_not_told_as_one_of_its_lines(tm
     (tmp_path / "function.py").write_text("bounds = {'x': (0, 1)}\n\ndef evaluate(points):\n    return points[:, 0]\n")
     code, _, error = morpholab("codesign --problem function.py --method gradient --out a --quiet")
     assert code == 2 and "error: gradient: the method needs one" in error
+
+
+def test_scores_whose_sum_no_float_holds_are_searched(tmp_path, morpholab):
+    source = "bounds = {'x': (0, 1)}\n\ndef evaluate(points):\n    return 1e308 + 7e307 * points[:, 0]\n"
+    (tmp_path / "large.py").write_text(source)
+    code, _, error = morpholab("codesign --problem large.py --out a --climbers 6 --generations 2 --quiet")
+    assert (code, error) == (0, "")
+    for line in log(tmp_path / "a"):
+        assert min(line["scores"]) < line["mean"] < line["best"] and 1e308 < line["median"] < line["best"]
+    assert morpholab("codesign --problem large.py --out a --resume --generations 3 --quiet")[::2] == (0, "")
+    assert morpholab("status a")[::2] == (0, "")
+    code, _, error = morpholab("compare a --out a.png")
+    assert code == 2 and error.count("\n") == 1 and not (tmp_path / "a.png").exists()
+    assert (
+        "compare: error: run: a score of 1." in error
+        and "e+308, in a, is not allowed here; give at most 1e+100" in error
+    )
+
+
+@pytest.mark.parametrize("workers", ["", "--workers 1"])
+def test_complex_scores_are_refused(tmp_path, morpholab, workers):
+    (tmp_path / "own.py").write_text(
+        "bounds = {'x': (2, 3)}\n\ndef evaluate(points):\n    return points[:, 0] * 0 + 2j\n"
+    )
+    code, _, error = morpholab(f"codesign --problem own.py --out a --climbers 2 --quiet {workers}")
+    assert (code, error) == (2, "morpholab codesign: error: function: 2j is not allowed; give real numbers\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "told"),
+    [
+        ("config.toml", 2, "error: out: a/config.toml cannot be written (Operation not permitted)"),
+        ("best.json", 1, "failed: a/best.json: cannot be written (Operation not permitted); its "),
+        ("checkpoint.npz", 1, "failed: a/checkpoint.npz: cannot be written (Operation not permitted); its 0 "),
+        (
+            "checkpoint.previous.npz",
+            1,
+            "failed: a/checkpoint.previous.npz: cannot be written (Operation not permitted)",
+        ),
+    ],
+)
+def test_a_file_of_a_run_that_cannot_be_replaced_is_named(rocket, morpholab, monkeypatch, name, code, told):
+    replace = os.replace
+
+    def immutable(path, target):
+        if Path(target).name == name:
+            raise PermissionError(errno.EPERM, os.strerror(errno.EPERM), str(path), None, str(target))
+        replace(path, target)
+
+    monkeypatch.setattr(os, "replace", immutable)
+    found, _, error = morpholab(f"codesign --problem rocket.py --out a --generations 3 {SHORT}")
+    assert found == code and error.startswith(f"morpholab codesign: {told}") and error.count("\n") == 1

@@ -107,6 +107,24 @@ def test_what_sbatch_refuses_is_one_line(rocket, sbatch, morpholab):
     assert (rocket / "w/stop").exists()
 
 
+def test_the_first_failure_is_told_though_workers_cannot_be_told_of_the_end(rocket, sbatch, morpholab, monkeypatch):
+    def full(folder):
+        raise RuntimeError(f"{folder}/stop: cannot be written (No space left on device)")
+
+    monkeypatch.setattr("optim.runs.workers.folder_files.end_workers", full)
+    sbatch.write_text("#!/bin/bash\necho 'sbatch: error: invalid partition' >&2\nexit 1\n")
+    code, _, error = morpholab(f"codesign {SHORT} --slurm --workers-dir w --out a")
+    told, last = error.splitlines()
+    assert code == 1 and last.startswith("morpholab codesign: failed: slurm: sbatch refused w/workers.sbatch (")
+    assert told == (
+        "morpholab codesign: note: workers-dir: w/stop: cannot be written (No space left on device); the workers wait "
+        "on, end them yourself"
+    )
+    assert morpholab(f"codesign {SHORT} --out b")[0] == 0
+    code, _, error = morpholab(f"codesign {SHORT} --out b --resume --workers-dir w")
+    assert code == 1 and error == "morpholab codesign: failed: w/stop: cannot be written (No space left on device)\n"
+
+
 def test_a_run_that_is_complete_submits_nothing(rocket, sbatch, morpholab):
     assert morpholab(f"codesign {SHORT} --out a")[0] == 0
     assert morpholab(f"codesign {SHORT} --out a --resume --slurm")[:3:2] == (0, "")

@@ -70,12 +70,13 @@ def test_failures_join_with_any_judgement():
     assert both.details["text"].tolist() == ["a", "b", "", "", ""]
 
 
-def test_a_killed_worker_is_replaced(workers, tmp_path):
+@pytest.mark.parametrize(("number", "name"), [(signal.SIGKILL, "SIGKILL"), (40, "signal 40")])
+def test_a_killed_worker_is_replaced(workers, tmp_path, number, name):
     problem = Bowl(pids=tmp_path, hold=tmp_path / "go")
     request = Request(sample(12))
 
     def strike():
-        os.kill(wait_for(lambda: len(found := numbers(tmp_path)) == 2 and found)[0], signal.SIGKILL)
+        os.kill(wait_for(lambda: len(found := numbers(tmp_path)) == 2 and found)[0], number)
         wait_for(lambda: len(workers.notes) == 1)
         problem.hold.touch()
 
@@ -85,7 +86,7 @@ def test_a_killed_worker_is_replaced(workers, tmp_path):
         judgement = evaluate(request)
     thread.join()
     assert same(judgement, judge(Bowl(), request))
-    assert len(workers.notes) == 1 and "a worker died (killed by SIGKILL) with designs " in workers.notes[0]
+    assert len(workers.notes) == 1 and f"a worker died (killed by {name}) with designs " in workers.notes[0]
 
 
 def test_a_worker_killed_while_idle_costs_nothing(workers, tmp_path):
