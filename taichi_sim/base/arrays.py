@@ -32,9 +32,7 @@ def copied(values: Any, field: str = "values") -> Floats:
     """
     given = np.asarray(values)
     if given.dtype.kind in "cO" and (found := [each for each in given.flat if np.iscomplexobj(each)]):
-        shown = next(
-            (each for each in found if np.any(np.imag(each))), found[0]
-        )  # others may have been real, beside it
+        shown = next((each for each in found if np.any(np.imag(each))), found[0])  # beside it others may be real
         raise ValueError(f"{field}: {shown} is not allowed; give real numbers")
     own = np.array(values, float)
     if isinstance(values, np.ma.MaskedArray):
