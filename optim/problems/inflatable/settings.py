@@ -62,7 +62,7 @@ class GaitSettings(RobotDesigning):
         columns: of a free schedule.
         repeats: of a free schedule.
         encoding: of a free schedule, one of ``ENCODINGS``: ``"codes"``, ``"bits"``, ``"pattern"``, ``"graded"``,
-            ``"graded-pattern"``, ``"graded-wave"``; only bits and graded levels have gradients.
+            ``"graded-pattern"``, ``"graded-wave"``; patterns and codes have no gradients.
         objectives: ``"mean"`` of the speeds on all terrains; ``"terrains"``, the speed on each.
         ramp_steps: of the core pressure in relaxed evaluations. None is as published, but ``RAMP_STEPS`` if
             pressure is free: as published, the length of the ramp depends on it, and jumps.
