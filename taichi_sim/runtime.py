@@ -87,7 +87,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _lock = threading.RLock()  # held while a thread starts Taichi and launches kernels
-_holder: int | None = None  # that thread's number, as long as it runs an :func:`exclusive` function
+_holder: int | None = None  # that thread's number, as long as it does
 _needed: list[Compute | None] = []  # what each :func:`exclusive` function that runs has started, the outermost first
 _running: Compute | None = None
 _begun: Any = None  # Taichi's runtime that was made for it; other code of the process may have made another since
@@ -184,12 +184,17 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
         ValueError: if a value is unknown, or this machine lacks the device.
         RuntimeError: if this process was forked from one in which Taichi ran.
     """
+    global _holder
     wanted = compute if isinstance(compute, Compute) else Compute(compute, precision, threads)
     wanted = replace(wanted, threads=wanted.thread_count)
     with _lock:
+        before, _holder = _holder, threading.get_ident()
         if _needed:
             _needed[-1] = wanted
-        _start(wanted)
+        try:
+            _start(wanted)
+        finally:
+            _holder = before
     return wanted
 
 
