@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from optim.experiments.data import Data, Kind
-from optim.experiments.figures import COLOURS, PAGE, figure
+from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from optim.experiments.jobs import run_parallel
 from optim.experiments.results import Progress, check_runs, write_json
 from optim.experiments.study import Study
@@ -163,15 +163,15 @@ def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path
     Crosses are speeds under the harder conditions, of the steps that judge them.
     """
     names = [Terrain(rung * settings.slope).name for rung in RUNGS]
-    with figure(path, PAGE, 2.4, ncols=len(rows), sharey=True) as (_, panels):
+    with figure(path, PAGE, 2.6, ncols=len(rows), sharey=True) as (drawn, panels):
         for panel, row in zip(panels[0], rows, strict=True):
             mine = [step for step in steps if step["seed"] == row["seed"] and not step["step"].startswith("look")]
             for name, colour in zip(names, COLOURS, strict=False):
                 for speeds, marker, label in (("speeds", "o", name), ("hard_speeds", "x", f"{name}, harder")):
                     each = [dict(zip(step["terrains"].split(), step[speeds], strict=False)) for step in mine]
                     told = [(place, found[name]) for place, found in enumerate(each) if name in found]
-                    shown = label if told or speeds == "speeds" else None
-                    panel.plot(*np.array(told).reshape(-1, 2).T, marker, color=colour, label=shown, markersize=4)
+                    named = label if told or speeds == "speeds" else None
+                    panel.plot(*np.array(told).reshape(-1, 2).T, marker, color=colour, label=named, markersize=4)
             places = [step["step"] for step in mine]
             if row["found_by"]:
                 panel.plot(places.index(row["found_by"]), row["speed"], "k*", label="in full")
@@ -179,7 +179,8 @@ def _draw(settings: Climb, rows: Sequence[Record], steps: Sequence[Record], path
             panel.set(title=f"seed {row['seed']}", xticks=range(len(mine)))
             panel.set_xticklabels(places, rotation=90)
         panels[0, 0].set(ylabel="speed of the step's best [BL/s]")
-        panels[0, 0].legend()
+        shown = {line.get_label(): line for panel in panels[0] for line in panel.get_legend_handles_labels()[0]}
+        legend_above(drawn, list(shown.values()))
 
 
 STUDY = Study(
