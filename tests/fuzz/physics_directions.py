@@ -1,5 +1,6 @@
 """Exact derivatives along random directions against central differences, and what explains where they do not agree."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,7 +11,10 @@ AGREES = 1e-4  # relative
 STEPS = (1e-5, 1e-6, 1e-7)  # of central differences, in units of what a variable may change by
 MORE_STEPS = (1e-3, 1e-4, 1e-8, 1e-9)  # tried where none of those agrees
 ROUGH = 1e-10  # costs, which are about 1, that differ by less from smooth ones do so by rounding
-STEEP, NEARLY = 1e3, 0.01  # costs so steep are chaotic: differences agree less well, and only at the smallest steps
+NEARLY = 0.01  # a difference must agree as well as this, however large its own error may be
+SAFETY = 4.0  # a difference may be off by so many times its estimated error
+LATTICE = 1e-12 * np.arange(-8, 9)  # moves at which the noise of a cost is measured
+ORDERS = (4, 5, 6)  # of the differences that measure it
 CANCELLED = 0.01  # derivatives below this share of what is usual in a random direction are relative to that share
 
 
@@ -75,6 +79,31 @@ def explain(direction: Direction, costs: Costs, events: Events) -> str:
         return told
     if apart <= ROUGH:
         return f"{told}; rounding"
-    if direction.usual > STEEP and further.min() <= NEARLY:
-        return f"{told}; steep, agrees to {further.min():.0e}"
+    if (off := within_own_error(direction, costs)) is not None:
+        return f"{told}; within the error of differences, {off:.0e}"
     return f"unexplained: with other steps {', '.join(f'{e:.1e}' for e in further)}"
+
+
+def within_own_error(direction: Direction, costs: Costs) -> float | None:
+    """Relative error of the most certain central difference if it is no larger than that difference's own error.
+
+    A chaotic motion amplifies both what rounding does to a cost and its higher derivatives, so that no step is good to
+    1e-4. The error of a difference is estimated as noise / step, with the noise of the cost as measured, and a third of
+    how far it is from the difference of twice the step (Richardson).
+    """
+    steps = np.array([step for decade in (*STEPS, *MORE_STEPS) for step in (decade, decade / 2)])
+    found, coarser = (central([direction], tuple(by * steps), costs) for by in (1.0, 2.0))
+    own = noise_of(direction, costs) / steps + np.abs(coarser - found)[0] / 3
+    surest = int(np.nanargmin(own))
+    off, relative = abs(float(found[0, surest]) - direction.slope), float(errors_of([direction], found)[0, surest])
+    return relative if off <= SAFETY * own[surest] and relative <= NEARLY else None
+
+
+def noise_of(direction: Direction, costs: Costs) -> float:
+    """Standard deviation of what rounding adds to a cost, by high differences at close moves (Moré and Wild 2011)."""
+    values = costs([direction.moved(float(move)) for move in LATTICE])
+    scaled = [
+        math.factorial(order) ** 2 / math.factorial(2 * order) * float((np.diff(values, order) ** 2).mean())
+        for order in ORDERS
+    ]
+    return math.sqrt(float(np.median(scaled)))
