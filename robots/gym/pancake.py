@@ -88,7 +88,7 @@ class Pancakes(Batch):
         """The first episode initialises all robots, later ones restore that state; with noise each initialises."""
         assert len(which) == self.count
         if self._engine is None:
-            self._engine = engine_of(self._geometry, [self._terrain] * self.count, self._compute)
+            self._engine = engine_of(self._geometry, [self._terrain] * self.count, self._actuation, self._compute)
         if self._ready is None or self._perturbation:
             self._engine.reset()
             if self._perturbation:

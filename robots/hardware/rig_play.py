@@ -147,7 +147,7 @@ def play_tables(
     program = builder.build([end for _, end in spans], np.array(marks))
     copies = [play.copy for play in plays]
     starts = geometry.body.scattered(perturbation, seed, copies) if perturbation > 0 else None
-    engine = engine_of(geometry, [play.terrain for play in plays], Compute.given(compute), designs, starts)
+    engine = engine_of(geometry, [play.terrain for play in plays], actuation, Compute.given(compute), designs, starts)
     run = engine.run(program, progress)
     return summarise(run, program, designs, geometry, actuation, WHOLE, record_every)
 

@@ -22,9 +22,11 @@ from numpy.typing import ArrayLike
 
 from robots.hardware.lines import BLADDERS
 from robots.inflatable.layout import EVERY_BLADDER, TOP_BLADDERS, Layout, checked_layout, layout_mask
+from robots.inflatable.materials import LEAST_SAFETY
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import Positive, check_fields, whole_number
 from taichi_sim.lattice import LatticeBody, Material
+from taichi_sim.lattice.time_steps import afloat
 
 # Regions that a program addresses. Foot seams are the third foot material of the published robot. Behind these, each
 # core but the first has the five regions of its own skin, in the same order.
@@ -183,6 +185,21 @@ class InflatableGeometry:
     def time_step(self) -> float:
         """Time step of the simulation [s]."""
         return self.body.recommended_time_step / self.time_step_safety
+
+    def substeps(self, is_wet: bool, inflated: float) -> int:
+        """Into how many parts a time step must be divided to be stable: 1 on dry ground, more in water.
+
+        Gaits are written in time steps, whose length is that of dry ground. In water links are balanced, and the more
+        bladders swell, the shorter are the steps that are stable, see ``taichi_sim.lattice.time_steps.afloat``. Skin
+        may be as stiff as ``SkinMaterials`` allow, so that a robot has the same substeps in every batch.
+
+        Args:
+            is_wet: whether the robot is in water or any fluid.
+            inflated: thickness of the thickest bladders [edges].
+        """
+        if not is_wet:
+            return 1
+        return math.ceil(afloat(inflated) / LEAST_SAFETY)
 
     def relative_time_step(self, modulus: float) -> float:
         """Return the largest stable time step for skin of another modulus [Pa], relative to that of this skin.

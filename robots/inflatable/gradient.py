@@ -187,7 +187,7 @@ def _side_by_side(
     program = build_program(designs, terrains, drives, None, geometry, way.counting)
     robots = way.first + np.arange(len(designs))
     starts = geometry.body.scattered(way.perturbation, way.seeds, robots) if way.perturbation > 0 else None
-    engine = engine_of(geometry, terrains, compute, designs, starts)
+    engine = engine_of(geometry, terrains, drives, compute, designs, starts)
     # A window begins at the last snapshot; without one the whole program is differentiated.
     begins = program.snapshots[:, -1] if way.counting.window else np.zeros(len(designs), int)
     before, rest = program.split(begins)

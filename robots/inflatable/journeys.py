@@ -118,7 +118,7 @@ def simulate_journey(
     program, steps = build_journey(legs, runs, actuation, geometry, record_every)
     body = geometry.body
     starts = body.scattered(perturbation, whole_number("seed", seed, 0), range(runs)) if perturbation > 0 else None
-    engine = engine_of(geometry, [legs[0].terrain] * runs, Compute.given(compute), (), starts)
+    engine = engine_of(geometry, [legs[0].terrain] * runs, actuation, Compute.given(compute), (), starts)
     run = engine.run(program, progress)
     first = len(legs) + 1
     middle, frames = read_poses(run, geometry, first, record_every)

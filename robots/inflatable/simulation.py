@@ -6,7 +6,7 @@ et al., Nature Machine Intelligence 3, 51-59, 2021.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,7 +105,7 @@ def simulate(
     sorted_designs, grounds, drives = ([each[i] for i in order] for each in (designs, terrains, drives))
     program = build_program(sorted_designs, grounds, drives, record_every, geometry, counting)
     starts = geometry.body.scattered(perturbation, seeds, order) if perturbation > 0 else None
-    engine = engine_of(geometry, grounds, Compute.given(compute), sorted_designs, starts)
+    engine = engine_of(geometry, grounds, drives, Compute.given(compute), sorted_designs, starts)
     run = engine.run(program, progress)
     found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every)
     return reordered(found, np.argsort(order))
@@ -172,6 +172,7 @@ def laid_out(geometry: InflatableGeometry, designs: Sequence[InflatableDesign]) 
 def engine_of(
     geometry: InflatableGeometry,
     terrains: Sequence[Terrain],
+    actuation: InflatableActuation | Sequence[InflatableActuation],
     compute: Compute,
     designs: Sequence[InflatableDesign] = (),
     starts: Floats | None = None,
@@ -181,6 +182,7 @@ def engine_of(
     Args:
         geometry: of all.
         terrains: B of them.
+        actuation: how far bladders are inflated, of which the substeps in water depend; of all robots, or of each.
         compute: device, precision and threads.
         designs: B robots, whose moduli and headings they have; without, they have those of the geometry, and head
             along x.
@@ -189,9 +191,11 @@ def engine_of(
     moduli = [design.materials.modulus if design.materials else None for design in designs]
     headings = [design.orientation for design in designs] or [0.0] * len(terrains)
     medium, edge = medium_of(terrains, headings, geometry.voxel_size), geometry.voxel_size
-    step = geometry.time_step
-    bodies, batch = bodies_of(geometry, moduli), len(terrains)
-    engine = LatticeEngine(bodies, batch, time_step=step, self_contact="published", **medium, compute=compute)
+    bodies, batch, steps = bodies_of(geometry, moduli), len(terrains), geometry.time_step
+    inflated = max(drive.inflated for drive in each_actuation(actuation, batch))
+    parts = geometry.substeps(terrains[0].is_wet, inflated)
+    alike: dict[str, Any] = {"time_step": steps, "substeps": parts, "self_contact": "published"}
+    engine = LatticeEngine(bodies, batch, **alike, **medium, compute=compute)
     if starts is None and medium["floor"] not in (True, False):
         starts = np.tile(geometry.body.start_positions, (len(terrains), 1, 1))
     if starts is not None:

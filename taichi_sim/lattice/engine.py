@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Unpack
 import numpy as np
 
 from taichi_sim import runtime
+from taichi_sim.base.checks import whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.short_text import ShortText
 from taichi_sim.ground.relief import GroundTables, Relief, ground_tables
@@ -97,6 +98,7 @@ class LatticeEngine:
         batch: int | None = None,
         *,
         time_step: float | None = None,
+        substeps: int = 1,
         floor: bool | Relief | Sequence[Relief] = False,
         self_contact: bool | Literal["published"] = True,
         fluid: bool = False,
@@ -112,6 +114,8 @@ class LatticeEngine:
             batch: number of robots B.
             time_step: dt [s]; by default the least ``stable_time_step`` of the bodies, in water for the sizes that
                 their materials have: give a shorter one to programs that let voxels swell there.
+            substeps: into how many parts each time step is divided, where programs are written in steps that are too
+                long to be stable. Programs and results count whole time steps; decisions of a feedback need 1.
             floor: whether there is a floor at z = -h/2; or what rises over it, for all robots or one each.
             self_contact: whether voxels of a robot collide with each other; ``"published"``: as in the simulator of
                 the dissertation, which misses some collisions of voxels of more than 1.2 edges.
@@ -144,11 +148,12 @@ class LatticeEngine:
         self.compute = compute or Compute.given(options)
         _check_settings(time_step, gravity, self_contact, driver, self.compute.device)
         self.time_step, self.gravity = float(time_step), float(gravity)
+        self.substeps = whole_number("substeps", substeps, 1)
         precision, on_cpu = self.compute.precision, self.compute.device == "cpu"
         runtime.start(self.compute)
         self.order = self.body.topology.order
         self.place = np.argsort(self.order)  # of each of the body's voxels in the engine's order
-        self.tables = build_tables(bodies, self.time_step, bool(fluid), ground)
+        self.tables = build_tables(bodies, self.time_step / self.substeps, bool(fluid), ground)
         switches = (ground is not None or bool(floor), bool(self_contact))
         self._driver: Driver
         if driver == "stepped" or not on_cpu:
@@ -163,6 +168,7 @@ class LatticeEngine:
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy and pickle the engine as what makes it again, and where it is; copies go on with the same bits."""
         made = {"body": self.bodies, "time_step": self.time_step, "gravity": self.gravity, "compute": self.compute}
+        made["substeps"] = self.substeps
         return _made_again, ({**made, **self._chosen}, self._driver.radius, self.save())
 
     def _ground(self, floor: bool | Relief | Sequence[Relief], fluid: bool) -> GroundTables | None:
@@ -268,6 +274,7 @@ class LatticeEngine:
             ValueError: if the program is for another number of robots or names unknown regions, or for decisions that
                 it has no room for.
         """
+        program = self.in_substeps(program, feedback)
         run = self.begin(program)
         self.course(run, program, feedback).advance(tick=progress)
         return self.finish(run)
@@ -293,7 +300,14 @@ class LatticeEngine:
         """
         from taichi_sim.lattice.gradient import Tape
 
-        return Tape(self, program, memory, progress, feedback)
+        return Tape(self, self.in_substeps(program, feedback), memory, progress, feedback)
+
+    def in_substeps(self, program: LatticeProgram, feedback: Feedback | None) -> LatticeProgram:
+        """Return the program as the engine computes it, in its substeps."""
+        if feedback is not None and self.substeps > 1:
+            allowed = "give 1 and a shorter time_step"
+            raise ValueError(f"substeps: {self.substeps} is not allowed with a feedback; {allowed}")
+        return program.refined(self.substeps)
 
     def course(self, run: Run, program: LatticeProgram, feedback: Feedback | None) -> Course:
         """Combine a run that has begun with the decisions of a feedback."""
@@ -303,12 +317,13 @@ class LatticeEngine:
 
     @runtime.exclusive
     def begin(self, program: LatticeProgram) -> Run:
-        """Start a program at its step 0; for :meth:`run` and for gradients."""
+        """Start a program, in substeps, at its step 0; for :meth:`run` and for gradients."""
         if program.robot_count != self.batch:
             raise ValueError(f"program: made for {program.robot_count} robots, the engine has {self.batch}")
         packed = pack_program(program, self.tables.group_region)
         runtime.start(self.compute)
-        return self._driver.begin(packed, ~self._diverged, self.time_step, self.body.voxel_size, self.gravity)
+        step = self.time_step / self.substeps
+        return self._driver.begin(packed, ~self._diverged, step, self.body.voxel_size, self.gravity)
 
     @runtime.exclusive
     def finish(self, run: Run) -> LatticeResult:
@@ -325,7 +340,7 @@ class LatticeEngine:
         for recorded in (poses, strains, sizes):
             recorded[lost] = np.nan
         status = np.where(self._diverged, "diverged", "ok")
-        return LatticeResult(status, steps, poses[..., :3], poses[..., 3:], strains, sizes)
+        return LatticeResult(status, steps // self.substeps, poses[..., :3], poses[..., 3:], strains, sizes)
 
     def _note_events(self, program: PackedProgram, steps: np.ndarray) -> None:
         """Remember which channels no longer hold what the materials say."""

@@ -136,7 +136,8 @@ class Tape:
         try:
             reverse = self._run.reverse(recorded, finals)
             if horizon is not None:
-                fade(reverse, self._program, self._engine.time_step, checks.positive("horizon", horizon))
+                step = self._engine.time_step / self._engine.substeps
+                fade(reverse, self._program, step, checks.positive("horizon", horizon))
             self._course.take_back(reverse)
             self._undo(reverse, progress)
         finally:
@@ -216,7 +217,7 @@ class Tape:
         position, orientation, momentum, spin = (voxel[..., part] for part in places.MOTION.values())
         return LatticeGradient(
             values=events[:, 0],
-            rates=events[:, 1],
+            rates=events[:, 1] / engine.substeps,
             positions=position,
             orientations=orientation,
             velocities=momentum / inverse[..., :1],

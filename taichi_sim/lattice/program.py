@@ -96,6 +96,16 @@ class LatticeProgram:
         """Number B of robots."""
         return len(self.lengths)
 
+    def refined(self, substeps: int) -> "LatticeProgram":
+        """Return the program that does the same in shorter time steps, so many to each of its own."""
+        if substeps == 1:
+            return self
+        events = self.events.copy()
+        events["step"] *= substeps
+        events["rate"] /= substeps
+        snapshots = np.where(self.snapshots < 0, -1, self.snapshots * substeps)
+        return LatticeProgram(self.lengths * substeps, events, snapshots)
+
     def values_after(self, robot: int, region: int, quantity: int, steps: np.ndarray) -> np.ndarray | None:
         """Return the values of a channel in the last of so many steps, shape of ``steps``; None if it is never set.
 
