@@ -16,7 +16,7 @@ from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
 JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
 LAWS = "laws"  # among versions: which laws robots are simulated by; that of morpholab changes at releases only
-PRESENT_LAWS, FIRST_LAWS = "3", "1"  # to be counted on when a law changes results; those of folders that name none
+PRESENT_LAWS, FIRST_LAWS = "4", "1"  # to be counted on when a law changes results; those of folders that name none
 CODE = " (code "  # between the version of a package of a user and the checksum of its code
 
 

@@ -200,7 +200,21 @@ def test_shorter_and_shorter_time_steps_agree_more_and_more():
     for tried in (whole, half, at_half_step(half)):
         options = {"geometry": tried.geometry, "actuation": tried.actuation, "precision": "f64"}
         way.append(simulate(tried.design, tried.terrain, **options).distance[0])
-    assert abs(way[2] - way[1]) < 0.1 * abs(way[1] - way[0]) and way[2] == pytest.approx(way[1], rel=0.05)
+    assert abs(way[2] - way[1]) < 0.25 * abs(way[1] - way[0]) and way[2] == pytest.approx(way[1], rel=0.01)
+
+
+@pytest.mark.kernels
+def test_in_water_steps_are_short_enough_for_bladders_that_swell():
+    """Full bladders shake where steps are too long for them, so that rounding moves a robot by micrometres."""
+    design = dataclasses.replace(INCHING, schedule=INCHING.schedule.cut(2, 1))
+    drive = dataclasses.replace(QUICK, inflation_rate=0.003)
+    moved = [
+        simulate(dataclasses.replace(design, pressure=pressure), Terrain.water(), geometry=TINY, actuation=drive)
+        for pressure in (2e3, 2e3 * (1 + 1e-12))
+    ]
+    np.testing.assert_allclose(moved[1].displacement, moved[0].displacement, rtol=0, atol=1e-11)
+    assert TINY.substeps(is_wet=False, inflated=drive.inflated) == 1
+    assert TINY.substeps(is_wet=True, inflated=2.5) == 6 and TINY.substeps(is_wet=True, inflated=1.0) == 2
 
 
 def test_columns_too_long_for_half_the_time_step_are_not_tried_with_it():
