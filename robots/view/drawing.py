@@ -94,13 +94,13 @@ def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, na
         apart: number of the row above which there is a gap; 0 for no gap.
     """
     tops = np.arange(len(levels)) + 0.35 * ((np.arange(len(levels)) >= apart) & (apart > 0))
-    empty, told = np.argwhere(levels < 1), np.argwhere(levels > 0)
-    row, column = np.concatenate([empty, told]).T
+    empty, filled = np.argwhere(levels < 1), np.argwhere(levels > 0)
+    row, column = np.concatenate([empty, filled]).T
     height = np.append(np.ones(len(empty)), levels[levels > 0])
     left, right, bottom = edges[column], edges[column + 1], tops[row] + 0.94
     top = bottom - 0.88 * height
     cells = np.stack([[left, top], [right, top], [right, bottom], [left, bottom]]).transpose(2, 0, 1)
-    shades = np.concatenate([np.tile(GROUND, (len(empty), 1)), colours[told[:, 0]]])
+    shades = np.concatenate([np.tile(GROUND, (len(empty), 1)), colours[filled[:, 0]]])
     axes.add_collection(PolyCollection(list(cells), facecolors=shades, edgecolors=[PAPER], linewidths=0.6))
     axes.set_xlim(edges[0], edges[-1])
     axes.set_ylim(tops[-1] + 1.0, 0.0)

@@ -286,7 +286,7 @@ def _lengthened(given: Setting, length: float) -> Setting:
 
 def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> list["Axes"]:
     """Make axes for each robot, below its name and playback speed, in one figure that is ``width`` pixels wide."""
-    told = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
+    pace_note = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
     frames = [sorted(set(plan)) for plan in plans]
     ranges = [limits(given, some[:: max(len(some) // 40, 1)]) for given, some in zip(settings, frames, strict=True)]
     drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
@@ -297,7 +297,7 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: f
     top, panels = float(total), []
     for given, height, key, (across, up) in zip(settings, drawn, keyed, ranges, strict=True):
         caption = (top - 0.6 * CAPTION) / total
-        figure.text(0.012, caption, printable(given.motion.name) + told, va="center", fontsize=8, color=INK)
+        figure.text(0.012, caption, printable(given.motion.name) + pace_note, va="center", fontsize=8, color=INK)
         top -= CAPTION + height
         panels.append(figure.add_axes((0, top / total, 1, height / total), xlim=across, ylim=up))
         top -= key

@@ -51,8 +51,8 @@ class Onlooker:
         draw_motion(axes, seen, frame, outlined=False)
         across, up = self._limits + shift[:, None]
         axes.set(xlim=across, ylim=up)
-        told = f"{motion.name}, {motion.times[frame]:.2f} s"
-        figure.text(0.012, 1 - 0.5 * CAPTION / HEIGHT, told, va="center", fontsize=8, color=INK)
+        caption = f"{motion.name}, {motion.times[frame]:.2f} s"
+        figure.text(0.012, 1 - 0.5 * CAPTION / HEIGHT, caption, va="center", fontsize=8, color=INK)
         canvas.draw()  # type: ignore[no-untyped-call]
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 

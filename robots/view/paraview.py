@@ -175,6 +175,6 @@ def _array(name: str, values: NDArray[Any]) -> str:
     packed = zlib.compress(content, 3)
     header = struct.pack("<4I", 1, len(content), 0, len(packed))
     wide = values.shape[1] if values.ndim > 1 else 1
-    told = f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)} NumberOfComponents="{wide}"'
+    attributes = f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)} NumberOfComponents="{wide}"'
     inline = (base64.b64encode(part).decode() for part in (header, packed))
-    return f'<DataArray {told} format="binary">{"".join(inline)}</DataArray>'
+    return f'<DataArray {attributes} format="binary">{"".join(inline)}</DataArray>'
