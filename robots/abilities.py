@@ -1,4 +1,4 @@
-"""Optional abilities of robots: a kind that lacks one refuses in one line, or tells nothing."""
+"""Optional abilities of robots; a kind that lacks one raises a one-line error or returns an empty result."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 class Abilities:
-    """Tables, files, checks, draws, and words and pictures of designs: a kind overrides what its robots can do."""
+    """Base class with default answers for optional abilities; each kind overrides those that its robots have."""
 
     kind: str  # by its name, one of ``KINDS``
 
     def judge(
         self, world: World, *, seed: int = 0, compute: Compute = HERE, progress: Progress | None = None
     ) -> Judgement:
-        """Tell how far the measures of a robot, of which nothing is free, can be trusted.
+        """Judge how far the measures of a robot without free variables can be trusted.
 
         Raises:
             ValueError: if robots of this kind have no such check.
@@ -33,7 +33,7 @@ class Abilities:
         raise ValueError(f"judge: {KINDS.of(self).title} has no such check; leave it out")
 
     def table(self, **settings: Any) -> Any:
-        """The gait table of a robot of which nothing is free; settings as of ``robots.hardware.gait_table``.
+        """Gait table of a robot without free variables; ``settings`` are those of ``robots.hardware.gait_table``.
 
         Raises:
             ValueError: if no hardware plays robots of this kind.
@@ -41,7 +41,7 @@ class Abilities:
         raise ValueError(f"source: {KINDS.of(self).title} has no gait table; no rig plays it")
 
     def rig_report(self, rig: Any) -> tuple[Any, float]:
-        """What a robot, of which nothing is free, asks of a rig, and the time that it takes in the simulation [s].
+        """Report on what a robot without free variables requires of a rig, and its duration in the simulation [s].
 
         Raises:
             ValueError: if no hardware plays it.
@@ -49,11 +49,11 @@ class Abilities:
         raise ValueError(f"source: {KINDS.of(self).title} has no gait table; no rig plays it")
 
     def save_parts(self, path: Path, mould: str | None = None) -> list[str]:
-        """Write closed surfaces for printers [mm]: a ``.3mf`` or ``.stl`` file, or a folder; tells what it wrote.
+        """Write closed surfaces for 3D printers [mm] to a ``.3mf`` or ``.stl`` file, or a folder; return what it wrote.
 
         Args:
-            path: of the file or folder.
-            mould: settings of a mould to cast the robot in, to be written instead, such as ``"draft=2,wall=3"``.
+            path: path of the file or folder.
+            mould: settings of a casting mould that is written instead of the robot, such as ``"draft=2,wall=3"``.
 
         Raises:
             ValueError: if robots of this kind have no such surfaces.
@@ -69,7 +69,7 @@ class Abilities:
         raise ValueError(f"voxels: {KINDS.of(self).title} has no such file; leave it out")
 
     def at_horizon(self, length: int) -> tuple[str, "Robot"]:
-        """The robot in trials of another length, in a unit of its kind, and what that length is called.
+        """Name of a trial length, in the unit of this kind, and this robot with trials of that length.
 
         Raises:
             ValueError: if trials of this kind have one length only.
@@ -77,15 +77,15 @@ class Abilities:
         raise ValueError(f"horizons: trials of {KINDS.of(self).title} have one length; leave it out")
 
     def as_terrain(self, world: World) -> World:
-        """A world of this robot as the terrain whose slope can be drawn; the world itself, where it is none."""
+        """Convert a world of this robot to a terrain, whose slope can be drawn; other worlds are returned unchanged."""
         return world
 
     def perturbed(self, drawn: "Perturbation") -> Self:
-        """This robot with the part of a draw that concerns it, such as levels of its actuators, and not its world."""
+        """This robot with the values of a draw that concern itself, such as its actuators, rather than its world."""
         return self
 
     def drawn_terrain(self, terrain: "Terrain", drawn: "Perturbation") -> "Terrain":
-        """The terrain of a draw, where this robot is on it."""
+        """The terrain of this robot with the values of a draw."""
         return drawn.under(terrain)
 
     def title_of(self, outcome: Outcome, world: World) -> str:
@@ -101,20 +101,20 @@ class Abilities:
         return []
 
     def document(self) -> dict[str, Any]:
-        """What a command tells machines of a robot of which nothing is free, beside its measures."""
+        """Further JSON entries of a robot without free variables, beside its measures."""
         return {}
 
     def caution(self, point: ArrayLike) -> str:
-        """Why gradients or differences at a point, shape (P,), may mislead; empty if nothing is known."""
+        """Reason why gradients or differences at a point, shape (P,), may mislead; empty if none is known."""
         return ""
 
     def save_picture(self, world: World, path: Path) -> None:
-        """Draw a robot of which nothing is free in a way of its own, if it is ``pictured``, to a PNG, SVG or PDF file.
+        """Write a picture special to this kind, if ``pictured``, of a robot without free variables (PNG, SVG or PDF).
 
         ``robots.view.picture.save_robot_picture`` draws robots of all kinds.
         """
         raise NotImplementedError
 
     def command_options(self) -> dict[str, Any]:
-        """Options, by name, that a command needs beside a saved design to repeat its trial; those not by default."""
+        """Options, by name, that a command needs beside a saved design to repeat its trial, except defaults."""
         return {}

@@ -1,7 +1,7 @@
-"""Kinds of uneven ground by name, and what may be on any: their numbers, what they do, how they are written.
+"""Kinds of uneven ground and of covers (sand, water) by name: their parameters, heights, friction and spelling.
 
-``robots.ground`` reads the names. A new kind or cover is one entry of ``GROUNDS`` or ``COVERS``, and a row of
-``docs/terrains.md``. Kinds that begin somewhere leave the ground below a robot level.
+``robots.ground`` parses the names. A new kind or cover is one entry of ``GROUNDS`` or ``COVERS``, and a row of
+``docs/terrains.md``. Kinds with a START are level below the robot's start.
 """
 
 import math
@@ -19,24 +19,24 @@ from taichi_sim.base.short_text import shortest
 if TYPE_CHECKING:
     from taichi_sim.lattice import Water
 
-START = 0.3  # m ahead of a robot's origin: where stairs, ramps and gaps begin; up to there the ground is level
+START = 0.3  # m ahead of a robot's origin, where stairs, ramps and gaps begin; the ground before is level
 WATER_DENSITY = 1000.0  # kg/m^3
-# Beyond these, places are counted in numbers that no computer holds.
+# Beyond these, the numbers of cells could exceed the range of integers.
 SHORTEST, FARTHEST = 1e-4, 1e4  # m
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number in the name of a ground, or of what is on it.
+    """A numeric parameter in the name of a ground or a cover.
 
     Attributes:
-        name: in capitals, as messages and help write it.
-        default: its value where it is left out; None must be given.
-        low: its lowest value.
-        open: whether ``low`` itself is refused, too.
-        high: its highest value.
-        whole: whether it must be a whole number, which is less than 2^32.
-        start: whether it says how far ahead of a robot's origin the ground begins to differ [m].
+        name: name in capitals, as in messages and help.
+        default: value if it is left out; None if it is required.
+        low: lowest value.
+        open: whether ``low`` itself is refused.
+        high: highest value.
+        whole: whether it must be a whole number below 2^32.
+        start: whether it is the distance ahead of a robot's origin at which the ground begins to differ [m].
     """
 
     name: str
@@ -48,10 +48,10 @@ class Number:
     high: float = math.inf
 
     def check(self, value: float, text: str) -> None:
-        """Refuse a value, in the name of a ground, that is not allowed.
+        """Check a value of the parameter; ``text`` is the name of the ground, for messages.
 
         Raises:
-            ValueError: that names both.
+            ValueError: if it is not allowed.
         """
         told = f"terrain: {self.name} {shortest(value)} of {text!r} is not allowed; give"
         if value < self.low or (self.open and value == self.low):
@@ -64,12 +64,12 @@ class Number:
 
 @dataclass(frozen=True)
 class Numbered:
-    """What the name of a terrain names, and the few numbers that it is made from.
+    """A part of a terrain's name with numeric parameters: a kind of ground or a cover.
 
     Attributes:
-        name: that stands before its numbers.
-        description: what it is, for people.
-        numbers: in their order; those that may be left out come last.
+        name: name, which is written before the parameters.
+        description: readable description.
+        numbers: parameters in order; optional ones come last.
     """
 
     name: str
@@ -78,21 +78,21 @@ class Numbered:
 
     @property
     def way(self) -> str:
-        """How it is written, such as ``stairs:RISE,RUN[,START]``."""
+        """Its syntax, such as ``stairs:RISE,RUN[,START]``."""
         marks = ":" + "," * len(self.numbers)
         parts = [f"{mark}{number.name}" for mark, number in zip(marks, self.numbers, strict=False)]
         each = zip(parts, self.numbers, strict=True)
         return self.name + "".join(part if number.default is None else f"[{part}]" for part, number in each)
 
     def read(self, given: str, text: str) -> tuple[float, ...]:
-        """Its numbers as given after its name, with those that are left out.
+        """Read the values of all parameters; those left out have their defaults.
 
         Args:
-            given: numbers between commas.
+            given: numbers separated by commas.
             text: the whole name, for messages.
 
         Raises:
-            ValueError: for numbers that are not allowed, too many, or too few.
+            ValueError: if a number is not allowed, or there are too many or too few.
         """
         found = read_numbers(given, text, len(self.numbers))
         for number in self.numbers[len(found) :]:
@@ -109,8 +109,8 @@ class GroundKind(Numbered):
     """A kind of firm ground.
 
     Attributes:
-        height: [m] at places (x, y) [m], from its numbers.
-        friction: factor of friction there, from its numbers; None is 1 everywhere.
+        height: function of x, y [m] and the parameters that gives the height [m].
+        friction: function of the same that gives the factor of friction; None if the factor is 1 everywhere.
     """
 
     height: Callable[..., Floats]
@@ -118,17 +118,17 @@ class GroundKind(Numbered):
 
     @property
     def start(self) -> int | None:
-        """Which of its numbers says where it begins; None for kinds that begin nowhere."""
+        """Index of the parameter that says where it begins; None if there is none."""
         return next((n for n, number in enumerate(self.numbers) if number.start), None)
 
 
 @dataclass(frozen=True)
 class Cover(Numbered):
-    """What may be on any ground, or alone on level ground, and what it does to a robot.
+    """A cover that may be on any ground, or alone on level ground, such as sand or water.
 
     Attributes:
-        spoken: what is said of it after the ground.
-        laws: arguments of a ``taichi_sim.lattice.Relief`` by their names, each a function of its numbers.
+        spoken: words for it after the name of the ground.
+        laws: arguments of a ``taichi_sim.lattice.Relief`` by name, each a function of the parameters.
     """
 
     spoken: str
@@ -136,15 +136,15 @@ class Cover(Numbered):
 
     @property
     def wet(self) -> bool:
-        """Whether it is water, in which a robot meets drag and floats."""
+        """Whether it is water, in which a robot has drag and buoyancy."""
         return "water" in self.laws
 
 
 def read_numbers(given: str, text: str, most: int) -> tuple[float, ...]:
-    """Numbers between commas in the name of a ground.
+    """Read numbers separated by commas in the name of a ground.
 
     Raises:
-        ValueError: for what is no finite number, and too many.
+        ValueError: if one is not a finite number, or there are more than ``most``.
     """
     try:
         numbers = tuple(float(part) for part in given.split(",")) if given else ()
@@ -156,13 +156,13 @@ def read_numbers(given: str, text: str, most: int) -> tuple[float, ...]:
 
 
 def _drawn(i: Floats, j: Floats, seed: float) -> Floats:
-    """A number from 0 to 1 for every cell (i, j), always the same."""
+    """Pseudorandom number from 0 to 1 for every cell (i, j), which depends only on cell and seed."""
     cells = i.astype(np.int64).astype(np.uint64) * np.uint64(73856093)
     return hashed(cells ^ j.astype(np.int64).astype(np.uint64) * np.uint64(19349663), seed)
 
 
 def _rough(x: Floats, y: Floats, height: float, size: float, seed: float) -> Floats:
-    """Value noise: smooth between random heights of the corners of squares."""
+    """Value noise: smooth interpolation between random heights at the corners of squares."""
     i, j = np.floor(x / size), np.floor(y / size)
     u, v = x / size - i, y / size - j
     u, v = (t * t * (3 - 2 * t) for t in (u, v))
@@ -269,7 +269,7 @@ GROUNDS = {
         ),
     )
 }
-EARLIER_NAMES = {"steps": "blocks"}  # read wherever a ground is named, and kept as they are written
+EARLIER_NAMES = {"steps": "blocks"}  # still accepted wherever a ground is named, and kept as written
 COVERS = {
     cover.name: cover
     for cover in (
@@ -288,19 +288,19 @@ COVERS = {
 
 
 def ground_kind(name: str) -> GroundKind | None:
-    """The kind of ground of a name, or of one that earlier versions wrote; None of others."""
+    """Kind of ground by its name, or a name that earlier versions used; None for other names."""
     return GROUNDS.get(EARLIER_NAMES.get(name, name))
 
 
 def ways() -> str:
-    """How all kinds of ground, and what is on them, are written."""
+    """Syntax of all kinds of ground and covers, as text."""
     on_it = " or ".join(f"+{cover.way}" for cover in COVERS.values())
     grounds = [kind.way for kind in GROUNDS.values()]
     return ", ".join([*grounds, "FILE.npy:SPACING", f"FILE.png:HEIGHT,SPACING; on any of them {on_it}"])
 
 
 def described() -> str:
-    """How all kinds of ground, and what is on them, are written, each with what it is."""
+    """Syntax and description of all kinds of ground and covers, as text."""
     grounds = [f"{kind.way} ({kind.description})" for kind in GROUNDS.values()]
     covers = [f"{cover.way} ({cover.description})" for cover in COVERS.values()]
     files = ["FILE.npy:SPACING", "FILE.png:HEIGHT,SPACING (heights of a file)"]

@@ -1,8 +1,7 @@
-"""Tasks: a robot, worlds in which it is tried, what is to be raised, and when a design has succeeded.
+"""Tasks: a robot, the worlds in which it is tried, the objective, and when a design has succeeded.
 
-Tasks that come with the lab are named in ``tasks.toml``; one of the user's own is a TOML file with the same keys. A
-task says nothing of how it is solved: searches, learned controllers and designs by hand are told apart by the same
-numbers.
+The built-in tasks are in ``tasks.toml``; a user's own task is a TOML file with the same keys. A task does not say how
+it is solved, so searches, learned controllers and designs by hand are compared by the same numbers.
 """
 
 import operator
@@ -27,19 +26,19 @@ from taichi_sim.base.parsing import parse_toml
 from taichi_sim.base.short_text import shortest
 
 BUILTIN = Path(__file__).with_name("tasks.toml")
-OWN = ("title", "success")  # keys that are no options of commands
+OWN = ("title", "success")  # keys that are not options of commands
 SIGNS: Mapping[str, Callable[[Any, Any], Any]] = {">=": operator.ge, "<=": operator.le}
 _BOUND = re.compile(r"\s*(\w+)\s*(>=|<=)\s*(\S+)\s*")
 
 
 @dataclass(frozen=True)
 class Success:
-    """A bound that a measure has to keep in every world.
+    """Condition of success: a bound on a measure, which must hold in every world.
 
     Attributes:
-        measure: its name.
+        measure: name of the measure.
         sign: ``">="`` or ``"<="``.
-        bound: in the measure's unit.
+        bound: value of the bound, in the measure's unit.
     """
 
     measure: str
@@ -48,7 +47,7 @@ class Success:
 
     @classmethod
     def parse(cls, text: Any) -> "Success":
-        """The bound of a text, such as ``"speed >= 0.5"``.
+        """Parse a bound such as ``"speed >= 0.5"``.
 
         Raises:
             ValueError: for anything else.
@@ -68,12 +67,12 @@ class Success:
         return f"{self.measure} {self.sign} {shortest(self.bound)}"
 
     def kept(self, outcome: Outcome) -> Bools:
-        """Which designs of an outcome keep it; none that failed."""
+        """Whether each design of an outcome keeps the bound, shape (N,); False for designs that failed."""
         found: Bools = self.allows(np.asarray(outcome.measures[self.measure], float))
         return found & (np.asarray(outcome.status) == "ok")
 
     def allows(self, values: Any) -> Any:
-        """Whether numbers are within the bound; one, or an array of them."""
+        """Whether a number, or each of an array of numbers, is within the bound."""
         return SIGNS[self.sign](values, self.bound)
 
 
@@ -83,10 +82,10 @@ def is_bound(text: str) -> bool:
 
 
 def check_success(bounds: Iterable[Success], robot: Robot, worlds: Sequence[World]) -> None:
-    """Refuse bounds on what a robot has no measure of in some worlds.
+    """Refuse bounds on measures that a robot does not have in the given worlds.
 
     Raises:
-        ValueError: that names the measures there are.
+        ValueError: for the first such bound; names the measures that exist.
     """
     names = [measure.name for measure in robot.measures_in(worlds)]
     for one in bounds:
@@ -96,13 +95,13 @@ def check_success(bounds: Iterable[Success], robot: Robot, worlds: Sequence[Worl
 
 @dataclass(frozen=True)
 class Task:
-    """Something that robots shall do.
+    """A task: which robot is designed, in which worlds, for which objective, and when a design succeeds.
 
     Attributes:
-        name: of the task, or of its file.
-        options: of ``codesign``, by name with underscores: robot, worlds, objective, and what else a file says.
-        title: what is to be done, for people.
-        success: bounds that a design has to keep in every world; none for a task that cannot be solved or missed.
+        name: name of the task, or of its file.
+        options: options of ``codesign``, by name with underscores: robot, worlds, objective and any others.
+        title: readable description of the task.
+        success: bounds that a design must keep in every world; empty for a task without a condition of success.
     """
 
     name: str
@@ -112,11 +111,10 @@ class Task:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot, with what is free of it.
+        """The robot, with its free variables.
 
         Raises:
-            ValueError: for robots that are not there, values that are not allowed, and bounds on what it has no
-                measure of.
+            ValueError: if the robot does not exist, a value is not allowed, or a bound is on a measure that it lacks.
         """
         kind, source = find_robot_doing(self.source)
         found = make_robot(kind, source, self.values_of(kind.options))
@@ -125,7 +123,7 @@ class Task:
 
     @property
     def raised(self) -> str:
-        """What is raised or minimised, and within which limits, for people."""
+        """Readable text of the objective and its limits."""
         given = self.options.get("objective", [])
         texts = [given] if isinstance(given, str) else list(given)
         goals, limits = ([text for text in texts if is_bound(text) == bound] for bound in (False, True))
@@ -133,31 +131,31 @@ class Task:
 
     @property
     def source(self) -> str | None:
-        """The robot as commands name it; None for the usual one."""
+        """Name or file of the robot, as commands take it; None for the default robot."""
         return self.options.get("robot")
 
     def values_of(self, options: Iterable[Option]) -> dict[str, Any]:
-        """The values of some options that it gives, by name, as the command line would make them.
+        """Values of those of some options that the task gives, by name, converted as on the command line.
 
         Raises:
-            ValueError: for what is not allowed.
+            ValueError: for a value that is not allowed.
         """
         return {each.name: each.read(self.options[each.name]) for each in options if each.name in self.options}
 
     @property
     def worlds(self) -> tuple[World, ...]:
-        """Where the robot is tried."""
+        """Worlds in which the robot is tried: those that the task names, or the robot's own."""
         return self._worlds or self.robot.worlds
 
     @property
     def _worlds(self) -> tuple[World, ...]:
-        """The worlds that it names."""
+        """Worlds that the task names."""
         kind, _ = find_robot_doing(self.source)
         listed = (replace(each, several=each.name not in kind.ground_options) for each in kind.world_options)
         return kind.chosen_worlds(self.values_of(listed))
 
     def succeeded(self, robot: Robot, worlds: Sequence[World] = (), compute: Compute = HERE) -> bool | None:
-        """Whether a robot, of which nothing is free, keeps all bounds in all worlds; None if there are no bounds."""
+        """Whether a robot without free variables keeps all bounds in all worlds; None if there are no bounds."""
         if not self.success:
             return None
         outcomes = [robot.simulate((), world, compute=compute) for world in worlds or self.worlds]
@@ -165,21 +163,21 @@ class Task:
 
 
 def builtin_tasks() -> dict[str, Task]:
-    """All tasks that come with the lab, by name."""
+    """All built-in tasks, by name."""
     tables = tomllib.loads(BUILTIN.read_text(encoding="utf-8"))
     return {name: task_of(name, table) for name, table in tables.items()}
 
 
 def task_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> Task:
-    """The task of a table of TOML, in which names of options may have hyphens.
+    """Make a task from a TOML table, in which names of options may have hyphens.
 
     Args:
-        name: of the task.
-        table: what a file says.
-        folder: where files of its robot and its terrains are looked for, beside the working directory.
+        name: name of the task.
+        table: content of the table.
+        folder: folder in which files of the robot and the terrains are searched, beside the working directory.
 
     Raises:
-        ValueError: for a title or robot that is no text, an option that is given twice, and bounds that are none.
+        ValueError: if the title or robot is not a text, an option is given twice, or a bound cannot be read.
     """
     for key in ("title", "robot"):
         if not isinstance(table.get(key, ""), str):
@@ -196,7 +194,7 @@ def task_of(name: str, table: Mapping[str, Any], folder: Path | None = None) -> 
 
 
 def _with_files(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Options with the paths of the files of a robot and of terrains that lie in a folder."""
+    """Options in which the files of a robot and of terrains have their paths, if they lie in a folder."""
     found = dict(options)
     if "robot" in found:
         found["robot"] = found_beside(folder, found["robot"])
@@ -207,10 +205,10 @@ def _with_files(options: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def find_task(given: str | Path) -> Task:
-    """The task of a name or of a TOML file.
+    """Find a task by its name, or read it from a TOML file.
 
     Raises:
-        ValueError: if there is none, or the file cannot be read.
+        ValueError: if there is no such task, or the file cannot be read.
     """
     known = builtin_tasks()
     if str(given) in known:

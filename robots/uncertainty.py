@@ -1,4 +1,4 @@
-"""What is not known exactly of a robot and its ground, and how scores over draws of it become one number."""
+"""Uncertain quantities of a robot and its ground, random draws of them, and risk measures of scores over draws."""
 
 import dataclasses
 import math
@@ -23,23 +23,23 @@ DRIVE = ("levels", "timing")  # of actuators
 GROUND = (*FRICTION, "slope")
 QUANTITIES = (*GROUND, *DRIVE)
 SHARES = (*FRICTION, *DRIVE)  # given in percent
-MOST = {"timing": 0.5}  # of shares, where it is less than 1
-TAIL = 0.2  # share of the worst draws that a judgement tells of, unless the risk names one
+MOST = {"timing": 0.5}  # largest values of shares, where less than 1
+TAIL = 0.2  # share of the worst draws in the CVaR of a judgement, unless the risk names one
 JUDGED_DRAWS = 64  # held-out draws by which designs are judged
 RESAMPLES = 2000  # of the bootstrap
-SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: what searches see, and what designs are judged by afterwards
+SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: draws for searches, draws for judging designs afterwards
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One draw: by how much friction, slope, and what actuators do, differ from what is nominal.
+    """One draw: deviations of friction, slope and actuators from their nominal values.
 
     Attributes:
         sliding: factor of the friction of sliding feet.
-        gripping: factor of that of gripping feet, skin, seams and bladders.
-        slope: added to the slope [degrees].
-        levels: factors of how far actuators go, one each; none is as they are told.
-        timing: factor of how long their strokes, and waits between them, last.
+        gripping: factor of the friction of gripping feet, skin, seams and bladders.
+        slope: angle added to the slope [degrees].
+        levels: factors of the actuators' levels, one for each; empty for nominal levels.
+        timing: factor of the durations of strokes and of the waits between them.
     """
 
     sliding: float = 1.0
@@ -66,9 +66,9 @@ class Perturbation:
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
     def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
-        """The terrain of this draw; ``high`` and ``low`` are of the robot's feet, where the terrain gives none.
+        """The terrain of this draw for robots with feet that grip or slide; a fluid is returned unchanged.
 
-        In a fluid there is no ground that a draw could change.
+        ``high`` and ``low`` are the friction coefficients of gripping and sliding feet, used if the terrain has none.
         """
         if terrain.is_fluid:
             return terrain
@@ -78,22 +78,22 @@ class Perturbation:
             terrain,
             slope=self.tilted(terrain),
             high_friction=high,
-            low_friction=min(low * self.sliding, high),  # sliding feet never hold better than gripping ones
+            low_friction=min(low * self.sliding, high),  # sliding feet never have more friction than gripping ones
             **friction_of_parts(terrain, self.gripping),
         )
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Half-widths of the intervals from which unknown quantities are drawn, evenly and independently.
+    """Half-widths of the intervals from which uncertain quantities are drawn, uniformly and independently.
 
     Attributes:
-        friction: of the factor that sliding and gripping friction share, 0 to 1.
-        sliding: of a factor of sliding friction alone, 0 to 1.
-        gripping: of a factor of gripping friction alone, 0 to 1.
-        slope: of what is added to the slope, 0 to 45 degrees.
-        levels: of a factor of how far each actuator goes, 0 to 1, drawn for every one of them.
-        timing: of the factor of how long strokes and waits last, 0 to 0.5.
+        friction: half-width of a common factor of sliding and gripping friction, 0 to 1.
+        sliding: half-width of a factor of sliding friction alone, 0 to 1.
+        gripping: half-width of a factor of gripping friction alone, 0 to 1.
+        slope: half-width of the angle added to the slope, 0 to 45 degrees.
+        levels: half-width of a factor of each actuator's level, 0 to 1, drawn for every actuator.
+        timing: half-width of the factor of the durations of strokes and waits, 0 to 0.5.
     """
 
     friction: float = 0.0
@@ -113,10 +113,10 @@ class Uncertainty:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The uncertainty of a text such as ``friction=20%,slope=1``; shares may also be written as ``0.2``.
+        """Parse a text such as ``friction=20%,slope=1``; shares may also be written as ``0.2``.
 
         Raises:
-            ValueError: for an unknown quantity, one given twice, and a value that is not allowed.
+            ValueError: if a quantity is unknown or given twice, or a value is not allowed.
         """
         found: dict[str, float] = {}
         for part in text.split(","):
@@ -136,15 +136,15 @@ class Uncertainty:
 
     @property
     def text(self) -> str:
-        """The text that says it, always the same for the same uncertainty."""
+        """Canonical text of the uncertainty, which :meth:`parse` reads."""
         given = [name for name in QUANTITIES if getattr(self, name)]
         return ",".join(f"{name}={getattr(self, name)!r}" for name in given)
 
     def check_ground(self, world: World) -> None:
-        """Refuse to draw what a world does not have.
+        """Check that a world has the quantities of the ground that are to be drawn.
 
         Raises:
-            ValueError: that names it.
+            ValueError: if it does not; names what is missing.
         """
         of_ground = [name for name in GROUND if getattr(self, name)]
         if not isinstance(world, Terrain):
@@ -156,10 +156,10 @@ class Uncertainty:
             raise ValueError(f"uncertain: {self.text} is not allowed with water, which is level; leave out slope")
 
     def check(self, robot: Robot, world: World) -> None:
-        """Refuse to draw what a robot or its world does not have.
+        """Check that a robot and its world have the quantities that are to be drawn.
 
         Raises:
-            ValueError: that names it.
+            ValueError: if they do not; names what is missing.
         """
         self.check_ground(robot.as_terrain(world))
         for name in QUANTITIES:
@@ -169,21 +169,21 @@ class Uncertainty:
 
     @property
     def drives(self) -> bool:
-        """Whether what actuators do is uncertain."""
+        """Whether quantities of actuators are uncertain."""
         return any(getattr(self, name) for name in DRIVE)
 
     def draw(self, count: int, stream: int = SEARCHED, seed: int = 0, actuators: int = 0) -> list[Perturbation]:
-        """So many perturbations; those of one stream and seed are always the same, other streams are independent.
+        """Draw perturbations; those of one stream and seed are always the same, other streams are independent.
 
         Args:
-            count: how many.
-            stream, seed: which.
-            actuators: that the robot has, for ``levels``.
+            count: number of perturbations.
+            stream, seed: stream of random numbers and its seed.
+            actuators: number of actuators of the robot, for ``levels``.
         """
         each = np.random.default_rng((stream, seed)).uniform(-1.0, 1.0, (count, len(GROUND)))
         pair, sliding, gripping, slope = (each * [getattr(self, name) for name in GROUND]).T
         grounds = np.stack([(1 + pair) * (1 + sliding), (1 + pair) * (1 + gripping), slope], axis=1).tolist()
-        # Streams of their own: so the ground is the same whether or not actuators are uncertain, and how many.
+        # Separate streams, so that the ground does not depend on whether, and how many, actuators are uncertain.
         times = 1 + self.timing * np.random.default_rng((stream, seed, 1)).uniform(-1.0, 1.0, count)
         levels = np.random.default_rng((stream, seed, 2)).uniform(-1.0, 1.0, (count, actuators if self.levels else 0))
         told = zip(grounds, (1 + self.levels * levels).tolist(), times.tolist(), strict=True)
@@ -192,17 +192,17 @@ class Uncertainty:
 
 @dataclass(frozen=True)
 class Risk:
-    """How scores over draws become one number: the mean of the worst share of them.
+    """Risk measure: combines scores over draws to one number, the mean of the worst share of them.
 
     Attributes:
-        share: 1 is the mean of all draws, 0 the worst draw alone; between, the conditional value at risk (CVaR).
+        share: 1 for the mean of all draws, 0 for the worst draw, between for the conditional value at risk (CVaR).
     """
 
     share: float = 1.0
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The risk measure of a text: ``mean``, ``worst`` or ``cvar:SHARE`` such as ``cvar:0.2``.
+        """Parse a risk measure: ``mean``, ``worst`` or ``cvar:SHARE``, such as ``cvar:0.2``.
 
         Raises:
             ValueError: for anything else.
@@ -220,13 +220,13 @@ class Risk:
 
     @property
     def text(self) -> str:
-        """The text that says it."""
+        """Text of the risk measure, which :meth:`parse` reads."""
         return {1.0: "mean", 0.0: "worst"}.get(self.share, f"cvar:{shortest(self.share)}")
 
     def weights(self, scores: ArrayLike) -> Floats:
-        """Derivatives of the number by the scores, shape (..., K): of the worst K times share, equal weights.
+        """Weights of K scores, shape (..., K), which are also the derivatives of the result by the scores.
 
-        A share that is no whole number of draws counts the last of them in part.
+        The worst K times ``share`` scores, at least one, have equal weights; of a fraction the last counts in part.
         """
         scores = np.asarray(scores, float)
         count = scores.shape[-1]
@@ -235,7 +235,7 @@ class Risk:
         return np.asarray(np.clip(worst - ranks, 0.0, 1.0) / worst)
 
     def of(self, scores: ArrayLike) -> Floats:
-        """The number, shape (...), of scores, shape (..., K); NaN where a draw failed."""
+        """Risk measure, shape (...), of scores, shape (..., K); NaN where a draw failed."""
         scores = np.asarray(scores, float)
         failed = ~np.isfinite(scores).all(axis=-1)
         return np.where(failed, np.nan, (self.weights(scores) * np.where(failed[..., None], 0, scores)).sum(axis=-1))
@@ -243,13 +243,13 @@ class Risk:
 
 @dataclass(frozen=True)
 class Score:
-    """A number by which a robot is judged in one world, where more is better.
+    """A score by which a robot is judged in one world; larger is better.
 
     Attributes:
-        name: such as ``speed`` or ``minus energy``.
-        unit: such as ``BL/s``; empty for a plain number.
-        of: its values, shape (N,), in an outcome.
-        stands_in: whether it is the robot's first measure in place of what a search judges, which is no such number.
+        name: name, such as ``speed`` or ``minus energy``.
+        unit: unit, such as ``BL/s``; empty for a plain number.
+        of: function from an outcome to the values, shape (N,).
+        stands_in: whether the robot's first measure replaces an objective that is not a single measure.
     """
 
     name: str
@@ -275,22 +275,22 @@ def judge_uncertain(
     compute: Compute = HERE,
     progress: Progress | None = None,
 ) -> Judgement:
-    """Tell how a robot of which nothing is free does over draws that no search has seen.
+    """Judge a robot without free variables over draws that no search has used.
 
-    What the risk names is told first; CVaR is of its share, or of ``TAIL``.
+    The judgement has the mean, the CVaR and the worst of the scores.
 
     Args:
-        robot: that is judged.
-        world: where.
-        uncertainty: what is drawn.
-        risk: that is told first.
-        draws: how many.
-        score: by which it is judged; its first measure by default. A draw in which it is no number has failed.
+        robot: robot to judge.
+        world: world in which it is judged.
+        uncertainty: quantities that are drawn.
+        risk: risk measure that the text reports first; its share is that of the CVaR, or ``TAIL`` if it has none.
+        draws: number of draws.
+        score: score by which it is judged, by default its first measure. A draw with a score that is not finite failed.
         compute: device, precision and threads.
-        progress: called now and then with the fraction done.
+        progress: called at intervals with the fraction done.
 
     Raises:
-        ValueError: if its world has no such ground, or it no friction, levels or timing that can be drawn.
+        ValueError: if the world or the robot does not have a quantity that is to be drawn.
     """
     uncertainty.check(robot, world)
     terrain = terrain_of(robot.as_terrain(world))
@@ -310,7 +310,7 @@ def judge_uncertain(
 
 
 def spoken(document: Mapping[str, Any]) -> str:
-    """What is told people of the document of a judgement over draws, what the risk names first."""
+    """Readable text of the document of a judgement over draws; the risk measure comes first."""
     if document["failed"]:
         return f"{document['failed']} of {document['draws']} held-out draws failed"
     names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
@@ -327,9 +327,9 @@ def spoken(document: Mapping[str, Any]) -> str:
 
 
 def summary(scores: Sequence[float], share: float) -> dict[str, float]:
-    """Mean, CVaR and worst of scores, each with its 95 % bootstrap interval, and their standard deviation.
+    """Mean, CVaR and worst of scores, each with its 95 % bootstrap interval, and the standard deviation of the scores.
 
-    The interval of the worst is that of the worst of the draws, which goes no lower: others may be worse.
+    The interval of the worst never goes below the worst draw, although further draws may be worse.
     """
     each = np.asarray(scores, float)
     picked = np.random.default_rng(0).integers(0, len(each), (RESAMPLES, len(each)))

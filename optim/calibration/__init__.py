@@ -1,4 +1,4 @@
-"""Fitting the inflatable robot's properties to measurements on a rig."""
+"""Fit the inflatable robot's properties to measurements on a rig."""
 
 from optim.calibration.fit import Calibration, calibrate, check_names
 from optim.calibration.report import document, table

@@ -1,12 +1,13 @@
-"""Weighted least squares of the inflatable robot's properties to experiments on a rig.
+"""Fit the inflatable robot's properties to experiments on a rig by weighted least squares.
 
-Contact makes a misfit rugged far from its minimum, so what an experiment tells best is looked for there first, one
-kind of experiment after the other: friction in dragged feet, the modulus in diameters, the inflation rate in gaits.
-Each look goes over all of the bounds, then closer. From there all properties go down together on all data, by SciPy's
-trust region reflective method (Branch, Coleman & Li, SIAM Journal on Scientific Computing 21, 1999). Properties are
-positive and searched as logarithms. Derivatives are central differences whose robots are simulated side by side with
-the others of the step. The lattice's reverse mode would not help: the rate acts through the steps at which a bladder
-arrives, and friction through switches, which it does not differentiate.
+Contact makes the misfit rugged far from its minimum. Therefore each property is first searched in the kind of
+experiment that determines it best, one kind after the other: friction in drags of feet, the modulus in diameters, the
+inflation rate in gaits. Each of these searches samples the whole range between the bounds, then the surroundings of
+the best sample. From there all properties are fitted together to all data, by SciPy's trust region reflective method
+(Branch, Coleman & Li, SIAM Journal on Scientific Computing 21, 1999). Properties are positive, so their logarithms are
+fitted. Derivatives are central differences, whose robots are simulated in one batch with the others of the step. The
+lattice's reverse mode would not help, as it differentiates neither the steps at which a bladder arrives, through which
+the rate acts, nor switches, through which friction acts.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,21 +22,21 @@ from robots.calibration import BOUNDS, KINDS, NAMES, Drag, Experiment, Laborator
 from taichi_sim.base.arrays import Floats
 
 Told = Callable[[float, str], None]
-LOOK = 16  # points of a look for each property; so many robots filled a vector in version 1.0
-_STEPS = 8  # evaluations of the joint fit
-_INSIDE = 1e-6  # between bounds and where SciPy may begin
-_NEAR_BOUND = 0.01  # of the logarithm
+LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
+_STEPS = 8  # maximum number of evaluations of the joint fit
+_INSIDE = 1e-6  # least distance of SciPy's start from the bounds, of the logarithm
+_NEAR_BOUND = 0.01  # distance from a bound, of the logarithm, below which a property counts as at the bound
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Properties that a fit has found, beside those before it, and how sure they are."""
+    """Result of a fit: properties before and after it, and their uncertainty."""
 
-    before: Properties  # properties that the search began with
-    after: Properties  # those found
+    before: Properties  # properties before the fit
+    after: Properties  # fitted properties
     names: tuple[str, ...]  # of the properties that were fitted, K
     uncertainty: Uncertainty  # of their logarithms
-    predictions: Floats  # of all points before and after, shape (2, N)
+    predictions: Floats  # predictions of all points before and after the fit, shape (2, N)
     misfit: tuple[float, float]  # root mean square residual before and after, in standard deviations
     at_bound: tuple[str, ...]  # names of properties that ended at a bound
 
@@ -53,11 +54,11 @@ def calibrate(
     bounds: Mapping[str, tuple[float, float]] = BOUNDS,
     progress: Told | None = None,
 ) -> Calibration:
-    """Fit properties to experiments, beginning with those of the laboratory's robot, stiff enough for the bounds.
+    """Fit properties to experiments, starting from those of the laboratory's robot.
 
     Raises:
-        ValueError: for unknown names, too few points, and properties that the data cannot tell.
-        RuntimeError: if the robot diverges where the joint fit begins.
+        ValueError: for unknown names, too few points, or properties that the data do not determine.
+        RuntimeError: if the robot diverges at the start of the joint fit.
     """
     check_names(experiments, names)
     before = Properties.of(laboratory.geometry, laboratory.actuation)
@@ -67,9 +68,10 @@ def calibrate(
 
 
 def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None:
-    """Check, before anything is simulated, that experiments may tell these properties.
+    """Check, before anything is simulated, that experiments may determine these properties.
 
-    Raises ValueError for unknown names, too few points, and properties that act in no experiment.
+    Raises:
+        ValueError: for unknown names, too few points, or properties that act in no experiment.
     """
     if unknown := [name for name in names if name not in NAMES]:
         raise ValueError(f"fit: {unknown[0]!r} is unknown; choose of {', '.join(NAMES)}")
@@ -90,9 +92,9 @@ def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None
 
 
 def _look_around(misfit: Misfit, told: Told) -> Properties:
-    """Properties near the minimum: each looked for in the kind of experiment that tells it best.
+    """Properties near the minimum: each is searched in the kind of experiment that determines it best.
 
-    A drag is soon simulated, a sensitivity is not: friction is looked for before properties are checked.
+    Friction is searched before the properties are checked, as drags are fast and sensitivities are not.
     """
     told_by_drags = {experiment.informs[0] for experiment in misfit.experiments if isinstance(experiment, Drag)}
     rubbed = tuple(name for name in misfit.names if name in told_by_drags)
@@ -105,7 +107,7 @@ def _look_around(misfit: Misfit, told: Told) -> Properties:
 
 
 def _look(misfit: Misfit, kind: type, names: tuple[str, ...], told: Told) -> Properties:
-    """The best of a look over all of the bounds in one kind of experiment, and of a closer one around what it found."""
+    """Best of samples between the bounds, then of samples around that best, in one kind of experiment."""
     if not names:
         return misfit.start
     part = replace(misfit, experiments=[e for e in misfit.experiments if isinstance(e, kind)], names=names)
@@ -127,11 +129,14 @@ def _least(misfit: Misfit, points: Floats) -> Floats:
 
 
 def _checked_homes(misfit: Misfit) -> dict[str, type]:
-    """Refuse properties that the data cannot tell; for the others the kind of experiment that tells them best.
+    """Find the kind of experiment that determines each property best; refuse properties that the data do not determine.
 
-    In units of what the bounds leave open (the standard deviation of a uniform deviate between them), data tell a
-    combination of properties if its standard error is below one. A property is told best by experiments that are made
-    for it, and among these, or without any, by those with the largest slopes.
+    The unit of each logarithm is the standard deviation of a uniform distribution between the bounds. Data determine
+    a combination of properties if its standard error is below one such unit. A property is determined best by
+    experiments made for it and, among these, or if there are none, by those with the largest slopes.
+
+    Raises:
+        ValueError: if the data do not determine a combination of properties.
     """
     low, high = misfit.limits
     slopes = _simulated(misfit, misfit.of(misfit.start)).slopes * (high - low) / np.sqrt(12)
@@ -153,7 +158,7 @@ def _checked_homes(misfit: Misfit) -> dict[str, type]:
 
 
 def _descend(misfit: Misfit, before: Properties, told: Told) -> Calibration:
-    """The joint fit, where the simulator's scatter counts as noise too."""
+    """Fit all properties jointly; the scatter of the simulator counts as additional noise."""
     low, high = misfit.limits
     point = np.clip(misfit.of(misfit.start), low + _INSIDE, high - _INSIDE)
     first = _simulated(misfit, point)

@@ -1,8 +1,8 @@
-"""How far simulated experiments are from measured ones, by the logarithms of some properties, and how sure these are.
+"""Misfit between simulated and measured experiments as a function of properties, and the properties' uncertainty.
 
-Standard errors of weighted nonlinear least squares (Seber & Wild, "Nonlinear Regression", 1989, ch. 2 and 5), for
-errors of two kinds: the noise of the measurement, and what contact makes of a start that no one knows to a micrometre,
-which is correlated along a track.
+Standard errors are those of weighted nonlinear least squares (Seber & Wild, "Nonlinear Regression", 1989, ch. 2 and 5)
+for two kinds of errors: noise of the measurements, and the scatter of the simulation, because contact amplifies
+differences of the start positions, which are not known to a micrometre. The latter is correlated along a track.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,16 +15,16 @@ from scipy.stats import norm, t
 from robots.calibration import Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Bools, Floats
 
-ASSUMED = 0.02  # standard deviation where none is given, in parts of an experiment's largest value
-SMALLEST = 0.002  # of such a deviation, however equal readings are: they are rounded, and gauges are no better
+ASSUMED = 0.02  # standard deviation where none is given, relative to an experiment's largest value
+SMALLEST = 0.002  # least such deviation, because readings are rounded and gauges are no better
 DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
-REPLICAS = 8  # starts by whose noise the simulator's own scatter is known
-FAR_OFF = 1e3  # residual of what diverges
+REPLICAS = 8  # simulations with different start noise, from which the simulator's scatter is estimated
+FAR_OFF = 1e3  # residual of simulations that diverge
 
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The misfit at a point, and around it."""
+    """Residuals of the misfit at a point, with their derivatives and scatter."""
 
     predictions: Floats  # of all points, the mean of the replicas, shape (N,)
     residuals: Floats  # (prediction - measurement) / standard deviation, shape (N,)
@@ -32,19 +32,19 @@ class Linearised:
     scatter: Floats  # covariance of one replica's residuals by noise on its start, shape (N, N)
 
     def weighted(self, factors: Floats) -> "Linearised":
-        """The same in other standard deviations: residuals times factors of shape (N,)."""
+        """Copy with residuals multiplied by factors, shape (N,), for other standard deviations."""
         slopes, scatter = self.slopes * factors[:, None], self.scatter * np.outer(factors, factors)
         return replace(self, residuals=self.residuals * factors, slopes=slopes, scatter=scatter)
 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Residuals of experiments."""
+    """Residuals of experiments as a function of the logarithms of K properties."""
 
-    experiments: Sequence[Experiment]  # with what was measured
+    experiments: Sequence[Experiment]  # with their measured values
     laboratory: Laboratory  # in which they are simulated
-    names: tuple[str, ...]  # of the properties that change, K
-    start: Properties  # the other properties
+    names: tuple[str, ...]  # names of the K properties that change
+    start: Properties  # values of the other properties
     bounds: Mapping[str, tuple[float, float]]  # of all properties that change
 
     @cached_property
@@ -54,7 +54,7 @@ class Misfit:
 
     @cached_property
     def given(self) -> Bools:
-        """Which points' standard deviations are given, not assumed, shape (N,)."""
+        """Whether the standard deviation of each point is given rather than assumed, shape (N,)."""
         return np.concatenate([np.full(len(e.values), e.deviations is not None) for e in self.experiments])
 
     @cached_property
@@ -71,7 +71,7 @@ class Misfit:
         return low, high
 
     def of(self, properties: Properties) -> Floats:
-        """The point of some properties, kept within the bounds."""
+        """Point of some properties: their logarithms, clipped to the bounds, shape (K,)."""
         low, high = self.limits
         inside: Floats = np.clip(np.log([getattr(properties, name) for name in self.names]), low, high)
         return inside
@@ -82,7 +82,7 @@ class Misfit:
         return replace(self.start, **{name: float(v) for name, v in zip(self.names, values, strict=True)})
 
     def predictions(self, trials: Sequence[Trial]) -> Floats:
-        """What all experiments would measure in some trials, shape (T, N)."""
+        """Predicted values of all experiments in T trials, shape (T, N)."""
         return np.hstack([experiment.predict(trials, self.laboratory) for experiment in self.experiments])
 
     def costs(self, points: Floats) -> Floats:
@@ -92,9 +92,9 @@ class Misfit:
         return np.where(np.isfinite(squares), squares, np.inf)
 
     def linearised(self, point: Floats) -> Linearised:
-        """Residuals, slopes and scatter, all simulated side by side.
+        """Compute residuals, slopes and scatter from one batch of simulations.
 
-        Differences that a bound cuts short are those of one side, and so are those that diverge on one.
+        Differences are one-sided where a bound, or a simulation that diverges, prevents a step to the other side.
         """
         count, (low, high) = len(point), self.limits
         moves = DIFFERENCE * np.concatenate([np.eye(count), -np.eye(count)])
@@ -118,23 +118,26 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """How sure K properties are."""
+    """Uncertainty of K fitted properties."""
 
     errors: Floats  # standard errors of the logarithms, which are relative standard errors, shape (K,)
     reach: Floats  # half widths of the 95 % confidence intervals of the logarithms, shape (K,)
     correlation: Floats  # between the errors, shape (K, K)
-    chaos: Floats  # part of each error's variance that is the simulator's scatter, shape (K,)
-    noise: float  # root mean square of the residuals, in standard deviations, for the degrees of freedom left
+    chaos: Floats  # share of each variance that comes from the simulator's scatter, shape (K,)
+    noise: float  # root of the residuals' sum of squares over the degrees of freedom [standard deviations]
 
 
 def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
-    """Uncertainty of a fit that ended at a point.
+    """Uncertainty of a fit, from the linearised misfit at its end.
 
-    Variances that are assumed, of points that are not ``given``, shape (N,), are scaled by what the residuals say, but
-    never to deviations below ``SMALLEST``: few readings may be equal, or on the curve, by chance. Given ones are
-    scaled if the residuals are larger than these allow, never if they are smaller. The simulator's scatter counts once
-    for the rig, whose one run is as chaotic, and once for the mean of the replicas. ``share`` is that of the
-    measurement in the variance that each residual is weighted by, shape (N,).
+    Assumed variances are scaled to the residuals, but never to deviations below ``SMALLEST``, as a few readings may be
+    equal, or on the curve, by chance. Given variances are only ever scaled up. The simulator's scatter counts once for
+    the single run of the rig, which is as chaotic, and once for the mean of the replicas.
+
+    Args:
+        found: linearised misfit.
+        given: whether the standard deviation of each point is given rather than assumed, shape (N,).
+        share: share of the measurement in the variance by which each residual is weighted, shape (N,).
     """
     slopes, freedom = found.slopes, found.slopes.shape[0] - found.slopes.shape[1]
     scale = float(found.residuals @ found.residuals) / freedom

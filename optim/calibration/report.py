@@ -1,4 +1,4 @@
-"""What a calibration says: a document for machines and files, a table and a picture for people."""
+"""Reports of a calibration: a document for JSON, a table and a picture."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,14 +11,14 @@ from optim.calibration.fit import Calibration
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from robots.calibration import UNITS, Experiment
 
-TOO_LARGE = 2.0  # residuals in standard deviations, from which on model and data do not agree
+TOO_LARGE = 2.0  # residuals, in standard deviations, above which model and data do not agree
 HANDY = {"[m]": ("[mm]", 1e3), "[m/s]": ("[mm/s]", 1e3), "[Pa]": ("[kPa]", 1e-3)}  # units of the pictures
 MEASURED: Any = {"fmt": "o", "ms": 3, "color": COLOURS[7], "lw": 0.8, "label": "measured", "zorder": 3}
 COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
 
 
 def document(found: Calibration, geometry: str, weight: str = "published") -> dict[str, Any]:
-    """All of it; fits JSON, and ``robots.calibration.load_calibration`` reads it."""
+    """Return a calibration as a dictionary for JSON, which ``robots.calibration.load_calibration`` can read."""
     fitted = {
         name: {
             "before": getattr(found.before, name),
@@ -47,7 +47,7 @@ def document(found: Calibration, geometry: str, weight: str = "published") -> di
 
 
 def warnings(found: Calibration) -> list[str]:
-    """What a user must know before trusting the numbers, a line each."""
+    """Reasons to distrust the numbers, one line each."""
     lines = [f"{name} ended at a bound: its error means little; widen --bounds {name}" for name in found.at_bound]
     if found.uncertainty.noise > TOO_LARGE:
         size = f"{found.uncertainty.noise:.1f} standard deviations"
@@ -56,7 +56,7 @@ def warnings(found: Calibration) -> list[str]:
 
 
 def table(found: Calibration) -> str:
-    """Properties, intervals and correlations in columns, then warnings."""
+    """Format properties, intervals and correlations as a table, followed by warnings."""
     rows = [f"{'property':<16}{'before':>10}{'after':>10}{'error':>8}  {'95 % interval':<26}{'correlation'}"]
     for row, (name, error, (low, high)) in enumerate(
         zip(found.names, found.uncertainty.errors, found.intervals, strict=True)
@@ -76,7 +76,7 @@ def _finite(value: float) -> float | None:
 
 
 def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, path: Path) -> None:
-    """Plot experiments with their measurements, a panel each, and their simulation before and after the fit, (2, N)."""
+    """Plot each experiment in a panel: its measurements, and its predictions before and after the fit, shape (2, N)."""
     parts = np.split(np.asarray(predictions), np.cumsum([len(e.values) for e in experiments])[:-1], axis=1)
     columns = min(COLUMNS, len(experiments))
     rows = -(-len(experiments) // columns)
@@ -85,7 +85,7 @@ def save_calibration(experiments: Sequence[Experiment], predictions: ArrayLike, 
         for axes in panels.flat[len(experiments) :]:
             axes.set_visible(False)
         for axes, experiment, (before, after) in zip(panels.flat, experiments, parts, strict=False):
-            whole = not np.isfinite(experiment.at).all()  # values of whole gaits have no place on an axis
+            whole = not np.isfinite(experiment.at).all()  # values of whole gaits have no time
             xlabel, along = ("number", 1.0) if whole else _handy(experiment.axis)
             ylabel, up = _handy(experiment.quantity)
             at = np.arange(1.0, len(before) + 1) if whole else along * experiment.at

@@ -3,6 +3,6 @@
 from optim.measures.homeostasis import homeostasis
 from optim.measures.overlap import learnability, resistance
 
-interference = resistance  # its name in version 1.0, which callers' own code has
+interference = resistance  # the name in version 1.0, kept for the code of users
 
 __all__ = ["homeostasis", "interference", "learnability", "resistance"]

@@ -1,11 +1,12 @@
-"""Measures of catastrophic interference: how mutations that were kept changed the score in each environment.
+"""Measures of catastrophic interference: how the mutations that a run kept changed the score in each environment.
+
+A run is given as the N evaluations that its climbers kept, in the order of generations: the climber of each, shape
+(N,), and its distance from success at the end of the trial in each of E environments, shape (N, E). Distances may
+have any unit: chapter 2 uses metres from the light, other studies a fraction of a bound. The first evaluation of a
+climber is its start; each further one is a beneficial mutation.
 
 Source: dissertation, chapter 2, "Measuring catastrophic interference": Eq. dist_record (the change of a mutation),
 runchampion, m1 (worst distance), m2 (angle from the diagonal), m3 (length), and quadrant I (M4).
-
-A run is the evaluations that its climbers kept, in the order of generations: which climber, shape (N,), and how far
-from success it ended in each environment, shape (N, E), in any unit: chapter 2 has metres from the light, other uses
-parts of a bound. The first of a climber is its start, each other one a beneficial mutation.
 """
 
 from collections.abc import Iterable
@@ -24,11 +25,11 @@ class RunMeasures:
 
     Attributes:
         champion: number of the climber whose worst distance is ``worst``.
-        worst: M1, distance of the champion in its worst environment, in the unit of the distances given.
+        worst: M1, distance of the champion in its worst environment, in the unit of the given distances.
         angle: M2, mean angle between changes and the diagonal [degrees]; NaN without changes.
         length: M3, mean length of changes, in the same unit; NaN without changes.
-        share: M4, share of changes that are better in every environment, from 0 to 1; NaN without changes.
-        changes: number of changes in the line.
+        share: M4, share of changes that are improvements in every environment, from 0 to 1; NaN without changes.
+        changes: number of changes in the line of descent.
     """
 
     champion: int
@@ -44,8 +45,8 @@ class MeanOfRuns:
     """Mean of a measure over independent runs, with its 95 % interval.
 
     Attributes:
-        value: the mean of the runs that have the measure; None if none has.
-        low: lower end of its interval by Student's t; None with fewer than two of them.
+        value: mean over the runs that have the measure; None if no run has it.
+        low: lower end of its interval by Student's t; None with fewer than two such runs.
         high: upper end.
         counted: number of runs that have the measure.
     """
@@ -57,7 +58,7 @@ class MeanOfRuns:
 
     @classmethod
     def of(cls, values: Iterable[float]) -> "MeanOfRuns":
-        """The mean of a value of each run, NaN of those that have none."""
+        """Average one value per run; a value is NaN if its run lacks the measure."""
         found = np.array([value for value in values if np.isfinite(value)])
         return cls(counted=len(found), **known_mean(found, "value"))
 
@@ -68,9 +69,9 @@ class SeveralRuns:
 
     Attributes:
         worst: mean of M1.
-        angle: mean of M2 over the runs whose champion has changes, as are the next two.
-        length: mean of M3.
-        share: mean of M4.
+        angle: mean of M2 over the runs whose champion has changes.
+        length: mean of M3 over the same runs.
+        share: mean of M4 over the same runs.
         runs: the measures of each run, at least one.
     """
 
@@ -82,7 +83,7 @@ class SeveralRuns:
 
     @classmethod
     def of(cls, runs: Iterable[RunMeasures]) -> "SeveralRuns":
-        """The means of runs, and these."""
+        """Average the measures of runs."""
         each = tuple(runs)
         return cls(
             MeanOfRuns.of(run.worst for run in each),
@@ -94,23 +95,24 @@ class SeveralRuns:
 
     @property
     def changes(self) -> int:
-        """Changes in the lines of all champions."""
+        """Number of changes in the lines of descent of all champions."""
         return sum(run.changes for run in self.runs)
 
 
 def changes_of(line: ArrayLike) -> Floats:
-    """Changes of distance along a line, (A, E), from its distances, (A + 1, E); positive if nearer.
+    """Changes of distance along a line of descent, (A, E), from its distances, (A + 1, E); positive if nearer.
 
-    Eq. dist_record. Failed evaluations (NaN), which only starts can be, are left out.
+    Source: Eq. dist_record. Failed evaluations (NaN) are left out; only the start of a line can be one.
     """
     away = np.asarray(line, float)
     return np.asarray(-np.diff(away[np.isfinite(away).all(axis=1)], axis=0))
 
 
 def angles(changes: ArrayLike) -> Floats:
-    """Angle of each change, (A, E), from the diagonal of equal gains [degrees], (A,); NaN for no change at all.
+    """Angle of each change, (A, E), from the diagonal of equal gains [degrees], (A,); NaN for a change of zero.
 
-    Eq. m2, by the arc tangent, which is also exact near the diagonal. The equation's fold at 180 degrees never acts.
+    Source: Eq. m2, computed with the arc tangent, which stays accurate near the diagonal. The equation folds angles
+    above 180 degrees; none occur.
     """
     delta = np.asarray(changes, float)
     along = delta.mean(axis=1, keepdims=True)
@@ -129,7 +131,7 @@ def avoids_interference(changes: ArrayLike) -> Bools:
 
 
 def last_kept(climber: ArrayLike) -> Ints:
-    """Row of the last evaluation of each climber, shape (P,), in the order of climbers."""
+    """Row of the last evaluation of each climber, shape (P,), in the order of climber numbers."""
     reversed_climbers = np.asarray(climber)[::-1]
     return np.asarray(len(reversed_climbers) - 1 - np.unique(reversed_climbers, return_index=True)[1])
 
@@ -137,12 +139,12 @@ def last_kept(climber: ArrayLike) -> Ints:
 def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
     """Measure M1 to M4 of a run as the dissertation defines them.
 
-    The champion has the smallest worst distance in the last generation (Eq. runchampion); its line is all that its
-    climber kept.
+    The champion is the climber with the smallest worst distance in the last generation (Eq. runchampion); its line of
+    descent is all evaluations that it kept.
 
     Args:
-        climber: number of the climber of each evaluation kept, (N,).
-        distance: distance from success at the end of each, (N, E); NaN if it failed.
+        climber: number of the climber of each kept evaluation, (N,).
+        distance: distance from success at the end of each evaluation, (N, E); NaN if it failed.
 
     Raises:
         ValueError: for other shapes, or a run without evaluations.
@@ -156,15 +158,16 @@ def measure_run(climber: ArrayLike, distance: ArrayLike) -> RunMeasures:
 def measure_run_as_computed(climber: ArrayLike, distance: ArrayLike, apparent: ArrayLike | None = None) -> RunMeasures:
     """Measure M1 to M4 of a run as the published experiment computed them.
 
-    Its champion is the climber with the smallest *sum* of distances in the last generation, M1 its worst distance.
-    Its line is that of the smallest worst distance of all generations, back from there, and only steps that change
-    the worst distance count. (differs: for two environments the experiment walked along children, kept or not.)
+    The champion is the climber with the smallest *sum* of distances in the last generation, and M1 is its worst
+    distance. M2 to M4 are those of another line of descent: the one that leads to the smallest worst distance of all
+    generations. Only its steps that change the worst distance count. (differs: for two environments the experiment
+    followed children whether or not they were kept.)
 
     Args:
-        climber: number of the climber of each evaluation kept, (N,).
-        distance: distance from the light at the end of each, seen from above, (N, E) [m]; NaN if it failed.
-        apparent: distances that the line is measured by, (N, E) [m]: those that light readings stand for; ``distance``
-            if None.
+        climber: number of the climber of each kept evaluation, (N,).
+        distance: horizontal distance from the light at the end of each evaluation, (N, E) [m]; NaN if it failed.
+        apparent: distances that correspond to the light readings, (N, E) [m], by which M2 to M4 are measured;
+            ``distance`` if None.
 
     Raises:
         ValueError: for other shapes, or a run without evaluations.

@@ -1,4 +1,4 @@
-"""Analysis of variance of two crossed factors: what each explains, and what only both together do.
+"""Two-way analysis of variance: the variance that each of two factors explains, and their interaction.
 
 Sources: Montgomery, Design and analysis of experiments, 8th ed. 2013, sections 5.3 (two factors) and 14.4 (split
 plots); Olejnik & Algina, Psychological Methods 8, 2003 (eta squared and omega squared); Efron & Tibshirani, An
@@ -20,18 +20,19 @@ AT_ONCE = 5_000_000  # numbers of resamples in memory
 
 @dataclass(frozen=True)
 class Source:
-    """What a factor, or the interaction of both, explains.
+    """One source of variation: a factor, or the interaction of both.
 
     Attributes:
         squares: sum of squares.
-        freedom: degrees of freedom; 0 of a factor with one level.
-        against: degrees of freedom of what it is tested against.
-        f: mean square over that of what it is tested against; None where one of them has no freedom, or no variance.
-        p: probability of at least that F if nothing is there; None where ``f`` is.
-        eta: eta squared, its share of the total sum of squares; grows by chance, the more the fewer values there are.
-        eta_low, eta_high: 95 % bootstrap interval, corrected for bias.
-        omega: omega squared, the same share less what chance explains; may be negative.
-        omega_low, omega_high: 95 % bootstrap interval.
+        freedom: degrees of freedom; 0 for a factor with one level.
+        against: degrees of freedom of the error term.
+        f: mean square divided by that of the error term; None if either has no degrees of freedom, or the error has
+            no variance.
+        p: probability of at least this F under the null hypothesis; None where ``f`` is None.
+        eta: eta squared, the share of the total sum of squares; biased upwards, the more the fewer values there are.
+        eta_low, eta_high: its 95 % bootstrap interval, corrected for bias.
+        omega: omega squared, the same share corrected for chance; may be negative.
+        omega_low, omega_high: its 95 % bootstrap interval, corrected for bias.
     """
 
     squares: float
@@ -49,12 +50,12 @@ class Source:
 
 @dataclass(frozen=True)
 class TwoWay:
-    """What two factors explain.
+    """Result of a two-way analysis of variance.
 
     Attributes:
-        rows, columns, interaction: what each explains.
+        rows, columns, interaction: the sources of variation.
         total: sum of squares of all values about their mean.
-        advantage: omega squared of rows less that of columns, with the ends of its 95 % bootstrap interval.
+        advantage: omega squared of rows minus that of columns, with the ends of its 95 % bootstrap interval.
     """
 
     rows: Source
@@ -68,14 +69,15 @@ def two_way(values: ArrayLike, blocks: bool = False, seed: int = 0) -> TwoWay:
     """Analyse a balanced experiment of two fixed factors.
 
     Args:
-        values: of a row factor, a column factor, and repetitions, shape (A, B, n) with n of at least 2.
+        values: by level of the row factor, level of the column factor and repetition, shape (A, B, n), n >= 2.
         blocks: whether repetition k of a row is the same individual in all columns (a split plot). Then rows are
-            tested against the variance of individuals, columns and interaction against that within them, and the
-            bootstrap draws individuals; without, all is tested against, and drawn from, repetitions of a cell.
-        seed: of the bootstrap.
+            tested against the variance between individuals, columns and interaction against the variance within
+            them, and the bootstrap resamples individuals. Otherwise all sources are tested against the variance
+            between the repetitions of a cell, which the bootstrap resamples.
+        seed: seed of the bootstrap.
 
     Raises:
-        ValueError: for another shape, and values that are not finite or do not vary.
+        ValueError: if the shape is wrong, or the values are not finite or all equal.
     """
     found = np.asarray(values, float)
     if found.ndim != 3 or 0 in found.shape or found.shape[2] < 2:
@@ -105,7 +107,10 @@ def two_way(values: ArrayLike, blocks: bool = False, seed: int = 0) -> TwoWay:
 
 
 def _partition(values: Floats) -> dict[str, Floats]:
-    """Sums of squares of values, shape (..., A, B, n): (...); ``blocks`` is that between individuals of a row."""
+    """Sums of squares by source, shape (...) each, of values of shape (..., A, B, n).
+
+    ``blocks`` is the sum of squares between the individuals of a row.
+    """
     a, b, n = values.shape[-3:]
     mean = values.mean(axis=(-3, -2, -1), keepdims=True)
     cell = values.mean(axis=-1, keepdims=True)
@@ -133,7 +138,7 @@ def _freedoms(shape: tuple[int, ...], blocks: bool) -> dict[str, int]:
 
 
 def _error(parts: Mapping[str, Floats], freedoms: Mapping[str, int], name: str, blocks: bool) -> tuple[Floats, int]:
-    """Mean square that a source is tested against, and its degrees of freedom."""
+    """Mean square of the error term of a source, and its degrees of freedom."""
     if blocks and name == "rows":
         squares, freedom = parts["blocks"], freedoms["blocks"]
     else:
@@ -173,9 +178,9 @@ def _bootstrap(
 
 
 def _ends(sample: Floats, found: float | Floats) -> tuple[float, float]:
-    """Percentiles of resamples, less the mean by which resamples exceed what was found.
+    """95 % percentile interval of an estimate from its resamples, shifted by the bias of the bootstrap.
 
-    Resampled cells differ by chance once more than the cells do, so that the mean of what they explain is too large.
+    The means of resampled cells vary more than those of the cells, so the resampled estimates are too large on average.
     """
     low, high = np.percentile(sample, [2.5, 97.5]) - (sample.mean() - found)
     return float(low), float(high)

@@ -1,8 +1,9 @@
-"""Check where an exact gradient can be trusted, by central differences and by the gradient of a smoothed objective.
+"""Check up to which step size an exact gradient can be trusted.
 
-Contact makes a long rollout piecewise smooth: between two jumps the exact gradient is the slope, but a search takes
-steps that cross many. So slopes along random directions are compared over a range of step sizes, and beside them the
-gradient of the objective smoothed by normal deviates, which is what a step of that size really meets.
+Contact makes the objective of a long rollout piecewise smooth: the exact gradient is the slope between two jumps, but
+the steps of a search cross many jumps. Therefore the exact slopes along random directions are compared with central
+differences over a range of step sizes, and with the gradient of the objective smoothed by a normal distribution,
+which averages over the jumps.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +15,7 @@ import numpy as np
 from optim.problem import RelaxableProblem
 from taichi_sim.base.arrays import Floats
 
-STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # ranges of the variables
+STEPS = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 5e-2, 0.1)  # in ranges of the variables
 TRUSTED, AGREES = 0.01, 0.9  # relative error of a slope, and cosine of two gradients, that count as agreement
 
 
@@ -25,10 +26,10 @@ class Horizon:
     Attributes:
         name: name of the problem.
         value: value of the objective.
-        exact: from the gradient, shape (D,).
-        differences: central ones for every step size, shape (S, D); NaN where an evaluation failed.
-        smoothed: slopes of the objective under normal deviates along these directions, shape (D,).
-        smoothed_error: standard errors of those, shape (D,).
+        exact: slopes from the exact gradient, shape (D,).
+        differences: central differences for every step size, shape (S, D); NaN where an evaluation failed.
+        smoothed: slopes of the objective smoothed by normal deviates along these directions, shape (D,).
+        smoothed_error: standard errors of the smoothed slopes, shape (D,).
     """
 
     name: str
@@ -69,7 +70,7 @@ class GradientReport:
     horizons: tuple[Horizon, ...]
 
     def verdict(self, horizon: Horizon) -> str:
-        """Describe in words at which step sizes to rely on which gradient."""
+        """Describe in words at which step sizes each gradient can be relied on."""
         good = {
             f"exact within {TRUSTED:.0%}": horizon.errors <= TRUSTED,
             "its direction": horizon.exact_cosines >= AGREES,
@@ -80,7 +81,7 @@ class GradientReport:
         )
 
     def text(self) -> str:
-        """Table of the exact gradient's error, and of the cosines of both gradients, for every step size."""
+        """Format a table of the exact gradient's error and the cosines of both gradients for every step size."""
         lines = [f"{'horizon':<14}{'step':>8}{'error':>10}{'cosine':>9}{'smoothed':>10}"]
         for horizon in self.horizons:
             rows = zip(self.steps, horizon.errors, horizon.exact_cosines, horizon.smoothed_cosines, strict=True)
@@ -91,7 +92,7 @@ class GradientReport:
         return "\n".join(lines)
 
     def document(self) -> dict[str, Any]:
-        """All numbers as a dictionary that fits JSON, with None for NaN."""
+        """Return all numbers as a dictionary for JSON, with None for NaN."""
         horizons = []
         for horizon in self.horizons:
             more = {name: getattr(horizon, name) for name in ("errors", "exact_cosines", "smoothed_cosines")}
@@ -126,10 +127,10 @@ def check_gradient(
 
     Args:
         problems: by name, a problem and a point of its relaxed space, farther from the bounds than the largest step.
-        steps: step sizes of the differences [ranges of the variables], along unit vectors.
-        directions: D, random ones, orthonormal in ranges of the variables.
-        smoothing: standard deviation of the smoothed gradient along each direction [ranges].
-        samples: antithetic pairs of the smoothed gradient.
+        steps: step sizes of the differences along unit vectors [ranges of the variables].
+        directions: D, the number of random directions; they are orthonormal in ranges of the variables.
+        smoothing: standard deviation of the smoothing along each direction [ranges].
+        samples: number of antithetic pairs that estimate the smoothed gradient.
         seed: seed of directions and deviates.
         progress: called with the fraction done.
 

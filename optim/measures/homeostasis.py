@@ -1,4 +1,4 @@
-"""Sensor homeostasis: how alike different environments look to a robot's sensors.
+"""Sensor homeostasis: how similar different environments appear to a robot's sensors.
 
 Source: Powers, Grindle, Frati & Bongard, A good body is all you need, arXiv 2021 (chapter 4 of Powers' dissertation,
 University of Vermont: dynamic time warping between the signals of each two environments, averaged).
@@ -13,25 +13,24 @@ from taichi_sim.base.arrays import Floats
 
 
 def homeostasis(signals: ArrayLike, distances: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Mean distance between the signals of each sensor in every two environments; low means homeostatic.
+    """Mean distance between a sensor's signals in each pair of environments; low means homeostatic.
 
-    Compare only controllers that solve every environment: the lowest scores of all are those of controllers that
-    fail because their sensors never see the light. As an objective, count it only once all environments are solved.
+    Compare only controllers that solve every environment: the lowest values belong to controllers that fail because
+    their sensors never see the light. As an objective, count it only once all environments are solved.
 
     Args:
-        signals: of B controllers in E environments, by S sensors, at T times, shape (B, E, S, T). In the source: the
-            light, 1 / distance squared, at both sensors, at the start and after each of 10,000 steps.
-        distances: function of two stacks of signals, shape (P, T), that gives P distances. In the source it is
-            ``taichi_sim.signals.warping_distances``, which with ``normalise=True`` also accepts signals that
-            differ in offset and amplitude. It is called once, with P = B S E (E - 1) / 2 pairs.
+        signals: signals of B controllers in E environments from S sensors at T times, shape (B, E, S, T). In the
+            source: the light, 1 / distance squared, at both sensors, at the start and after each of 10,000 steps.
+        distances: function of two stacks of signals, shape (P, T), that returns P distances. The source uses
+            dynamic time warping, as ``taichi_sim.signals.warping_distances`` does; with ``normalise=True`` that
+            function ignores differences in offset and amplitude. It is called once, with P = B S E (E - 1) / 2 pairs.
 
     Returns:
-        For each controller the mean over pairs of environments, then over sensors, shape (B,); NaN where a distance
-        is NaN.
+        Mean of each controller over pairs of environments and over sensors, shape (B,); NaN where a distance is NaN.
 
     Raises:
-        ValueError: unless signals have four axes with two environments and one sensor at least, or if
-            the distances are not as many as the pairs.
+        ValueError: if signals do not have four axes with at least two environments and one sensor, or the number of
+            distances is not that of the pairs.
     """
     signals = np.asarray(signals, float)
     if signals.ndim != 4 or signals.shape[1] < 2 or signals.shape[2] < 1:

@@ -1,8 +1,8 @@
-"""Measures of a body by a sweep over controllers: how easily one that solves every environment is found.
+"""Learnability and resistance to interference of a body, measured by a sweep over its controllers.
 
 Source: Powers, Grindle, Kriegman, Frati, Cheney & Bongard, Morphology dictates learnability in neural controllers,
 Artificial Life Conference 2020 (M_L and M_CF); Powers, Grindle, Frati & Bongard, A good body is all you need, arXiv
-2021 (the same, called M_L and M_CI).
+2021 (the same measures, called M_L and M_CI).
 """
 
 import numpy as np
@@ -15,29 +15,29 @@ def learnability(overlap: ArrayLike, environments: int = 4) -> Floats:
     """M_L: the share of all controllers that solve every environment, from 0 to 1.
 
     Args:
-        overlap: number of environments that each controller solves, whole numbers of shape (..., W, W): one matrix
-            over the two weights for each body.
-        environments: how many there are, E.
+        overlap: number of environments that each controller solves, integers of shape (..., W, W): for each body one
+            matrix over the two weights.
+        environments: E, the number of environments.
 
     Returns:
         Shares, shape (...).
 
     Raises:
-        ValueError: if the overlaps are no matrices of whole numbers from 0 to E, or E is below 1.
+        ValueError: if ``overlap`` does not hold matrices of integers from 0 to E, or E is below 1.
     """
     counts = _checked(overlap, environments)
     return learnability_of((counts == environments).sum(axis=(-2, -1)), counts.shape[-2] * counts.shape[-1])
 
 
 def resistance(overlap: ArrayLike, environments: int = 4) -> Floats:
-    """M_CI: the share of controllers solving every environment among those that solve any, from 0 to 1.
+    """M_CI: among the controllers that solve any environment, the share that solves every one, from 0 to 1.
 
-    It is the resistance to catastrophic interference: at 1, whoever learns one environment has learned all; 0 if
-    no controller solves anything.
+    It is the resistance to catastrophic interference: at 1, a controller that has learned one environment has learned
+    all. It is 0 if no controller solves any environment.
 
     Args:
         overlap: as in :func:`learnability`.
-        environments: how many there are, E.
+        environments: E, the number of environments.
 
     Returns:
         Shares, shape (...).
@@ -51,12 +51,12 @@ def resistance(overlap: ArrayLike, environments: int = 4) -> Floats:
 
 
 def learnability_of(solving_all: ArrayLike, controllers: int) -> Floats:
-    """M_L from how many of all controllers solve every environment, shape (...)."""
+    """M_L, shape (...), from the number of controllers that solve every environment and the number of all."""
     return np.asarray(np.asarray(solving_all) / controllers)
 
 
 def resistance_of(solving_all: ArrayLike, solving_any: ArrayLike) -> Floats:
-    """M_CI from how many controllers solve every environment, and how many any, shape (...); 0 if none does."""
+    """M_CI, shape (...), from the numbers of controllers that solve every, and any, environment; 0 if none does."""
     return np.asarray(np.asarray(solving_all) / np.maximum(solving_any, 1))
 
 

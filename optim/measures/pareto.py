@@ -1,4 +1,4 @@
-"""Pareto dominance, and the hypervolume of fronts; objectives are maximised.
+"""Pareto dominance and hypervolume; objectives are maximised.
 
 Source: While, Hingston, Barone & Huband, A faster algorithm for calculating hypervolume, IEEE Transactions on
 Evolutionary Computation 10(1), 2006 (hypervolume by slicing objectives).
@@ -11,20 +11,20 @@ from taichi_sim.base.arrays import Bools, Floats
 
 
 def dominates(ours: ArrayLike, theirs: ArrayLike) -> Bools:
-    """Whether objectives, shape (..., K), are nowhere worse than others, (..., K), and somewhere better.
+    """Whether ``ours`` dominates ``theirs``: no objective is worse and at least one is better.
 
-    The shapes are broadcast; the result has shape (...). NaN neither dominates nor is dominated.
+    Both have shape (..., K) and are broadcast; the result has shape (...). NaN neither dominates nor is dominated.
     """
     ours, theirs = np.asarray(ours, float), np.asarray(theirs, float)
     return np.asarray((ours >= theirs).all(axis=-1) & (ours > theirs).any(axis=-1))
 
 
 def non_dominated(objectives: ArrayLike) -> Bools:
-    """Whether each of N points, shape (N, K), is dominated by no other, shape (N,); False for failures (NaN)."""
+    """Whether each of N points, shape (N, K), is not dominated by any other, shape (N,); False for failures (NaN)."""
     objectives = np.asarray(objectives, float)
     mask = ~np.isnan(objectives).any(axis=1)
     for i in np.flatnonzero(mask):
-        if mask[i]:  # what a dominated point dominates, the one above it dominates too
+        if mask[i]:  # dominance is transitive, so dominated points need no comparison of their own
             mask &= ~dominates(objectives[i], objectives)
     return mask
 
@@ -32,11 +32,12 @@ def non_dominated(objectives: ArrayLike) -> Bools:
 def hypervolume(objectives: ArrayLike, reference: ArrayLike) -> float:
     """Volume between a reference point and the points that lie above it in every objective.
 
-    Exact for any number of objectives; fronts of a few hundred points take seconds with four of them.
+    Exact for any number of objectives; with four of them, fronts of a few hundred points take seconds.
 
     Args:
-        objectives: of N points, shape (N, K). Rows that are not finite, or not above the reference, count for nothing.
-        reference: a point that is worse than those of interest in every objective, shape (K,).
+        objectives: objectives of N points, shape (N, K). Rows that are not finite or not above the reference are
+            ignored.
+        reference: a point that is worse in every objective than the points of interest, shape (K,).
 
     Raises:
         ValueError: if the shapes do not fit together.
@@ -52,7 +53,7 @@ def hypervolume(objectives: ArrayLike, reference: ArrayLike) -> float:
 
 
 def _volume(heights: Floats) -> float:
-    """Volume of the union of boxes from the origin to each of the points, shape (N, K), all above 0."""
+    """Volume of the union of the boxes from the origin to each point, shape (N, K), all above 0."""
     if heights.shape[0] == 0:
         return 0.0
     if heights.shape[1] == 1:

@@ -1,6 +1,7 @@
-"""Measures of a body by sampled controllers: how many succeed in every environment, with intervals.
+"""Learnability and resistance to interference of a body, estimated from sampled controllers, with intervals.
 
-Source: as of ``optim.measures.overlap``, whose M_L and M_CI these estimate where no grid holds all controllers.
+They estimate M_L and M_CI of ``optim.measures.overlap``, which names the sources, where controllers have too many
+weights for a grid.
 """
 
 from dataclasses import dataclass
@@ -14,13 +15,13 @@ from taichi_sim.base.arrays import Bools
 
 @dataclass(frozen=True)
 class Share:
-    """A share of controllers.
+    """Share of controllers that have a property, with its confidence interval.
 
     Attributes:
-        count: that are in it.
-        of: all that could be.
-        value: the share, from 0 to 1; 0 of none.
-        low, high: its 95 % interval (Wilson), 0 to 1 of none.
+        count: number of controllers that have it.
+        of: number of controllers in all.
+        value: the share, from 0 to 1; 0 if ``of`` is 0.
+        low, high: its 95 % interval (Wilson); 0 and 1 if ``of`` is 0.
     """
 
     count: int
@@ -31,20 +32,20 @@ class Share:
 
     @classmethod
     def counted(cls, count: int, of: int) -> "Share":
-        """The share of a count."""
+        """Compute the share and its interval from two counts."""
         return cls(count, of, count / of, *wilson(count, of)) if of else cls(count, of, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
 class SampledMetrics:
-    """How easily controllers are found that succeed in every environment.
+    """Measures of learning of a body, estimated from sampled controllers.
 
     Attributes:
-        learnability: M_L, controllers that succeed in all environments among all.
-        resistance: M_CI, controllers that succeed in all environments among those that succeed in any; at 1, whoever
-            learns one environment has learned all.
-        each: controllers that succeed in each environment among all.
-        alone: M_CI if successes in different environments had nothing to do with each other, at the shares ``each``.
+        learnability: M_L, the share of controllers that succeed in all environments.
+        resistance: M_CI, the share of controllers that succeed in all environments among those that succeed in any;
+            at 1, a controller that has learned one environment has learned all.
+        each: for each environment, the share of controllers that succeed in it.
+        alone: M_CI that the shares ``each`` would give if successes in different environments were independent.
     """
 
     learnability: Share
@@ -54,7 +55,7 @@ class SampledMetrics:
 
 
 def sampled_metrics(succeeded: ArrayLike) -> SampledMetrics:
-    """The metrics of a body from which of its controllers succeed where, shape (N, E).
+    """Compute the metrics of a body from whether each of N controllers succeeded in each of E environments, (N, E).
 
     Raises:
         ValueError: for another shape.

@@ -1,6 +1,6 @@
-"""Statistics for comparisons of searches, from SciPy where it has them.
+"""Statistics for comparing searches; SciPy computes those that it has.
 
-Sources of the rest: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical
+Sources of the others: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical
 Power Analysis, 2nd ed. 1988 (d); Holm, Scandinavian J. of Statistics 6, 1979; Fisher, Metron 1, 1921 (interval of a
 correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks).
 """
@@ -41,7 +41,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Correlation:
-    """Correlation of two quantities of n things.
+    """Correlation of two quantities over n items.
 
     Attributes:
         n: pairs.
@@ -61,18 +61,17 @@ class Correlation:
 
 @dataclass(frozen=True)
 class Reliability:
-    """How far values that were measured anew differ between things, rather than within each of them.
+    """Reliability of repeated measurements: which share of their variance lies between the measured items.
 
     Attributes:
-        n: things, such as bodies.
-        repetitions: k, measurements of each.
-        within: standard deviation within a thing.
-        single: intraclass correlation ICC(1), the share of the variance of one measurement that is between things;
+        n: number of items, such as bodies.
+        repetitions: k, the number of measurements of each item.
+        within: standard deviation within an item.
+        single: intraclass correlation ICC(1), the share of the variance of one measurement that lies between items;
             None where nothing varies.
         low: lower end of its 95 % interval.
         high: upper end.
-        mean: the same share of the mean of k measurements, ICC(1, k); 0 where things differ less than chance would
-            have them differ.
+        mean: ICC(1, k), the same share for the mean of k measurements; 0 where items differ less than by chance.
     """
 
     n: int
@@ -101,7 +100,7 @@ class WelchTest:
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference of the means of two samples that are too small for a bootstrap interval.
+    """Difference of the means of two samples, with an interval by Student's t that suits small samples.
 
     Attributes:
         difference: difference of the means, b - a.
@@ -151,15 +150,15 @@ def welch(a: ArrayLike, b: ArrayLike) -> WelchTest:
 
 
 def difference_of_means(a: ArrayLike, b: ArrayLike, paired: bool = False) -> Difference:
-    """The difference of the means of samples a and b by Welch's t-test, or by that of pairs.
+    """Difference of the means of samples a and b by Welch's t-test, or by the paired t-test.
 
     Args:
         a: at least two finite values.
-        b: at least two; as many as a if ``paired``.
+        b: at least two finite values; as many as a if ``paired``.
         paired: whether value n of a belongs to value n of b.
 
     Raises:
-        ValueError: if there are fewer values, or the samples are not of the same length although paired.
+        ValueError: if there are fewer values, or paired samples differ in length.
     """
     if paired:
         a, b = _pairs(a, b)
@@ -175,7 +174,7 @@ def difference_of_means(a: ArrayLike, b: ArrayLike, paired: bool = False) -> Dif
 
 
 def ratio_of_means(a: ArrayLike, b: ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
-    """Mean of sample a over that of sample b, with the bounds of its confidence interval by the bootstrap.
+    """Mean of sample a divided by that of sample b, with both ends of its bootstrap confidence interval.
 
     Source: Efron & Tibshirani, An introduction to the bootstrap, 1993, ch. 13 (percentiles, 10,000 resamples).
 
@@ -196,10 +195,10 @@ def ratio_of_means(a: ArrayLike, b: ArrayLike, level: float = 0.95) -> tuple[flo
 
 
 def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]:
-    """Confidence interval of the mean by Student's t, for few values that are nearly normal.
+    """Confidence interval of the mean by Student's t, for small samples that are nearly normal.
 
     Raises:
-        ValueError: if there are less than two finite values.
+        ValueError: if there are fewer than two values, or one is not finite.
     """
     values = _sample("sample", sample)
     half = _scipy().t.isf((1 - level) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
@@ -207,25 +206,25 @@ def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]
 
 
 def known_interval(sample: ArrayLike) -> tuple[float | None, float | None]:
-    """The 95 % interval of :func:`mean_interval`, or two ``None`` if fewer than two values leave it unknown."""
+    """The 95 % interval of :func:`mean_interval`, or ``(None, None)`` with fewer than two values."""
     return mean_interval(sample) if np.size(sample) > 1 else (None, None)
 
 
 def known_mean(sample: ArrayLike, name: str = "mean") -> dict[str, float | None]:
-    """The mean of a sample under a name, and its 95 % interval as ``low`` and ``high``; None for what is unknown."""
+    """The mean of a sample under the key ``name``, and its 95 % interval as ``low`` and ``high``; None if unknown."""
     values = np.asarray(sample, float)
     low, high = known_interval(values)
     return {name: float(values.mean()) if values.size else None, "low": low, "high": high}
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Two-sided 95 % score interval (Wilson) of a share: ``successes`` out of ``trials``, at least one."""
+    """Two-sided 95 % score interval (Wilson) of the share ``successes / trials``; ``trials`` is at least 1."""
     interval = _scipy().binomtest(successes, trials, alternative="two-sided").proportion_ci(0.95, method="wilson")
     return float(interval.low), float(interval.high)
 
 
 def pearson(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlation:
-    """Product-moment correlation of pairs, both of shape (n,); ``"less"``: it is negative.
+    """Product-moment correlation of pairs, both of shape (n,); ``"less"`` tests for a negative one.
 
     Raises:
         ValueError: if the shapes differ, or a value is not finite.
@@ -243,27 +242,28 @@ def spearman(x: ArrayLike, y: ArrayLike, alternative: Alternative) -> Correlatio
 
 
 def _correlation(test: Any, x: Floats, y: Floats, alternative: Alternative, variance: float) -> Correlation:
-    """Make the record of a test; ``variance`` is that of the transformed coefficient, times n - 3."""
+    """Test for a correlation; ``variance`` is n - 3 times the variance of the transformed coefficient."""
     n = len(x)
     if n < 2 or not (np.ptp(x) and np.ptp(y)):
         return Correlation(n, None, None, None, 1.0)
     found = test(x, y, alternative=alternative)
     r, low, high = float(found.statistic), -1.0, 1.0
     if n > 3:
-        with np.errstate(divide="ignore"):  # a perfect correlation is infinite there, and its interval a point
+        with np.errstate(divide="ignore"):  # arctanh of a perfect correlation is infinite; its interval is one point
             centre, half = np.arctanh(r), _scipy().norm.isf(0.025) * np.sqrt(variance / (n - 3))
         low, high = float(np.tanh(centre - half)), float(np.tanh(centre + half))
     return Correlation(n, r, low, high, float(found.pvalue) if n > 2 else 1.0)
 
 
 def reliability(values: ArrayLike) -> Reliability:
-    """Intraclass correlation of measurements, shape (n, k), of n >= 2 things k >= 2 times each.
+    """Intraclass correlation of n >= 2 items, each measured k >= 2 times, shape (n, k).
 
-    One-way random effects: Shrout & Fleiss, Psychological Bulletin 86, 1979, ICC(1, 1) and ICC(1, k). The interval
-    takes measurements to be normal.
+    The interval assumes normally distributed measurements.
+
+    Source: one-way random effects, ICC(1, 1) and ICC(1, k): Shrout & Fleiss, Psychological Bulletin 86, 1979.
 
     Raises:
-        ValueError: for fewer things or measurements, or one that is not finite.
+        ValueError: for fewer items or measurements, or one that is not finite.
     """
     found = np.asarray(values, float)
     if found.ndim != 2 or min(found.shape) < 2 or not np.isfinite(found).all():
@@ -271,7 +271,7 @@ def reliability(values: ArrayLike) -> Reliability:
     n, k = found.shape
     between = k * float(found.mean(axis=1).var(ddof=1))
     within = float(found.var(axis=1, ddof=1).mean())
-    if np.ptp(found) <= 1e-12 * np.abs(found).max():  # nothing varies but by rounding
+    if np.ptp(found) <= 1e-12 * np.abs(found).max():  # the values differ by rounding at most
         return Reliability(n, k, 0.0, None, None, None, None)
 
     def share(low: float, high: float) -> float:
@@ -284,9 +284,9 @@ def reliability(values: ArrayLike) -> Reliability:
 
 
 def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> Floats:
-    """Means of resamples of the rows of ``sample``, shape (n, ...), drawn with replacement: (resamples, ...)."""
+    """Means of resamples, shape (resamples, ...), of the rows of ``sample``, (n, ...), drawn with replacement."""
     values = np.asarray(sample, float)
-    if len(values) < 2:  # SciPy wants two
+    if len(values) < 2:  # SciPy needs at least two
         return np.repeat(values.mean(axis=0)[None], resamples, axis=0)
     found = _scipy().bootstrap(
         (values,),
@@ -304,7 +304,7 @@ def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> 
 def mean_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
     """Percentile bootstrap interval of the mean over the first axis of (n, ...): lower and upper end, shape (...).
 
-    With five values it covers the mean in 84 % of samples instead of 95; :func:`mean_interval` does better.
+    With five values it covers the mean in 84 % of samples instead of 95 %; :func:`mean_interval` does better.
     """
     tail = 50 * (1 - level)
     low, high = np.percentile(bootstrap_means(sample), [tail, 100 - tail], axis=0)
@@ -322,12 +322,12 @@ def effect(a: ArrayLike, b: ArrayLike) -> Effect:
 
 
 def bonferroni(p_values: Sequence[float]) -> list[float]:
-    """p-values multiplied by their number, at most 1, in the order given."""
+    """Bonferroni-adjusted p-values: each multiplied by their number, at most 1; in the given order."""
     return [min(1.0, float(p) * len(p_values)) for p in p_values]
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p-values adjusted for their number (Holm's step-down method), in the order given."""
+    """p-values adjusted for multiple tests by Holm's step-down method, in the given order."""
     p = np.asarray(p_values, float)
     order = np.argsort(p, kind="stable")
     adjusted = np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p))))

@@ -1,7 +1,7 @@
 """Checkpoints of runs: the state of a search, with checksums of the files beside it.
 
-A checkpoint fits its folder if it was made with the same settings and the log begins with the lines that it knew. A
-run continues from the newest undamaged checkpoint that fits.
+A checkpoint fits its folder if it was made with the same settings and the log begins with the lines that it covers.
+A run continues from the newest undamaged checkpoint that fits.
 """
 
 import hashlib
@@ -47,7 +47,7 @@ class Record:
 
 
 def save(folder: Path, state: Mapping[str, NDArray[Any]], record: Record) -> None:
-    """Write a checkpoint, and keep the one before as ``checkpoint.previous.npz``; at no moment is there none."""
+    """Write a checkpoint, and keep the previous one as ``checkpoint.previous.npz``; one exists at every moment."""
     own = {_RECORD: np.frombuffer(json.dumps(asdict(record)).encode(), np.uint8)}
     with files.replacing(folder / CHECKPOINT) as aside:
         aside.write_bytes(files.pack({**state, **own}))
@@ -58,8 +58,8 @@ def save(folder: Path, state: Mapping[str, NDArray[Any]], record: Record) -> Non
 def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | None:
     """Read the newest checkpoint that fits.
 
-    The log is read after each checkpoint: it only grows, so a run that goes on meanwhile has the lines that the
-    checkpoint knew.
+    The log is read after each checkpoint. As it only grows, it has the lines that the checkpoint covers even if the
+    run is going on.
 
     Returns:
         State, record, and why newer checkpoints do not fit, by file name; None if there has not been a checkpoint.
@@ -92,10 +92,10 @@ def load(folder: Path, settings: str) -> tuple[State, Record, dict[str, str]] | 
 
 
 def restore(folder: Path, method: Method, state: State, name: str = CHECKPOINT) -> None:
-    """Give a method the state of the checkpoint in a file.
+    """Restore a method from the state in a checkpoint.
 
     Raises:
-        ValueError: if it is not that of such a method; names the folder, the file and the array.
+        ValueError: if the state does not fit the method; names the folder, the file and the array.
     """
     try:
         method.restore(state)
@@ -106,7 +106,7 @@ def restore(folder: Path, method: Method, state: State, name: str = CHECKPOINT) 
 
 
 class Summed(NamedTuple):
-    """What the lines of a log come to: their checksum, which may be continued, their number, and the last one."""
+    """Summary of the lines of a log: their checksum (which may be continued), their number, and the last line."""
 
     hasher: "hashlib._Hash"
     lines: int
@@ -114,7 +114,7 @@ class Summed(NamedTuple):
 
 
 def summed(path: Path, count: int | None = None) -> Summed:
-    """Sum up the complete lines of a log, or its first ``count``, one in memory at a time."""
+    """Summarise the complete lines of a log, or its first ``count``, with one line in memory at a time."""
     hasher, lines, last = hashlib.sha256(), 0, b""
     for line in itertools.islice(line_files.lines_of(path), count):
         hasher.update(line)

@@ -1,7 +1,7 @@
 """Compare runs: those that differ only in their seed make one group, and groups are compared by statistics.
 
-The unit of statistics is the run. Where every group is a single run of independent climbers, it is the climber; other
-members of a population are no independent samples, so a single run of them has neither bands nor effect sizes.
+The unit of statistics is the run; where every group is a single run of independent climbers, it is the climber. The
+members of a population are not independent samples, so a single run of one has neither bands nor effect sizes.
 """
 
 import itertools
@@ -23,7 +23,7 @@ from robots.robot import KINDS
 from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
-# What a score depends on besides the design; the rest of a problem may differ from run to run.
+# Settings of a problem on which scores depend; the others may differ between runs that are compared.
 JUDGED = (
     "kind",
     "terrains",
@@ -55,14 +55,14 @@ JUDGED = (
 
 @dataclass(frozen=True)
 class Curve:
-    """Best scores of a group of runs so far, over what they spent.
+    """Best scores so far of a group of runs, over evaluations, generations or time.
 
     Attributes:
-        label: what the group is.
+        label: name of the group.
         folders: run folders of the group.
         unit: ``"runs"`` or ``"climbers"``.
-        x: evaluations, generations or seconds, shape (P,), rising.
-        scores: best scores so far, shape (U, P); NaN as long as a unit has had no success.
+        x: evaluations, generations or seconds, increasing, shape (P,).
+        scores: best score so far of each unit, shape (U, P); NaN until its first successful evaluation.
     """
 
     label: str
@@ -72,13 +72,13 @@ class Curve:
     scores: Floats
 
     def at(self, x: float) -> Floats:
-        """Best scores at x of the units that have had a success, shape (at most U,); empty before the first place."""
+        """Best scores at x of the units that have one, shape (at most U,); empty if x lies before the curve."""
         reached = int(np.searchsorted(self.x, x, side="right")) - 1
         values = self.scores[:, reached] if reached >= 0 else np.empty(0)
         return values[~np.isnan(values)]
 
     def band(self) -> tuple[Floats, Floats, Floats]:
-        """Mean and both ends of its 95 % bootstrap interval, shape (P,) each; NaN until all units have a success."""
+        """Mean and both ends of its 95 % bootstrap interval, shape (P,) each; NaN until all units have a score."""
         mean = self.scores.mean(axis=0)
         if len(self.scores) < 2:
             return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
@@ -94,8 +94,8 @@ class Standing:
         folders: run folders of the group.
         unit: ``"runs"`` or ``"climbers"``.
         count: number of units.
-        without_success: number of units without any success so far.
-        mean: mean best score of the other units; this and the following are None if there are none.
+        without_success: number of units that have no score so far.
+        mean: mean best score of the other units; this and the following are None if there are no others.
         low: lower end of its 95 % bootstrap interval; None with fewer than two.
         high: upper end.
         best: highest of the best scores.
@@ -114,7 +114,7 @@ class Standing:
 
 @dataclass(frozen=True)
 class Difference:
-    """Difference between two groups, second less first: its ``effect``, and its p adjusted for all pairs (Holm)."""
+    """Difference between two groups, second minus first: effect sizes, and p adjusted for all pairs (Holm)."""
 
     first: str
     second: str
@@ -124,15 +124,15 @@ class Difference:
 
 @dataclass(frozen=True)
 class MapStanding:
-    """How good the maps of elites of a group's runs are at one place on the axis.
+    """Quality or coverage of the maps of elites of a group of runs at one place on the axis.
 
     Attributes:
         label: label of its curve.
         name: ``"qd_score"``, the sum of the elites' scores above the method's offset, or ``"coverage"``, the share of
             cells that have one.
         runs: number of runs.
-        mean: over these.
-        low, high: its 95 % bootstrap interval; None of a single run.
+        mean: mean over the runs.
+        low, high: its 95 % bootstrap interval; None for a single run.
     """
 
     label: str
@@ -144,7 +144,7 @@ class MapStanding:
 
 
 def map_standings(compared: Sequence[Curve], histories: Sequence[History], axis: Axis, x: float) -> list[MapStanding]:
-    """Quality and coverage of maps at x, of groups all of whose runs keep one."""
+    """Quality and coverage of maps at x, for each group whose runs all keep a map."""
     known = {str(history.path): history for history in histories}
     found = []
     for curve in compared:
@@ -170,7 +170,7 @@ def check_comparable(histories: Sequence[History]) -> None:
     for other in histories[1:]:
         problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
         files = [history.config.get(GROUND_FILES) for history in (first, other)]
-        if all(files):  # runs of earlier versions do not tell
+        if all(files):  # earlier versions did not record them
             problems = [{**each, GROUND_FILES: told} for each, told in zip(problems, files, strict=True)]
         for name in (*JUDGED, GROUND_FILES):
             values = [json.dumps(problem.get(name)) for problem in problems]
@@ -183,7 +183,7 @@ def check_comparable(histories: Sequence[History]) -> None:
 
 
 def _warn_of_trials(histories: Sequence[History]) -> None:
-    """Name in one warning what says how robots were tried and is not the same in all runs, such as a duration."""
+    """Warn once of all settings of the trials that differ between runs, such as a duration."""
     problems = [history.config["problem"] for history in histories]
     if any(not isinstance(problem.get("robot"), str) for problem in problems):
         return
@@ -199,7 +199,7 @@ def _warn_of_trials(histories: Sequence[History]) -> None:
 
 
 def _part_of(record: Any, name: str) -> Any:
-    """What a description has of a name, with a dot before that of a part; None where it has nothing."""
+    """Value of a field of a description; dots in the name lead to fields of parts; None where there is none."""
     for part in name.split("."):
         record = record.get(part) if isinstance(record, Mapping) else None
     return record
@@ -209,14 +209,14 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
     """Make one curve for each group of runs that differ in their seed only.
 
     Args:
-        histories: of the runs.
-        axis: along which they are compared.
-        labels: of runs by folder: those of one label are a group, whatever other groups are like.
+        histories: histories of the runs.
+        axis: quantity over which they are compared.
+        labels: labels of runs by folder; runs with one label are a group.
 
     Raises:
-        ValueError: if a run has no generation yet, its times are unknown but wanted, two runs of a
-            group are the same search, have no place on the axis in common, or differ in more than their seed, or
-            if a score is so large that its square is not finite.
+        ValueError: if a run has no generation yet, or its times are needed but unknown; if two runs of a group are
+            the same search, share no part of the axis, or have one label and differ in more than their seed; or if a
+            score is so large that its square is not finite.
     """
     labels = labels or {}
     for history in histories:
@@ -287,7 +287,7 @@ def _overlap(places: Mapping[str, Floats], axis: Axis) -> tuple[float, float]:
 
 
 def _check_independent(group: Sequence[History]) -> None:
-    """Raise ValueError if two runs also have equal seeds: they would be one sample, counted twice."""
+    """Raise ValueError if two runs of a group have equal seeds, as one sample would be counted twice."""
     first: dict[str, Path] = {}
     for history in group:
         other = first.setdefault(identity(history.config), history.path)
@@ -301,7 +301,7 @@ def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> 
     if climbers:
         scores = np.array([generation.scores for generation in group[0].generations], float).T
         return Curve(label, folders, "climbers", places[0], scores)
-    # Runs of a group are compared up to where the shortest has come.
+    # The curve of a group ends where its shortest run does.
     begin, end = _overlap(dict(zip(folders, places, strict=True)), axis)
     x = np.unique(np.concatenate(places))
     x = x[(x >= begin) & (x <= end)]
@@ -319,7 +319,7 @@ def _places(history: History, axis: Axis) -> Floats:
 
 
 def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Problem and method without the seed; settings that an older version did not have get their defaults."""
+    """Problem and method without the seed; settings that an older version lacked have their defaults."""
     method = usual_settings(config["method"]) | config["method"]
     return {"problem": config["problem"], "method": {name: method[name] for name in method if name != "seed"}}
 
@@ -339,7 +339,7 @@ def _labels(groups: Sequence[Sequence[History]]) -> list[str]:
 
 
 def _difference(label: str, groups: Mapping[tuple[str | None, str], Sequence[History]]) -> str:
-    """Names of the settings in which the runs of a label differ."""
+    """Names of the settings in which the runs with one label differ."""
     flat = [_flat(json.loads(settings)) for found, settings in groups if found == label]
     names = sorted({name for each in flat for name in each})
     return ", ".join(name for name in names if len({json.dumps(each.get(name)) for each in flat}) > 1)

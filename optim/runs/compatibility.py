@@ -1,4 +1,4 @@
-"""Which runs of version 1.0 go on to the same bits, and which are refused."""
+"""Decide which runs of version 1.0 can be continued with bit-identical results; the others are refused."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -9,15 +9,15 @@ GRADIENT_METHODS = ("gradient", "memetic", "cma-gradient")
 
 
 def check_resumable(config: Mapping[str, Any], version: str | None) -> None:
-    """Refuse a run that this version would continue to other bits than those of the version that began it.
+    """Refuse a run whose results would differ from those of the version that began it.
 
-    Since version 1.0 the laws of a step are shared with its way back, and rest sizes are part of a snapshot. Results
-    are the same bits but for three: gradients (to 1e-12), distances of gaits in single precision (to 1e-7), and
-    soft walkers (to 1e-12). ``make same-bits`` measures this.
+    Since version 1.0, the forward and reverse passes share the laws of a step, and rest sizes are part of a snapshot.
+    Results are bit-identical except for gradients (which agree to 1e-12), distances of gaits in single precision
+    (1e-7) and soft walkers (1e-12). ``make same-bits`` measures this.
 
     Args:
-        config: of the run.
-        version: of morpholab, with which the run began; None if it is not known.
+        config: settings of the run.
+        version: version of morpholab with which the run began; None if unknown.
 
     Raises:
         ValueError: if the run cannot go on exactly.

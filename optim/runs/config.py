@@ -22,8 +22,8 @@ from taichi_sim.base.records import checked
 FORMAT = 1  # of a run folder; raised when older programs could misread it
 CONFIG = "config.toml"
 SECTIONS = "problem", "method", "generations"
-OBJECTIVES = "objectives"  # names and units, for readers; version 1.0 did not write them, and no result depends on them
-GROUND_FILES = "ground_files"  # checksums of files of heights, by their names; written where there are any
+OBJECTIVES = "objectives"  # names and units, for readers; no result depends on them; version 1.0 did not write them
+GROUND_FILES = "ground_files"  # checksums of the files of heights by name; left out if there are none
 SCORES_OF_1_0 = {  # by the kind of problem, for folders without OBJECTIVES
     GAIT: Objective("speed", "BL/s"),
     ROBOT: Objective("speed", "BL/s"),
@@ -35,7 +35,7 @@ SEAL = "# sha256 of all lines above: "
 
 @dataclass(frozen=True)
 class _Config:
-    """What ``config.toml`` holds; the kinds of problems and the methods check what is theirs."""
+    """Content of ``config.toml``; problems and methods check their own settings."""
 
     format: Annotated[int, partial(whole_number, low=1, high=FORMAT)]
     problem: dict[str, Any]
@@ -51,12 +51,12 @@ def has_run(folder: Path) -> bool:
 
 
 def folder_of_seed(out: Path, seed: int) -> Path:
-    """Where the run of a seed is, below the folder of all."""
+    """Folder of the run with a given seed, inside the folder of all seeds."""
     return out / f"seed-{seed}"
 
 
 def folders_of_seeds(out: Path) -> list[Path]:
-    """The folders below one that are named as those of seeds are, in order, whether or not they have a run.
+    """List the folders of seeds inside a folder in order, whether or not they hold a run.
 
     Raises:
         ValueError: if the folder cannot be listed.
@@ -65,10 +65,10 @@ def folders_of_seeds(out: Path) -> list[Path]:
 
 
 def folders_in(folder: Path, prefix: str = "") -> list[Path]:
-    """The folders in one whose names begin with a text, in order; none if there is no such folder.
+    """List the folders inside a folder whose names begin with ``prefix``, in order; none if it does not exist.
 
     Raises:
-        ValueError: if the folder cannot be listed, which ``Path.glob`` does not tell.
+        ValueError: if the folder cannot be listed (``Path.glob`` would return nothing).
     """
     try:
         names = [name for name in os.listdir(folder) if name.startswith(prefix)]
@@ -100,7 +100,7 @@ def read_config(folder: Path) -> dict[str, Any]:
     text = files.read_text(path)
     try:
         config = parse_toml(text)
-    except ValueError as error:  # of the syntax, or Python's of numbers of thousands of digits
+    except ValueError as error:  # invalid TOML, or a number with more digits than Python converts
         raise ValueError(f"{path}: cannot be read ({error})") from None
     version = config.get("format")
     if isinstance(version, int) and version > FORMAT:
@@ -122,7 +122,7 @@ def settings_of(problem: Problem, method: str, settings: Mapping[str, Any], gene
     """Make the content of ``config.toml`` for a search of a problem by a method.
 
     Raises:
-        ValueError: for a file of ground that is missing or cannot be read.
+        ValueError: if a file of the ground is missing or cannot be read.
     """
     ground_files = getattr(problem, GROUND_FILES, {})
     return {
@@ -142,18 +142,18 @@ def score_in(config: Mapping[str, Any]) -> Objective:
 
 
 def identity(config: Mapping[str, Any]) -> str:
-    """Checksum of the settings on which a run's results depend, and which it never changes."""
+    """Checksum of the settings that determine a run's results and stay the same when it continues."""
     lasting = {name: value for name, value in config.items() if name not in ("generations", OBJECTIVES)}
     return hashlib.sha256(json.dumps(lasting, sort_keys=True).encode()).hexdigest()
 
 
 def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path, prefix: str = "") -> None:
-    """Raise ValueError if the settings asked for are not those of the run; ``generations`` may be raised.
+    """Raise ValueError if the requested settings are not those of the run; ``generations`` may be larger.
 
-    Settings of the problem and the method may be left out; one that is a table may not be given in part.
+    Settings of the problem and the method may be left out; one that is a table must be given whole.
     """
     for name, value in asked.items():
-        if not prefix and name == OBJECTIVES:  # what the folder says of them stays
+        if not prefix and name == OBJECTIVES:  # those in the folder are kept
             continue
         if not prefix and name == GROUND_FILES:
             check_ground_files(known, value, folder)
@@ -172,7 +172,7 @@ def check_same(known: Mapping[str, Any], asked: Mapping[str, Any], folder: Path,
 
 
 def _is_same_robot(known: object, asked: object) -> bool:
-    """Whether two robots, told as JSON, are the same, the first perhaps as an earlier version told it."""
+    """Whether two descriptions of robots as JSON mean the same; the first may be one of an earlier version."""
     try:
         return is_described_by(parse_json(str(known)), parse_json(str(asked)))
     except ValueError:
@@ -180,12 +180,17 @@ def _is_same_robot(known: object, asked: object) -> bool:
 
 
 def check_ground_files(known: Mapping[str, Any], found: Mapping[str, str], folder: Path) -> None:
-    """Refuse files of ground that are not as they were when the run with some settings began.
+    """Refuse files of the ground that have changed since a run began.
 
-    Runs of earlier versions do not tell, and go on.
+    Runs of earlier versions did not record checksums and are accepted.
+
+    Args:
+        known: settings of the run.
+        found: checksums of the files as they are now, by name.
+        folder: folder of the run.
 
     Raises:
-        ValueError: for the first that differs.
+        ValueError: for the first file that differs.
     """
     recorded = known.get(GROUND_FILES, {})
     for file, checksum in found.items():
@@ -199,10 +204,10 @@ def check_ground_files(known: Mapping[str, Any], found: Mapping[str, str], folde
 
 
 def keep_ground_files(problem: Problem, folder: Path) -> None:
-    """Copy the files of ground that a problem needs, if any, to a folder that may be moved, or read elsewhere.
+    """Copy the files of the ground that a problem needs, if any, into a folder, so that the folder can be moved.
 
     Raises:
-        ValueError: for a file that cannot be read, or a folder that cannot be written.
+        ValueError: if a file cannot be read, or the folder cannot be written.
         RuntimeError: if the disk is full or broken.
     """
     if keep := getattr(problem, "keep_ground_files", None):

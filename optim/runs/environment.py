@@ -15,15 +15,17 @@ from taichi_sim.base.compiler import COMPILERS, compiler, installed_version
 
 JUDGING = ("morpholab", "numpy", *COMPILERS)  # packages that evaluations depend on
 SEARCHING = ("cmaes", "pymoo")  # packages whose operators some searches use
-LAWS = "laws"  # among versions: which laws robots are simulated by; that of morpholab changes at releases only
-PRESENT_LAWS, FIRST_LAWS = "4", "1"  # to be counted on when a law changes results; those of folders that name none
-CODE = " (code "  # between the version of a package of a user and the checksum of its code
+LAWS = "laws"  # version of the laws of simulation; morpholab's own version changes at releases only
+PRESENT_LAWS, FIRST_LAWS = "4", "1"  # the first is raised when a law changes results; old folders, with none, have "1"
+CODE = " (code "  # separates the version of a user's package from the checksum of its code
 
 
 def environment(added: Iterable[str] = (), **more: Any) -> dict[str, Any]:
-    """Describe versions, machine and command line of this process, with ``more`` about the run; fits JSON.
+    """Describe versions, machine and command line of this process as a dictionary for JSON.
 
-    Packages in ``added`` are those of users that the run needs, see ``optim.runs.plug_ins``.
+    Args:
+        added: names of the users' packages that the run needs, see ``optim.runs.plug_ins``.
+        **more: further entries about the run.
     """
     return {
         "versions": versions(added),
@@ -39,7 +41,7 @@ def environment(added: Iterable[str] = (), **more: Any) -> dict[str, Any]:
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """List differences between two environments that can change results, such as ``numpy 2.4.6, now 2.5.0``.
 
-    An entry that the first does not have is unknown, not different; so is the code of a package of a user.
+    Entries that ``before`` lacks are unknown, not different; so is the checksum of the code of a user's package.
     """
     known, found = before.get("versions", {}), now.get("versions", {})
     if known and found:
@@ -50,10 +52,10 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 
 
 def versions(added: Iterable[str] = ()) -> dict[str, str | None]:
-    """Versions of Python, of the packages that results depend on, those ``added`` by users among them, and of the laws.
+    """Versions of Python, of the packages that results depend on, and of the laws of simulation.
 
-    None for those that are missing or not used. As packages of users are often edited between releases, a checksum of
-    their code follows their version.
+    None for packages that are missing or not used. ``added`` are packages of users; they are often edited between
+    releases, so a checksum of their code follows their version.
     """
     known = {name: _version(name) for name in (*JUDGING, *SEARCHING)}
     packages = {"python": platform.python_version(), **known, **{name: _version_with_code(name) for name in added}}
@@ -61,7 +63,10 @@ def versions(added: Iterable[str] = ()) -> dict[str, str | None]:
 
 
 def other_version(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[str, str | None, str | None] | None:
-    """The first package whose version must be the same on two machines and is not: its name, here, there."""
+    """Find the first package with different versions on two machines: its name, version here and version there.
+
+    Packages in ``SEARCHING`` may differ. None if there is no such package.
+    """
     for name in [name for name in {**here, **there} if name not in SEARCHING]:
         if _essential(name, here.get(name)) != _essential(name, there.get(name)):
             return name, here.get(name), there.get(name)
@@ -69,19 +74,19 @@ def other_version(here: Mapping[str, Any], there: Mapping[str, Any]) -> tuple[st
 
 
 def cpu_model() -> str:
-    """Model of the CPU, for which kernels are compiled: results of two models may differ in their last bits."""
+    """Model of the CPU; kernels are compiled for it, so results of two models may differ in their last bits."""
     lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
     models = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return models[0] if models else platform.processor() or platform.machine()
 
 
 def _version(package: str) -> str | None:
-    """Version of a package; None for one that is not installed, and for the compiler that is not in use."""
+    """Version of a package; None if it is not installed, or is a compiler that is not in use."""
     return None if package in COMPILERS and package != compiler() else installed_version(package)
 
 
 def _version_with_code(package: str) -> str | None:
-    """Version of a package of a user and a checksum of its code, such as ``1.0 (code 1f3a9c02)``."""
+    """Version of a user's package with a checksum of its code, such as ``1.0 (code 1f3a9c02)``."""
     version = _version(package)
     if version is None:
         return None
@@ -92,15 +97,15 @@ def _version_with_code(package: str) -> str | None:
 
 
 def _files_of(module: str) -> list[Path]:
-    """Python files of the outermost package that a module is in, in order of their names; else the module's own.
+    """Python files of the outermost package that contains a module, sorted; the module's own file if there is none.
 
-    Namespace packages have files of other distributions, too, and are passed over.
+    Namespace packages are skipped, as they also contain files of other distributions.
     """
     parts = module.split(".")
     for name in (".".join(parts[: count + 1]) for count in range(len(parts))):
         try:
             spec = find_spec(name)
-        except (ImportError, ValueError):  # no such module, or one made by hand
+        except (ImportError, ValueError):  # no such module, or one without a spec
             return []
         if spec is not None and spec.origin is not None:
             folders = spec.submodule_search_locations or ()
@@ -110,10 +115,10 @@ def _files_of(module: str) -> list[Path]:
 
 
 def _comparable(before: str | None, now: str | None) -> str | None:
-    """The present version of a package, without its code where that was not noted before."""
+    """Present version of a package, without the checksum of its code if the earlier record has none."""
     return now.partition(CODE)[0] if now is not None and before is not None and CODE not in before else now
 
 
 def _essential(name: str, version: str | None) -> str | None:
-    """Part of a version that must agree: for Python without the patch release."""
+    """Part of a version that must agree; for Python, without the patch release."""
     return version.rpartition(".")[0] if name == "python" and version else version

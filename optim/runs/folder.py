@@ -1,22 +1,22 @@
-"""Run folders: the files of a run, written so that it survives a kill.
+"""Run folders: the files of a run, written so that the run survives a kill.
 
 =========================== ======================================================================
 ``config.toml``             every setting: the problem, the method, the number of generations; sealed
 ``environment.json``        versions, machine, command line
-``log.jsonl``               one line a generation; the same bytes for the same settings
-``timing.jsonl``            one line a generation: how long it took
+``log.jsonl``               one line per generation; the same bytes for the same settings
+``timing.jsonl``            one line per generation: how long it took
 ``checkpoint.npz``          state of the method after the last line of the log, with checksums
-``checkpoint.previous.npz`` the one before
+``checkpoint.previous.npz`` the checkpoint before
 ``best.json``               the best design so far
-``front.json``              of methods that keep many: the designs of the front, or the elites
-``copy-*``                  of the files of heights of its ground, which may then be gone
-``calibration.json``        of the robot of a rig: its properties
-``products.json``           which files were made of the best design, with checksums
+``front.json``              designs of the front, or the elites, of methods that keep several
+``copy-*``                  copies of the files of heights of the ground; the originals may then be removed
+``calibration.json``        properties of the robot of a rig
+``products.json``           checksums of the files that were made from the best design
 ``failed-*.json``           designs that killed the processes that evaluated them
 =========================== ======================================================================
 
-Files are written aside, flushed to disk and renamed, so a kill at any moment leaves each of them whole. Only
-the logs grow in place; they are cut back to what the checkpoint knows when a run continues.
+Files are written under a temporary name, flushed to disk and renamed, so a kill at any moment leaves each of them
+whole. Only the logs grow in place; when a run continues, they are cut back to the lines that the checkpoint covers.
 """
 
 import contextlib
@@ -71,7 +71,7 @@ class RunFolder:
         note: Callable[[str], None],
         lock: HeldLock,
     ) -> None:
-        """Take over a folder that is locked and has its configuration."""
+        """Use a folder that is already locked and has its ``config.toml``."""
         self.path, self.config, self._note, self._lock = path, config, note, lock
         self._environment = environment
         self._settings = identity(config)
@@ -79,7 +79,7 @@ class RunFolder:
         self._log, self._timing = hashlib.sha256(), hashlib.sha256()
 
     def restore(self) -> tuple[State, str] | None:
-        """Go back to the last checkpoint; return the method's state and the last line of the log, or None without any.
+        """Go back to the last checkpoint: return the method's state and the log's last line; None without a checkpoint.
 
         Raises:
             ValueError: if there are checkpoints, but none is whole and fits the rest of the folder.
@@ -93,7 +93,7 @@ class RunFolder:
         state, record, others = found
         if others:
             self._note(f"{self.path}: {CHECKPOINT} is unusable ({others[CHECKPOINT]}), taking the one before")
-            # Else the next checkpoint would push out the only one that is whole.
+            # Otherwise the next checkpoint would replace the only undamaged one.
             (self.path / PREVIOUS).replace(self.path / CHECKPOINT)
         last = self._cut(record.lines)
         self._check_timing(record)
@@ -110,7 +110,7 @@ class RunFolder:
         return log.last
 
     def check(self) -> None:
-        """Refuse to go on in a folder that may by now be another run's.
+        """Check that the folder is still the one that was locked.
 
         Raises:
             RuntimeError: if the folder was moved or replaced since it was locked.
@@ -118,7 +118,7 @@ class RunFolder:
         self._lock.check(f"its {self.lines} complete generations are kept where it is now, go on there with --resume")
 
     def _check_timing(self, record: Record) -> None:
-        """Begin the file of times anew if it is damaged: results do not depend on it."""
+        """Start a new file of times if it is damaged; results do not depend on it."""
         if self._timing.hexdigest() != record.timing:
             self._note(f"{self.path}: {TIMING} is not as it was written, beginning it anew")
             (self.path / TIMING).unlink(missing_ok=True)
@@ -168,22 +168,22 @@ class RunFolder:
 
     @contextlib.contextmanager
     def writing(self) -> Iterator[None]:
-        """Let a file of the folder be written if the folder is still this run's; errors of the disk tell what is kept.
+        """Context in which files of the folder are written, after a check that the folder is still this run's.
 
         Raises:
-            RuntimeError: instead of errors of the disk, and if the folder was moved or replaced.
+            RuntimeError: instead of errors of the disk, with what is kept; or if the folder was moved or replaced.
         """
         try:
             self.check()
-        except OSError as error:  # of a disk that is gone
+        except OSError as error:  # the disk is gone
             raise self._unwritable(error) from None
         try:
             yield
-        except (OSError, ValueError, RuntimeError) as error:  # all that can be wrong with a design's file is the disk
+        except (OSError, ValueError, RuntimeError) as error:  # writing a design fails only because of the disk
             raise self._unwritable(error) from None
 
     def _unwritable(self, error: Exception) -> RuntimeError:
-        """The error that tells why the folder cannot be written, and what is kept."""
+        """Make the error that says why the folder cannot be written and what is kept."""
         reason = error.strerror if isinstance(error, OSError) else str(error)
         kept = f"its {self.lines} complete generations are kept, go on with --resume"
         return RuntimeError(f"{_place_of(error, self.path)}: cannot be written ({reason}); {kept}")
@@ -198,18 +198,18 @@ def open_run(
     environment: Mapping[str, Any] | None = None,
     note: Callable[[str], None] = print_note,
 ) -> Iterator[RunFolder]:
-    """Start a run in a new folder, or continue one, and lock the folder meanwhile.
+    """Start a run in a new folder, or continue one; the folder is locked inside the context.
 
     Args:
         path: the folder; unless ``resume``, it must not exist, be empty, or hold no generation yet.
-        config: settings; see ``SECTIONS`` for the entries needed. Fits TOML.
-        resume: continue the run in the folder: ``config`` may leave out what the folder knows, but not change
-            it, except that ``generations`` may be raised. Without a run in the folder, start one.
-        environment: kept in ``environment.json`` when a run starts.
-        note: called with a line about anything the user should know.
+        config: settings that can be written as TOML; ``SECTIONS`` names the required entries.
+        resume: continue the run in the folder. ``config`` may then leave out settings but not change them, except
+            that ``generations`` may be larger. If the folder holds no run, one is started.
+        environment: content of ``environment.json`` when a run starts.
+        note: called with one line about anything that the user should know.
 
     Raises:
-        ValueError: if the folder is taken, in use, unreadable, not writable, or of other settings.
+        ValueError: if the folder is taken, in use, unreadable, not writable, or has other settings.
         RuntimeError: if the disk is full or broken.
     """
     path = Path(path)
@@ -221,7 +221,7 @@ def open_run(
         try:
             path.mkdir(parents=True, exist_ok=True)
             lock = stack.enter_context(locked(path))
-            for aside in path.glob(f"{files.ASIDE}*"):  # of writes that were cut off; folders are not the run's
+            for aside in path.glob(f"{files.ASIDE}*"):  # left by interrupted writes; folders are not the run's
                 if not aside.is_dir():
                     aside.unlink()
             files.remove_cut_off(path)
@@ -233,17 +233,17 @@ def open_run(
 
 
 def _place_of(error: Exception, folder: Path) -> Path:
-    """The file of a folder that an error is about, also if it could not be replaced; the folder itself for others."""
+    """File of a folder that an error is about, including one that could not be replaced; otherwise the folder."""
     name = getattr(error, "filename2", None) or getattr(error, "filename", None) or ""
     place = Path(os.fsdecode(name))
     return folder if place.parent != folder or place.name.startswith(files.ASIDE) else place
 
 
 def _check_plain(path: Path) -> None:
-    """Refuse a run of whose files one that is read without further ado is a pipe, a device or a folder.
+    """Check that the environment and the logs of a run are plain files, not pipes, devices or folders.
 
     Raises:
-        ValueError: names the file.
+        ValueError: for the first that is not; names the file.
     """
     for name in (ENVIRONMENT, LOG, TIMING):
         try:
@@ -255,7 +255,7 @@ def _check_plain(path: Path) -> None:
 
 
 def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Mapping[str, Any]) -> dict[str, Any]:
-    """Write the settings of a run that begins, or check and update those of one that continues; return them."""
+    """Write the settings of a new run, or check and update those of one that continues; return them."""
     if resume and has_run(path):
         known = read_config(path)
         check_resumable(known, _version_of(path))
@@ -272,7 +272,7 @@ def _settle(path: Path, config: Mapping[str, Any], resume: bool, environment: Ma
 
 
 def _version_of(path: Path) -> str | None:
-    """Version of morpholab that began the run, as its environment tells; None if that cannot be read."""
+    """Version of morpholab that began the run, from ``environment.json``; None if that cannot be read."""
     try:
         version = parse_json(files.content_of(path / ENVIRONMENT))["versions"]["morpholab"]
     except (OSError, ValueError, KeyError, TypeError):

@@ -9,16 +9,20 @@ from pathlib import Path
 from taichi_sim.base.locks import HeldLock, opened_to_lock
 
 LOCK = ".lock"
-LOCK_PATIENCE = 0.5  # s; a command that only looks at a run may hold its lock for a moment
+LOCK_PATIENCE = 0.5  # s; a command that only reads a run may hold its lock for a moment
 
 
 @contextlib.contextmanager
 def locked(path: Path, field: str = "out") -> Iterator[HeldLock]:
-    """Lock a folder, given as ``field``, against other processes; check the lock before what is written there.
+    """Lock a folder against other processes; check the yielded lock before each write.
+
+    Args:
+        path: the folder.
+        field: name of the setting that gave the folder, for messages.
 
     Raises:
-        ValueError: if another process has locked it, the folder is moved or replaced meanwhile, or a pipe is in place
-            of the lock.
+        ValueError: if another process has locked it, the folder is moved or replaced meanwhile, or the lock file is a
+            pipe.
     """
     with opened_to_lock(field, path / LOCK, "a") as file:
         deadline = time.monotonic() + LOCK_PATIENCE
@@ -36,10 +40,10 @@ def locked(path: Path, field: str = "out") -> Iterator[HeldLock]:
 
 
 def in_use(path: Path) -> bool:
-    """Whether a process has the folder locked, because its run goes on.
+    """Whether a process has locked the folder because its run is going on.
 
     Raises:
-        ValueError: if a pipe is in place of the lock.
+        ValueError: if the lock file is a pipe.
     """
     try:
         with opened_to_lock("run", path / LOCK, "rb") as file:

@@ -14,10 +14,10 @@ from taichi_sim.base.records import Count
 
 @dataclass(frozen=True)
 class Generation:
-    """One generation of a run: its line in ``log.jsonl``. Scores are None as long as every evaluation has failed.
+    """One generation of a run, which is one line of ``log.jsonl``. Scores are None while all evaluations have failed.
 
     Attributes:
-        generation: number, counted from 0, which is the starting points.
+        generation: its number; generation 0 is the starting points.
         evaluations: evaluations since the run began.
         failed: failed evaluations of this generation.
         best: best score so far.
@@ -52,7 +52,10 @@ def record(
     request: Request,
     evaluation: Evaluation,
 ) -> Generation:
-    """Make the record of the generation that the method was just told; details of a minibatch are not those of all."""
+    """Make the record of the generation whose evaluation the method has just received.
+
+    Details of the best point are not updated from a minibatch, which covers only some of the draws or worlds.
+    """
     valid = result.scores[~np.isnan(result.scores)]
     best_details = last.best_details if last else None
     scores = mean_of(evaluation.objectives, axis=1)

@@ -1,4 +1,4 @@
-"""Read runs without changing them, while they go on and after."""
+"""Read runs without changing them, while they are going on and afterwards."""
 
 import datetime
 import hashlib
@@ -26,8 +26,8 @@ from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.records import Count, Duration, checked
 
 Found = TypeVar("Found")
-READ_ATTEMPTS = 3  # at a run that goes on meanwhile, so that its files may be of different moments
-# How a line of the log begins; what follows is long: a number for each variable, climber and detail.
+READ_ATTEMPTS = 3  # for a run that is going on, whose files may be read at different moments
+# Beginning of a line of the log; the rest is long, with a number for each variable, climber and detail.
 _HEAD = re.compile(rb'\{"generation": (\d+), "evaluations": \d+, "failed": (\d+), ')
 
 
@@ -42,14 +42,14 @@ class _Time:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is, checked against its checkpoint: what can be told without keeping every generation.
+    """Progress of a run, checked against its checkpoint, without a record of every generation.
 
     Attributes:
         path: the folder.
         config: its settings.
-        complete: number of complete generations, the starts among them.
-        failed: failed evaluations of all of them.
-        last: the last one; None before the first.
+        complete: number of complete generations, including the starts.
+        failed: number of failed evaluations in all of them.
+        last: the last complete generation; None before the first.
         seconds: time of each generation [s]; NaN if unknown.
         finished: when the last one ended, ISO 8601; None if unknown.
         running: whether a process is at work on it.
@@ -79,23 +79,23 @@ class Progress:
 
     @property
     def seconds_left(self) -> float | None:
-        """Time that the remaining generations take at this pace [s]; None if unknown."""
+        """Time that the remaining generations will take at the present pace [s]; None if unknown."""
         left = max(0, self.config["generations"] + 1 - self.complete)
         return 0.0 if left == 0 else None if self.pace is None else left * self.pace
 
 
 @dataclass(frozen=True)
 class History:
-    """Progress of a run so far, checked against its checkpoint.
+    """History of a run with all its generations, checked against its checkpoint.
 
     Attributes:
         path: the folder.
         config: its settings.
-        generations: the generations, as logged.
+        generations: the generations as logged.
         seconds: time of each generation [s]; NaN if unknown.
         finished: when the last one ended, ISO 8601; None if unknown.
         running: whether a process is at work on it.
-        found: the newest checkpoint that fits, its record, and why others do not, as ``checkpoint.load`` returns them.
+        found: result of ``checkpoint.load``: the newest checkpoint that fits, its record, and why newer ones do not.
     """
 
     path: Path
@@ -108,7 +108,7 @@ class History:
 
     @property
     def progress(self) -> Progress:
-        """How far the run is."""
+        """Progress of the run."""
         failed = sum(generation.failed for generation in self.generations)
         last = self.generations[-1] if self.generations else None
         known = self.seconds, self.finished, self.running
@@ -130,16 +130,16 @@ def read_history(folder: Path) -> History:
 
 
 def read_progress(folder: Path) -> Progress:
-    """Read how far the run in a folder is; much quicker than :func:`read_history`, and in little memory.
+    """Read the progress of the run in a folder, much faster than :func:`read_history` and with little memory.
 
     Raises:
-        ValueError: as :func:`read_history` does; lines of the log but the last are not looked into.
+        ValueError: as :func:`read_history`, but only the last line of the log is checked in full.
     """
     return _read_steadily(folder, _read_progress)
 
 
 def _read_steadily(folder: Path, read: Callable[[Path, bool], Found]) -> Found:
-    """Read a folder, again if its files do not fit each other while a process is at work on it."""
+    """Read a folder, and retry if its files do not fit each other because a process is writing them."""
     for attempt in range(READ_ATTEMPTS):
         running = in_use(folder)  # before the files are read: what ends meanwhile is told as running, not as damaged
         try:
@@ -153,11 +153,14 @@ def _read_steadily(folder: Path, read: Callable[[Path, bool], Found]) -> Found:
 
 
 def read_histories(folders: Iterable[Path], build: Callable[["History"], Found]) -> tuple[list[Found], list[str]]:
-    """Read the runs in several folders, and tell in a line each why others cannot be read.
+    """Read the runs in several folders; runs that cannot be read are left out with a warning.
 
     Args:
-        folders: of the runs.
-        build: makes of a history what is wanted of it; may refuse it by a ValueError.
+        folders: folders of the runs.
+        build: converts a history to the result wanted; may refuse it with a ValueError.
+
+    Returns:
+        Results of ``build``, and for each other run one line that says why it cannot be read.
 
     Raises:
         ValueError: if none of them can be read; says why the first cannot.
@@ -176,7 +179,7 @@ def read_histories(folders: Iterable[Path], build: Callable[["History"], Found])
 
 
 def begun(history: History) -> History:
-    """Give the history back, or raise a ValueError if it has no complete generation."""
+    """Return the history; raise ValueError if it has no complete generation."""
     if not history.generations:
         raise ValueError(f"run: {history.path} has no complete generation yet; continue it with --resume")
     return history
@@ -219,7 +222,7 @@ def _generation(line: bytes) -> Generation:
 
 
 def _number_and_failures(line: bytes) -> tuple[int, int]:
-    """The number and the failed evaluations of a generation, from a line that does not begin as usual."""
+    """Number and failed evaluations of a generation, from a line with an unusual beginning."""
     generation = _generation(line)
     return generation.generation, generation.failed
 
@@ -231,9 +234,9 @@ def _check_numbers(numbers: list[int]) -> None:
 
 
 def read_result(history: History, problem: Problem) -> SearchResult | None:
-    """Restore the search's result after the last complete generation; None before the first.
+    """Restore the result of a search after its last complete generation; None before the first.
 
-    ``problem`` must be that of the run.
+    ``problem`` must be the problem of the run.
     """
     if history.found is None:
         return None
@@ -250,7 +253,7 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
     count = record.lines if record else 0
     lines = line_files.complete_lines(folder / TIMING)[:count]
     whole, hasher = 0, hashlib.sha256()
-    for number, line in enumerate(lines, 1):  # a file begun anew is shorter than the log
+    for number, line in enumerate(lines, 1):  # a file that replaced a damaged one is shorter than the log
         hasher.update(line)
         if record and hasher.hexdigest() == record.timing:
             whole = number
@@ -264,12 +267,13 @@ def _read_timing(folder: Path, record: checkpoint.Record | None) -> tuple[tuple[
 
 
 def runs_below(paths: Iterable[Path]) -> list[Path]:
-    """List the given run folders, and those inside given folders, each once however it is spelled.
+    """List the given run folders and those inside the given folders, each once.
 
-    Those of several seeds lie a folder deeper. A folder that cannot be listed counts as a run: who reads it tells.
+    Runs of several seeds may lie one folder deeper. A folder that cannot be listed counts as a run, so that reading
+    it raises the error.
 
     Raises:
-        ValueError: if a path has no run.
+        ValueError: if a path holds no run.
     """
     found: dict[Path, Path] = {}
     for path in paths:
@@ -286,7 +290,7 @@ def _runs_of_seeds(folder: Path) -> list[Path]:
 
 
 def _runs_of(folder: Path, below: Callable[[Path], list[Path]] = _runs_of_seeds) -> list[Path]:
-    """The folder itself if it may have a run, or cannot be listed; else those below it, by default of its seeds."""
+    """The folder itself if it may hold a run or cannot be listed; otherwise the runs below it, by default its seeds."""
     if _may_have_run(folder):
         return [folder]
     try:
@@ -296,7 +300,7 @@ def _runs_of(folder: Path, below: Callable[[Path], list[Path]] = _runs_of_seeds)
 
 
 def _may_have_run(folder: Path) -> bool:
-    """Whether there is a run, or what may be one but is forbidden: who reads it tells."""
+    """Whether a folder holds a run, or may hold one but cannot be accessed."""
     try:
         return has_run(folder)
     except OSError:

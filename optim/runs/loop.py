@@ -20,10 +20,10 @@ from taichi_sim.base.results_folder import BEST_DESIGN
 
 
 class FolderSearch:
-    """A search in a run folder, generation by generation, which continues where the folder ended.
+    """A search in a run folder, generation by generation, which continues where the folder ends.
 
-    A generation ends with its designs, then its log line, then a checkpoint. What a kill cuts off is done again from
-    the last checkpoint, with the same result.
+    At the end of a generation its designs, then its log line, then a checkpoint are written. A generation that a kill
+    interrupts is repeated from the last checkpoint with the same result.
 
     Attributes:
         problem: the problem; the mean of its objectives is the score.
@@ -34,13 +34,13 @@ class FolderSearch:
         """Restore the search from the folder, if it has begun.
 
         Args:
-            problem: what to search.
-            method: built with the settings of the run, not yet used.
-            folder: open run folder; takes the log, the checkpoints and ``best.json``.
+            problem: the problem to solve.
+            method: search method, built with the settings of the run and not yet used.
+            folder: open run folder, to which the log, the checkpoints and ``best.json`` are written.
 
         Raises:
-            ValueError: if the problem has several objectives and the method takes a single one, or a file of its
-                ground is not as it was.
+            ValueError: if the problem has several objectives and the method takes a single one, or a file of the
+                ground has changed.
         """
         if len(problem.objective_names) > 1 and not method.several_objectives:
             raise ValueError(f"method: it takes one objective; the problem has {', '.join(problem.objective_names)}")
@@ -73,8 +73,8 @@ class FolderSearch:
         """Complete a generation: tell the method, and write designs, log and checkpoint.
 
         Raises:
-            ValueError: if a file of ground has changed meanwhile, so that the generation may be of another one; and in
-                the first generations, if the method cannot go on from its own checkpoint.
+            ValueError: if a file of the ground has changed, so that the generation may have used another ground; in
+                the first generations also if the method cannot continue from its own checkpoint.
         """
         self._check_ground()
         with blamed_package():
@@ -86,12 +86,12 @@ class FolderSearch:
                 self._rehearsal.check(self._method, state)
         self.last = record(self.last, self.problem, result, request, evaluation)
         if self.turns >= REHEARSED:
-            self._rehearsal = None  # whose copies take as much memory as the method
+            self._rehearsal = None  # its copies take as much memory as the method
         _write_designs(self.problem, result, self._folder)
         self._folder.commit(self.last.to_json(), state, time.perf_counter() - self._asked)
 
     def _check_ground(self) -> None:
-        """Refuse files of ground that are not those with which the run began."""
+        """Refuse files of the ground that have changed since the run began."""
         if self._folder.config.get(GROUND_FILES):
             check_ground_files(self._folder.config, getattr(self.problem, GROUND_FILES, {}), self._folder.path)
 
@@ -104,15 +104,15 @@ def run_search(
     progress: Callable[[Generation], None] | None = None,
     evaluate: Evaluate | None = None,
 ) -> Generation:
-    """Run a search to a generation, that one included, or continue it from where its run folder ended.
+    """Run a search up to and including a generation, or continue it from where its run folder ends.
 
     Args:
-        problem: what to evaluate; the mean of its objectives is the score.
-        method: built with the settings of the run, not yet used.
-        folder: open run folder; takes the log, the checkpoints and ``best.json``.
+        problem: the problem to solve; the mean of its objectives is the score.
+        method: search method, built with the settings of the run and not yet used.
+        folder: open run folder, to which the log, the checkpoints and ``best.json`` are written.
         generations: number of the last generation; the starts are generation 0.
-        progress: called after every generation, and at once with the last one known when continuing.
-        evaluate: judges the points of a generation; here, by the problem, if None.
+        progress: called after every generation; when continuing, first with the last complete one.
+        evaluate: evaluates the points of a generation; if None, the problem does so in this process.
 
     Returns:
         The last generation.

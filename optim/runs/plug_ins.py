@@ -1,4 +1,4 @@
-"""Packages of users that a run needs: those that add its kind of robot, its objectives and its method."""
+"""Packages of users that a run needs because they add its kind of robot, its objectives or its method."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,9 +10,9 @@ from robots.robot import KINDS
 
 
 def packages_of(problem: Mapping[str, Any], method: str | None = None) -> list[str]:
-    """Names of the packages that add what a problem of this description needs, and a search method.
+    """Names of the users' packages that a problem with this description, and a search method, need.
 
-    A problem of a user's file needs none: run folders keep its checksum.
+    A problem from a user's file needs none, as run folders keep the checksum of the file.
     """
     named = problem.get("objective", ()) if "robot" in problem else ()  # runs of version 1.0 name none
     goals = [Goal.of(text).name for text in goals_in([named] if isinstance(named, str) else named)]

@@ -1,4 +1,4 @@
-"""Files beside those of the search in a run folder: what is made of its best design, and designs that failed."""
+"""Further files of a run folder: products of its best design, such as pictures, and designs that failed."""
 
 import json
 import re
@@ -26,7 +26,7 @@ class _Products:
 
 
 def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> None:
-    """Write the file ``name`` by calling ``write``, unless it exists undamaged and is made from the best design.
+    """Write the file ``name`` by calling ``write``, unless it is undamaged and was made from the present best design.
 
     Raises:
         RuntimeError: if it cannot be written.
@@ -43,7 +43,7 @@ def make_product(run: RunFolder, name: str, write: Callable[[Path], object]) -> 
 
 
 def known_products(folder: Path) -> dict[str, list[str]]:
-    """Checksums of design and file of each product of a run; none if there is no such file.
+    """Checksums of design and file of each product of a run; none if there is no ``products.json``.
 
     Raises:
         ValueError: if it is damaged; names the file and the field.
@@ -53,7 +53,7 @@ def known_products(folder: Path) -> dict[str, list[str]]:
 
 
 def _known(folder: Path) -> dict[str, list[str]]:
-    """The same; none if it is damaged, and a warning: all files are made again."""
+    """Like :func:`known_products`, but a damaged file gives a warning and no products, which are then made again."""
     try:
         return known_products(folder)
     except ValueError as error:

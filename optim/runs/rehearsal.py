@@ -1,4 +1,4 @@
-"""Rehearsals of a resume: whether a search method goes on from its own checkpoints as if nothing had happened."""
+"""Rehearsals of a resume: check that a search method continues from its own checkpoints as if uninterrupted."""
 
 import contextlib
 from collections.abc import Iterator
@@ -15,32 +15,32 @@ from taichi_sim.base.foreign import lacks_memory
 
 Thing = TypeVar("Thing")
 
-REHEARSED = 3  # generations of a run: what a method must keep changes in the first ones
-TOLERANCE = 1e-9  # relative: what is forgotten shows in more than last bits
+REHEARSED = 3  # first generations of a run that are checked; all of a method's state changes within them
+TOLERANCE = 1e-9  # relative; state that is lost makes larger differences than rounding
 
 
 class Rehearsal:
-    """A second instance of a method that is restored from each of a run's first checkpoints, and must do the same.
+    """Restores a second instance of a method from each of a run's first checkpoints and compares the two.
 
-    Without it, a state that a method of a package does not give, or cannot take back, is noticed after a kill at the
-    earliest. All is done on copies, so the method itself gives the same bits.
+    Otherwise a user's method with an incomplete state would be noticed only when a run is resumed. The checks use
+    copies, so the method itself gives the same bits.
     """
 
     def __init__(self, name: str, method: Method) -> None:
-        """For a method, by its name, that is not yet used."""
+        """Prepare to check a method that has not been used yet; ``name`` is for messages."""
         self._name, self._fresh = name, _copied(method)
         self._restored: Method | None = None
         self._next: tuple[Floats, Evaluation] | None = None
 
     def keep(self, points: Floats, evaluation: Evaluation) -> None:
-        """Keep a copy of what the method is told next: an instance restored before is told the same afterwards."""
+        """Keep a copy of the points and evaluation that the method receives next, for the restored instance."""
         self._next = _copied((points, evaluation))
 
     def check(self, method: Method, state: Arrays) -> None:
-        """Compare a method and its state at the end of a generation, and restore another instance from that.
+        """Compare a method with the instance restored before, then restore another from its present state.
 
         Raises:
-            ValueError: if what is restored from a checkpoint does otherwise.
+            ValueError: if a restored instance behaves differently.
         """
         before, self._restored = self._restored, None
         if before is not None and self._next is not None:
@@ -52,7 +52,7 @@ class Rehearsal:
             restored.restore({name: np.array(values) for name, values in state.items()})
         try:
             one = next_request(running)
-        except Exception:  # the run may have ended, and its method have nothing left to ask for
+        except Exception:  # the run may have ended, so that the method has nothing left to ask for
             return
         with self._resuming("ask"):
             other = next_request(restored)
@@ -63,7 +63,7 @@ class Rehearsal:
         self._restored = restored
 
     def _compare_told(self, method: Method, state: Arrays, restored: Method, told: tuple[Floats, Evaluation]) -> None:
-        """Compare states once both were told the same: some of what is forgotten matters only there."""
+        """Compare states after both have received the same evaluation; some lost state shows only then."""
         with self._resuming("tell"):
             restored.tell(*told)
         with self._resuming("state"):
@@ -74,14 +74,14 @@ class Rehearsal:
 
     @contextlib.contextmanager
     def _resuming(self, call: str) -> Iterator[None]:
-        """Call a restored instance inside; what it raises is a fault of its state, as the method itself has gone on."""
+        """Context for calls of a restored instance; an error means a faulty state, as the method itself raised none."""
         try:
             yield
         except Exception as error:
             if lacks_memory(error):
                 raise
             said = " ".join(str(error).split())
-            if call == "restore" and isinstance(error, ValueError):  # which says by itself what is wrong
+            if call == "restore" and isinstance(error, ValueError):  # its message says what is wrong
                 raise ValueError(f"method: {self._name} cannot be restored from its own checkpoint: {said}") from error
             raise ValueError(
                 f"method: {self._name} does not go on alike from its checkpoint: its {call} fails "
@@ -89,7 +89,7 @@ class Rehearsal:
             ) from error
 
     def _refusal(self, what: str, method: Method, restored: Method) -> ValueError:
-        """Says what differs, and which numbers and arrays of the method were not restored."""
+        """Make the error that says what differs, and which numbers and arrays of the method were not restored."""
         unlike = [
             name
             for name, value in getattr(method, "__dict__", {}).items()
@@ -100,10 +100,10 @@ class Rehearsal:
 
 
 def _copied(thing: Thing) -> Thing | None:
-    """A copy; None of what holds something that cannot be copied, such as a lock."""
+    """Return a deep copy; None if something in it cannot be copied, such as a lock."""
     try:
         return deepcopy(thing)
-    except Exception:  # each kind of thing has its own: a pointer of C a ValueError, a tensor of Torch a RuntimeError
+    except Exception:  # types differ: ValueError for a C pointer, RuntimeError for a Torch tensor
         return None
 
 
@@ -112,7 +112,7 @@ def _has_numbers(value: object) -> bool:
 
 
 def _alike(one: ArrayLike, other: Any) -> bool:
-    """Whether numbers or arrays are the same, those with fractions but for last bits; NaN is like NaN."""
+    """Whether numbers or arrays are equal, floats within ``TOLERANCE``; NaN equals NaN."""
     try:
         first, second = np.asarray(one), np.asarray(other)
     except ValueError:  # lists of several lengths

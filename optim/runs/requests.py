@@ -1,4 +1,4 @@
-"""How requests and evaluations are cut into parts and joined, for several workers or searches."""
+"""Split requests and evaluations into parts and join them, for several workers or searches."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,12 +11,12 @@ from optim.problem import Evaluation, Request
 
 
 def join_requests(requests: Sequence[Request]) -> Request:
-    """Join requests that differ in their points only into one."""
+    """Join requests that differ only in their points."""
     return replace(requests[0], points=np.concatenate([request.points for request in requests]))
 
 
 def part_of(evaluation: Evaluation, rows: slice) -> Evaluation:
-    """Part of an evaluation: that of some of its points."""
+    """Evaluation of some of the points of an evaluation."""
     return Evaluation(
         evaluation.objectives[rows],
         evaluation.status[rows],
@@ -37,9 +37,9 @@ def join(parts: Sequence[Evaluation]) -> Evaluation:
 
 
 def failures(like: Evaluation, count: int, status: str) -> Evaluation:
-    """Evaluation of ``count`` points that all failed, to be joined with that of other points.
+    """Evaluation of ``count`` points that all failed, which can be joined with that of other points.
 
-    Details have the names, types and shapes of those in ``like``: NaN, or zero if a type has no NaN.
+    Details have the names, types and shapes of those in ``like``; they are NaN, or zero if the type has no NaN.
     """
     return Evaluation(
         np.full((count, like.objectives.shape[1]), np.nan),

@@ -1,4 +1,4 @@
-"""What runs found of their best designs over draws that their searches never saw, as their ``robust.json`` says."""
+"""Read ``robust.json`` of runs: the judgements of their best designs over draws that their searches never used."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -21,15 +21,15 @@ NAMES = ("mean", "cvar", "worst")
 
 @dataclass(frozen=True)
 class HeldOut:
-    """A number of a group of runs over held-out draws, in one world.
+    """One statistic of a group of runs over held-out draws in one world.
 
     Attributes:
-        label: of the group.
-        world: where.
+        label: label of the group.
+        world: name of the world.
         name: ``"mean"``, ``"cvar"`` or ``"worst"``.
-        runs: how many runs are known.
-        value: of one run, or the mean of several.
-        low: lower end of its 95 % bootstrap interval: over the draws of one run, or over the runs.
+        runs: number of runs with a valid judgement.
+        value: value of one run, or the mean of several.
+        low: lower end of its 95 % bootstrap interval, over the draws of one run or over several runs.
         high: upper end.
     """
 
@@ -48,7 +48,7 @@ Draws = Annotated[int, partial(whole_number, low=0, high=2**31 - 1)]
 
 @dataclass(frozen=True)
 class _Robust:
-    """What ``robust.json`` holds."""
+    """Content of ``robust.json``."""
 
     risk: str
     terrains: dict[str, dict[str, Any]]
@@ -56,7 +56,7 @@ class _Robust:
 
 @dataclass(frozen=True)
 class _Failed:
-    """Judgement in a world where draws have failed."""
+    """Judgement in a world in which some draws failed."""
 
     uncertain: str
     draws: Draws
@@ -65,7 +65,7 @@ class _Failed:
 
 @dataclass(frozen=True)
 class _Judged(_Failed):
-    """Judgement in a world where none has."""
+    """Judgement in a world in which no draw failed."""
 
     measure: str
     unit: str
@@ -81,13 +81,13 @@ class _Judged(_Failed):
     worst: float
     worst_low: float
     worst_high: float
-    stands_in: bool = False  # whether the measure is the robot's first, as what the search judges is no single number
+    stands_in: bool = False  # whether the robot's first measure replaces an objective that is not a single measure
 
 
 def read_robust(folder: Path) -> Mapping[str, Mapping[str, Any]]:
-    """Judgements of a run by world; none if nothing was uncertain, or the file is lost.
+    """Judgements of a run by world; none if there is no ``robust.json``, as when nothing was uncertain.
 
-    A damaged file is as good as lost; a warning names the field.
+    A damaged file is ignored with a warning that names the field.
     """
     try:
         return checked_robust(folder)
@@ -114,12 +114,12 @@ def _judgements(found: object) -> Mapping[str, Mapping[str, Any]]:
 
 
 def lines_of(folder: Path) -> list[str]:
-    """The judgements in a run's folder as lines for people, one for each world."""
+    """Judgements in a run's folder as readable text, one line for each world."""
     return [f"{world}: {spoken(judged)}" for world, judged in read_robust(folder).items()]
 
 
 def held_out(groups: Mapping[str, Sequence[str]]) -> list[HeldOut]:
-    """What is known of groups of run folders, by their labels."""
+    """Statistics over held-out draws of groups of run folders, given by label."""
     found = []
     for label, folders in groups.items():
         known = [read_robust(Path(folder)) for folder in folders]

@@ -1,4 +1,4 @@
-"""Status of a run while it goes on, as values that fit JSON."""
+"""Status of a run while it is going on, as values for JSON."""
 
 import dataclasses
 from pathlib import Path
@@ -9,7 +9,7 @@ from optim.runs.history import History, Progress, read_history, read_progress
 
 
 def status_of(progress: Progress) -> dict[str, Any]:
-    """Status of a run: how far it is, and what it has found."""
+    """Status of a run: its progress and its best result so far."""
     last = progress.last
     return {
         "folder": str(progress.path),
@@ -31,7 +31,7 @@ def status_of(progress: Progress) -> dict[str, Any]:
 
 
 def read_status(folder: Path) -> dict[str, Any]:
-    """Status of the run in a folder; of one that cannot be read, only why."""
+    """Status of the run in a folder; if it cannot be read, only the reason."""
     try:
         return status_of(read_progress(folder))
     except ValueError as error:
@@ -39,7 +39,7 @@ def read_status(folder: Path) -> dict[str, Any]:
 
 
 def read_status_and_history(folder: Path) -> tuple[dict[str, Any], History | None]:
-    """Status of the run in a folder, with its history; of one that cannot be read, only why, and None."""
+    """Status and history of the run in a folder; if it cannot be read, only the reason, and None."""
     try:
         history = read_history(folder)
     except ValueError as error:

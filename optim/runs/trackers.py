@@ -1,6 +1,7 @@
-"""What run folders logged, for the trackers that a group may use: TensorBoard, Weights & Biases, MLflow, Parquet.
+"""Export the logs of runs to experiment trackers: TensorBoard, Weights & Biases, MLflow; and to Parquet tables.
 
-All is read from the log, so it may be sent again, also after a run went on: what a tracker has already is left alone.
+Everything is read from the log, so runs can be exported again after they continued; what a tracker already has is
+left unchanged.
 """
 
 import hashlib
@@ -24,9 +25,9 @@ MLFLOW_TAG = "morpholab.run"
 
 
 def scalars(history: History) -> Iterator[tuple[int, float, dict[str, float]]]:
-    """Generation, seconds since the start and all finite numbers of each generation of a run, by name.
+    """For each generation of a run, its number, the seconds since the start, and all finite numbers by name.
 
-    Where the time of a generation is unknown it counts as none.
+    Generations of unknown duration count as 0 s.
     """
     seconds = np.nan_to_num(np.array(history.seconds, float)).cumsum()
     for number, each in enumerate(history.generations):
@@ -44,7 +45,7 @@ def scalars(history: History) -> Iterator[tuple[int, float, dict[str, float]]]:
 
 
 def settings(history: History) -> dict[str, Any]:
-    """What a run is: its method, seed, score and problem, flat, as trackers call hyperparameters."""
+    """Settings of a run (method, seed, score, problem) as a flat dictionary of hyperparameters."""
     problem, method = history.config["problem"], history.config["method"]
     flat = {f"problem.{name}": value for name, value in problem.items() if isinstance(value, str | int | float | bool)}
     return {
@@ -55,12 +56,12 @@ def settings(history: History) -> dict[str, Any]:
 
 
 def key_of(history: History) -> str:
-    """A name of a run that stays the same wherever its folder is and however often it goes on."""
+    """Identifier of a run that does not change when its folder is moved or the run continues."""
     return hashlib.sha256(json.dumps(identity(history.config), sort_keys=True).encode()).hexdigest()[:16]
 
 
 def to_tensorboard(runs: Mapping[str, History], folder: Path) -> None:
-    """Write a folder of events for each run, by its label; a log that grew only adds bytes to what it gave before.
+    """Write a folder of events for each run, by label; when a log has grown, its file only gains bytes at the end.
 
     Raises:
         ValueError: if tensorboard is missing, or the folder cannot be written.
@@ -82,7 +83,7 @@ def to_tensorboard(runs: Mapping[str, History], folder: Path) -> None:
 
 
 def to_parquet(runs: Mapping[str, History], path: Path) -> None:
-    """Write one table, a row for each generation of each run; it replaces an older one.
+    """Write one table with a row for each generation of each run, replacing an older table.
 
     Raises:
         ValueError: if pandas or pyarrow is missing, another kind of file is there, or it cannot be written.
@@ -109,7 +110,7 @@ def to_parquet(runs: Mapping[str, History], path: Path) -> None:
 
 
 def to_wandb(runs: Mapping[str, History], project: str) -> None:
-    """Send runs to a project of Weights & Biases; generations that it has already are not sent again.
+    """Send runs to a project of Weights & Biases; generations that it already has are not sent again.
 
     Raises:
         ValueError: if wandb is missing.
@@ -126,7 +127,7 @@ def to_wandb(runs: Mapping[str, History], project: str) -> None:
 
 
 def to_mlflow(runs: Mapping[str, History], address: str) -> None:
-    """Send runs to an MLflow server or database, experiment ``morpholab``; only generations that it does not have.
+    """Send runs to the experiment ``morpholab`` of an MLflow server or database; only generations that it lacks.
 
     Raises:
         ValueError: if mlflow is missing, or refuses the address or what is sent.
@@ -167,7 +168,7 @@ def _send_to_mlflow(runs: Mapping[str, History], client: Any) -> None:
 
 
 def labels(histories: Sequence[History]) -> dict[str, History]:
-    """Runs by the names of their folders, with as much of the path as they need to differ.
+    """Runs by the names of their folders, with as much of the path as distinguishes them.
 
     Raises:
         ValueError: if one is given twice.

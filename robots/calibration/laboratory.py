@@ -1,4 +1,4 @@
-"""Where experiments are simulated: one robot, one time step, and noise on where robots start."""
+"""Laboratory in which experiments are simulated: the robot, the common time step, and noise on start positions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ class Trial:
     """One simulation of an experiment.
 
     Attributes:
-        properties: of the robot.
-        replica: number of the noise on its start; trials of one replica start alike.
+        properties: properties of the robot.
+        replica: number of the draw of start noise; trials with the same replica start alike.
     """
 
     properties: Properties
@@ -26,15 +26,15 @@ class Trial:
 
 @dataclass(frozen=True)
 class Laboratory:
-    """How experiments are simulated.
+    """Settings by which experiments are simulated.
 
     Attributes:
-        geometry: of the robot before its properties are fitted.
-        actuation: likewise; what it counts in steps stays as long in seconds.
-        stiffest: largest modulus that will be tried [Pa]. It sets the time step of all simulations, so that what they
-            say changes smoothly with the modulus.
+        geometry: geometry of the robot before its properties are fitted.
+        actuation: actuation before the fit; durations that it counts in steps stay the same in seconds.
+        stiffest: largest modulus that will be tried [Pa]. It determines the time step of all simulations, so that
+            results change smoothly with the modulus.
         perturbation: standard deviation of the noise on start positions [m].
-        seed: of that noise.
+        seed: seed of the noise.
         precision: "f32" or "f64".
         threads: CPU threads; all cores by default.
     """
@@ -49,15 +49,21 @@ class Laboratory:
 
     @cached_property
     def time_step(self) -> float:
-        """dt [s]: as long as is stable for the stiffest robot."""
+        """Time step dt [s], which is stable for the stiffest robot, and at most that of the geometry."""
         return self.geometry.time_step * min(1.0, self.geometry.relative_time_step(self.stiffest))
 
     def drive(self, properties: Properties) -> InflatableActuation:
-        """How a robot of these properties is driven."""
+        """Actuation of a robot with the given properties."""
         return properties.drive_of(self.actuation, self.geometry.time_step, self.time_step)
 
     def engine(self, trials: Sequence[Trial], terrain: Terrain) -> tuple[LatticeBody, LatticeEngine]:
-        """A body of the robots of some trials (alike but for the material) and their engine, with noise on starts."""
+        """Engine for the robots of some trials, with noise on their starts, and the body of the first.
+
+        The bodies differ only in their materials.
+
+        Raises:
+            ValueError: for uneven ground.
+        """
         if terrain.ground:
             raise ValueError(f"terrain: uneven ground ({terrain.ground}) is not allowed for calibrations; give a plane")
         bodies = [trial.properties.body_of(self.geometry).body for trial in trials]

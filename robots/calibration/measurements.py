@@ -1,4 +1,4 @@
-"""Files of measurements: TOML with a table for every experiment, units in the names of the columns."""
+"""Files of measurements: TOML with one table per experiment and units in the names of the columns."""
 
 import math
 import os
@@ -40,12 +40,12 @@ LoadGait = Callable[[str], InflatableDesign]
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """What a file says.
+    """Content of a file of measurements.
 
     Attributes:
         geometry: name of the robot's geometry.
         experiments: in the order drags, diameters, gaits.
-        weight: of bladders, see ``InflatableActuation``.
+        weight: weight of bladders, see ``InflatableActuation``.
     """
 
     geometry: str
@@ -57,11 +57,11 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
     """Read a file of measurements, see docs/calibration.md.
 
     Args:
-        path: of the TOML file.
-        load_gait: gives the design of a gait's name or file.
+        path: path of the TOML file.
+        load_gait: function from the name or file of a gait to its design.
 
     Raises:
-        ValueError: for an unreadable file, unknown names and units, missing columns, bad values.
+        ValueError: for an unreadable file, unknown names or units, missing columns or values that are not allowed.
     """
     text = read_text(path)
     readers: dict[str, Callable[[_Table], Experiment]] = {
@@ -92,7 +92,7 @@ def read_measurements(path: str | os.PathLike[str], load_gait: LoadGait) -> Meas
 
 
 class _Table:
-    """One experiment's table; what is read is taken out, so that the rest is unknown."""
+    """Table of one experiment; entries are removed when they are read, so that unknown entries are left."""
 
     def __init__(self, where: str, data: Mapping[str, Any]) -> None:
         self.where, self.left = where, dict(data)
@@ -104,14 +104,14 @@ class _Table:
         return any(key == name or key.startswith(f"{name}_") for key in self.left)
 
     def either(self, *names: str) -> str:
-        """The one of these columns that there is."""
+        """Name of the one column of these that is given."""
         given = [name for name in names if self.has(name)]
         if len(given) != 1:
             raise self.error(f"give one column of {' or '.join(names)}; both are two tables")
         return given[0]
 
     def column(self, name: str, suffix: str = "", low: float = -math.inf) -> Floats | None:
-        """Numbers in SI units, shape (N,); None where there is no such column."""
+        """Numbers of a column in SI units, shape (N,); None if there is no such column."""
         allowed = [f"{name}{suffix}_{unit}" for unit in UNITS[name]]
         given = [key for key in self.left if key == name + suffix or key.startswith(f"{name}{suffix}_")]
         given = [key for key in given if suffix or not key.startswith(f"{name}_sd")]
@@ -138,7 +138,7 @@ class _Table:
         return float(found[0])
 
     def measured(self, name: str, at: Floats | None) -> tuple[Floats, Floats | None]:
-        """Values and standard deviations; a single deviation is that of all."""
+        """Values and standard deviations; a single deviation applies to all values."""
         values, deviations = self.required(name), self.column(name, "_sd", 0.0)
         if at is not None and len(values) != len(at):
             raise self.error(f"{name}: {len(values)} values are not allowed for {len(at)} points; give as many")
@@ -158,7 +158,7 @@ def _tables(kind: str, given: Any) -> list[dict[str, Any]]:
 
 
 def _experiment(table: _Table, read: Callable[[_Table], Experiment]) -> Experiment:
-    """What a reader makes of a table, all of which it must know."""
+    """Read the experiment of a table; entries that the reader does not use are refused."""
     found = read(table)
     if table.left:
         raise table.error(f"{min(table.left)!r} is unknown")
@@ -197,14 +197,14 @@ def _gait(load_gait: LoadGait, table: _Table) -> Gait:
     at = table.column("time", low=0.0)
     kind = table.either("distance", "speed")
     values, deviations = table.measured(kind, at)
-    at = np.full(len(values), np.inf) if at is None else at  # without times they are of the whole gait
+    at = np.full(len(values), np.inf) if at is None else at  # without times, values are for the whole gait
     if kind == "speed" and at.min() == 0:
         raise table.error("time: 0 is not allowed of a mean speed; give later times")
     return Gait(at, values, design, name, terrain, kind == "speed", deviations)
 
 
 def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
-    """The gait with what the table says of it."""
+    """The gait with the pressure, orientation, columns and repeats that the table gives."""
     counts = {key: table.left.pop(key, None) for key in ("columns", "repeats")}
     cut = [None if value is None else whole_number(key, value, 1) for key, value in counts.items()]
     design = load_gait(name)
@@ -217,7 +217,7 @@ def _played(name: str, load_gait: LoadGait, table: _Table) -> InflatableDesign:
 
 
 def write_measurements(path: str | os.PathLike[str], geometry: str, experiments: Sequence[Experiment]) -> None:
-    """Write a file that :func:`read_measurements` reads; gaits by the names that they have."""
+    """Write a file that :func:`read_measurements` can read; gaits are referred to by name."""
     parts = [f'geometry = "{geometry}"']
     for experiment in experiments:
         if isinstance(experiment, Drag):

@@ -1,4 +1,4 @@
-"""Properties of the inflatable robot that are tuned to a rig, and the robot that has them."""
+"""Properties of the inflatable robot that are fitted to a rig, and the robot that has them."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
@@ -14,12 +14,12 @@ from taichi_sim.base.files import read_record, write_record
 from taichi_sim.base.records import checked
 
 CALIBRATION_FORMAT = "morpholab-calibration-1"
-# Where a fit may go unless told otherwise. The stiffest body sets the time step of all, see ``Laboratory``.
+# Default bounds of a fit. The stiffest body determines the time step of all, see ``Laboratory``.
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"friction": (0.1, 4.0), "low_friction": (1e-3, 1.0), "modulus": (200e3, 800e3), "inflation_rate": (0.7, 12.0)}
 )
 Property = Annotated[float, partial(positive, high=1e12)]
-# Of the largest stable time step to that in which gaits count. Stiffer skin takes a shorter one.
+# Least ratio of the largest stable time step to that in which gaits count; stiffer skin needs a shorter time step.
 LEAST_SAFETY = 1.08
 UNITS: Mapping[str, str] = MappingProxyType(
     {"friction": "", "low_friction": "", "modulus": "Pa", "inflation_rate": "1/s"}
@@ -33,8 +33,8 @@ class Properties:
     Attributes:
         friction: Coulomb coefficient of skin and gripping feet on the ground, static and kinetic; bladders have a
             third of it.
-        low_friction: the same of sliding feet.
-        modulus: Young's modulus of the skin [Pa]; that of bladders stays in proportion.
+        low_friction: Coulomb coefficient of sliding feet.
+        modulus: Young's modulus of the skin [Pa]; that of bladders stays in proportion to it.
         inflation_rate: change of a bladder's thickness [voxels per voxel per second].
     """
 
@@ -48,28 +48,28 @@ class Properties:
 
     @classmethod
     def of(cls, geometry: InflatableGeometry = PUBLISHED, actuation: InflatableActuation = ACTUATION) -> Self:
-        """The properties of a robot as it is described."""
+        """Properties of a robot with the given geometry and actuation."""
         rate = actuation.inflation_rate / geometry.time_step
         return cls(actuation.high_friction, actuation.low_friction, geometry.youngs_modulus, rate)
 
     @property
     def spoken(self) -> str:
-        """All of them in a line."""
+        """All properties as one line of text."""
         each = (f"{name.replace('_', ' ')} {getattr(self, name):.4g} {UNITS[name]}" for name in NAMES)
         return ", ".join(text.strip() for text in each)
 
     def body_of(self, geometry: InflatableGeometry) -> InflatableGeometry:
-        """The geometry with this modulus, bladders as much softer as before."""
+        """The geometry with this modulus; the ratio of the bladders' modulus to it is kept."""
         softer = geometry.bladder_modulus / geometry.youngs_modulus
         return replace(geometry, youngs_modulus=self.modulus, bladder_modulus=self.modulus * softer)
 
     def drive_of(self, actuation: InflatableActuation, counted_in: float, time_step: float) -> InflatableActuation:
-        """The actuation with this friction and rate, and all that it counts in steps as long in seconds as before.
+        """The actuation with this friction and rate; durations that it counts in steps stay the same in seconds.
 
         Args:
-            actuation: of the robot as it is described.
-            counted_in: time step [s] that it was described for.
-            time_step: dt [s] of the simulation.
+            actuation: actuation before the fit.
+            counted_in: time step for which it was described [s].
+            time_step: time step of the simulation [s].
         """
         ratio = time_step / counted_in
         return replace(
@@ -87,8 +87,8 @@ class Properties:
     ) -> tuple[InflatableGeometry, InflatableActuation]:
         """Geometry and actuation of the robot that has these properties, for ``robots.inflatable.simulate``.
 
-        The time step is that of the geometry, in which gaits count, unless skin is too stiff for it: then what the
-        robot itself counts in steps lasts as many seconds.
+        The time step is that of the geometry, in which gaits count, unless the skin is too stiff for it; then a shorter
+        one is used, and durations that the actuation counts in steps stay the same in seconds.
         """
         tuned = self.body_of(geometry)
         if not self.fits_time_step(geometry):
@@ -101,7 +101,7 @@ class Properties:
         return self._safety(geometry) >= LEAST_SAFETY
 
     def check_time_step(self, geometry: InflatableGeometry = PUBLISHED) -> None:
-        """Raise a ValueError, in one line, unless :meth:`fits_time_step`: gaits with times of their own need that."""
+        """Raise ValueError unless :meth:`fits_time_step`, which gaits with durations of their own require."""
         if not self.fits_time_step(geometry):
             most = geometry.youngs_modulus * (geometry.time_step_safety / LEAST_SAFETY) ** 2
             raise ValueError(
@@ -119,7 +119,7 @@ NAMES = tuple(field.name for field in fields(Properties))
 
 @dataclass(frozen=True)
 class _Calibration:
-    """What is read of ``calibration.json``; all else in it is for people."""
+    """Fields that are read from ``calibration.json``; the others are for information only."""
 
     format: str
     geometry: str
@@ -129,22 +129,22 @@ class _Calibration:
 def robot_of(
     geometry: str, weight: str, properties: Properties | None = None
 ) -> tuple[InflatableGeometry, InflatableActuation]:
-    """Geometry and actuation of the robot of a named geometry and weight of bladders, as published or as a rig's."""
+    """Geometry and actuation of a robot by name and weight of bladders, with published or calibrated properties."""
     named, actuation = NAMED_GEOMETRIES[geometry], InflatableActuation(weight=weight)
     return (named, actuation) if properties is None else properties.robot(named, actuation)
 
 
 def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
-    """The properties in a file that ``morpholab calibrate`` wrote, and the name of the geometry that they belong to.
+    """Load properties, and the name of their geometry, from a file that ``morpholab calibrate`` wrote.
 
     Raises:
-        ValueError: if the file cannot be read as one; names it and what is wrong.
+        ValueError: if the file cannot be read as such; names the file and what is wrong.
     """
     return read_record(path, CALIBRATION_FORMAT, _calibration)
 
 
 def save_properties(properties: Properties, geometry: str, path: str | PathLike[str]) -> None:
-    """Write properties and the name of the geometry that they belong to, for :func:`load_calibration`."""
+    """Write properties, and the name of their geometry, for :func:`load_calibration`."""
     write_record(path, CALIBRATION_FORMAT, {"geometry": geometry, "properties": asdict(properties)})
 
 

@@ -1,4 +1,4 @@
-"""Plays a stream in real time on the line to a rig's controller: a serial device, a file or standard output."""
+"""Play a stream in real time to a rig's controller through a serial device, a file or standard output."""
 
 import contextlib
 import fcntl
@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from robots.hardware.stream import Format, Sample, Stream
 from taichi_sim.base.disk_faults import told_as
 
-HEARTBEAT = 0.5  # of silence at most [s]
-STUCK = 5.0  # for which a line may take nothing [s]
-_LOOKED_AT = 1000  # samples, to know how long lines are
-_BITS = 10  # of a character on a serial line, with start and stop
+HEARTBEAT = 0.5  # longest time between lines [s]
+STUCK = 5.0  # longest time for which the link may accept no data [s]
+_LOOKED_AT = 1000  # samples from which the length of lines is estimated
+_BITS = 10  # per character on a serial line, with start and stop bits
 BAUDS = tuple(sorted(int(name[1:]) for name in dir(termios) if name[:1] == "B" and name[1:].isdigit() and name != "B0"))
 
 
@@ -28,20 +28,20 @@ class PlayFailed(RuntimeError):
 
 
 class Link:
-    """An open line to a controller."""
+    """An open connection to a controller."""
 
     def __init__(self, descriptor: int, name: str) -> None:
-        """Talk by an open file descriptor."""
+        """Use an open file descriptor; ``name`` is for messages."""
         self.name = name
         self._descriptor = descriptor
         self._received = b""
         self._whole = True  # no line was left half written
 
     def send(self, line: str) -> None:
-        """Write a line whole; one that an interruption cut before is marked by a question mark first.
+        """Write a whole line; if an interruption cut the previous one, that is ended with a question mark first.
 
         Raises:
-            PlayFailed: if the line takes nothing for ``STUCK`` seconds, or is closed.
+            PlayFailed: if the link accepts no data for ``STUCK`` seconds, or is closed.
         """
         rest = (line if self._whole else f"?\n{line}").encode() + b"\n"
         self._whole = False
@@ -57,7 +57,11 @@ class Link:
         self._whole = True
 
     def answer(self, until: float) -> str | None:
-        """The next line that the controller sends before a moment of the monotonic clock; None if there is none."""
+        """Next line that the controller sends before a time of the monotonic clock [s]; None if there is none.
+
+        Raises:
+            PlayFailed: if the link cannot be read, or the controller closed it.
+        """
         while b"\n" not in self._received:
             left = max(0.0, until - time.monotonic())
             try:
@@ -77,17 +81,17 @@ class Link:
 
 @contextlib.contextmanager
 def serial_link(path: str, baud: int, ready: float = 0.0) -> Iterator[Link]:
-    """A serial device for this process alone, at a speed: eight bits, no parity, one stop bit, no flow control.
+    """Open a serial device exclusively: eight bits, no parity, one stop bit, no flow control.
 
-    Its settings come back at the end.
+    Its previous settings are restored at the end of the context.
 
     Args:
-        path: of the device.
-        baud: its speed, one of ``BAUDS``.
-        ready: how long the controller takes to start after the device was opened [s].
+        path: path of the device.
+        baud: speed, one of ``BAUDS`` [baud].
+        ready: time that the controller takes to start after the device is opened [s].
 
     Raises:
-        ValueError: if it cannot be opened, is no serial device, or another player has it.
+        ValueError: if it cannot be opened, is not a serial device, or is in use by another player.
     """
     try:
         descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -104,7 +108,7 @@ def serial_link(path: str, baud: int, ready: float = 0.0) -> Iterator[Link]:
         tty.setraw(descriptor)
         settings = termios.tcgetattr(descriptor)
         settings[4] = settings[5] = getattr(termios, f"B{baud}")
-        settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS | termios.PARODD)  # whatever used the port before
+        settings[2] &= ~(termios.CSTOPB | termios.CRTSCTS | termios.PARODD)  # maybe set by its last user
         settings[2] |= termios.CLOCAL | termios.CREAD
         termios.tcsetattr(descriptor, termios.TCSANOW, settings)
         try:
@@ -112,14 +116,14 @@ def serial_link(path: str, baud: int, ready: float = 0.0) -> Iterator[Link]:
             yield Link(descriptor, path)
         finally:
             with contextlib.suppress(termios.error, OSError):
-                _drain(descriptor)  # or the last line would go out at another speed
+                _drain(descriptor)  # otherwise the last line might be sent at another speed
                 termios.tcsetattr(descriptor, termios.TCSANOW, before)
     finally:
         os.close(descriptor)
 
 
 def _drain(descriptor: int) -> None:
-    """Wait until the device has sent all, but no longer than ``STUCK``."""
+    """Wait until the device has sent all data, but at most ``STUCK`` seconds."""
     until = time.monotonic() + STUCK
     while time.monotonic() < until:
         waiting = fcntl.ioctl(descriptor, termios.TIOCOUTQ, b"\0" * 4)
@@ -130,10 +134,11 @@ def _drain(descriptor: int) -> None:
 
 @contextlib.contextmanager
 def file_link(path: str, live: bool = False) -> Iterator[Link]:
-    """A new or empty file, a named pipe or a device to write, or standard output for ``-``.
+    """Open a new or empty file, a named pipe or a device for writing; ``-`` is standard output.
 
-    A new file is removed if sending fails, so that the same can be tried again; after an interruption it stays. A pipe
-    that is ``live`` holds few lines: whoever reads slowly makes samples late, and hears at once when lines vent.
+    A new file is removed if sending fails, so that the command can be repeated; after an interruption it stays. If
+    ``live``, a pipe buffers only few lines, so that a slow reader makes samples late rather than reading old ones, and
+    receives venting at once.
 
     Raises:
         ValueError: if it cannot be opened, or has content.
@@ -143,7 +148,7 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
         sys.stdout.flush()
         try:
             descriptor = sys.stdout.fileno()
-        except io.UnsupportedOperation:  # of a notebook, or of who calls the command as a function
+        except io.UnsupportedOperation:  # in a notebook, or where the command is called as a function
             raise ValueError("to: - is not allowed, as standard output is no file here; name a file") from None
         with _short_pipe(descriptor) if live else contextlib.nullcontext():
             yield Link(descriptor, "standard output")
@@ -151,14 +156,14 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
     check_takes_lines(path)
     new = not os.path.exists(path)
     with told_as(f"to: {path} cannot be opened", begun=False):
-        # Exclusive, so that a file which another process makes meanwhile is not written over; a link may be dangling.
+        # Exclusive, so that a file that another process has just made is not overwritten; a link may be dangling.
         exclusive = os.O_CREAT | os.O_EXCL if new and not os.path.islink(path) else os.O_CREAT
         descriptor = os.open(path, os.O_WRONLY | exclusive, 0o644)
     try:
         with _short_pipe(descriptor) if live else contextlib.nullcontext():
             yield Link(descriptor, path)
     except Exception:
-        if new:  # who has opened it reads on, also the lines that vent
+        if new:  # a reader that has opened it can still read all lines, including those that vent
             with contextlib.suppress(OSError):
                 os.unlink(os.path.realpath(path))
         raise
@@ -168,7 +173,7 @@ def file_link(path: str, live: bool = False) -> Iterator[Link]:
 
 @contextlib.contextmanager
 def _short_pipe(descriptor: int) -> Iterator[None]:
-    """Let a pipe hold as little as it can for a while; by default it holds a minute of lines that nobody has read."""
+    """Reduce the buffer of a pipe to its minimum inside the context; by default it holds about a minute of lines."""
     before = None
     with contextlib.suppress(AttributeError, OSError):  # a system without such pipes, no pipe, or one that is full
         before = fcntl.fcntl(descriptor, fcntl.F_GETPIPE_SZ)
@@ -182,10 +187,10 @@ def _short_pipe(descriptor: int) -> Iterator[None]:
 
 
 def check_takes_lines(path: str) -> None:
-    """Refuse a folder, or a file that has content already, which lines of a stream would replace.
+    """Check that a path can be written: it is neither a folder nor a file with content.
 
     Raises:
-        ValueError: if it is one, or cannot be looked at.
+        ValueError: if it is one of these, or cannot be accessed.
         RuntimeError: if the disk is broken.
     """
     with told_as(f"to: {path} cannot be opened", begun=False):
@@ -200,7 +205,7 @@ def check_takes_lines(path: str) -> None:
 
 
 def check_baud(stream: Stream, form: Format, baud: int) -> None:
-    """Refuse a speed that serial devices do not have, or a rate whose lines it cannot carry."""
+    """Raise ValueError if serial devices do not support a speed, or it is too low for the stream's rate of lines."""
     if baud not in BAUDS:
         raise ValueError(f"baud: {baud} is not allowed; give one of {', '.join(map(str, BAUDS))}")
     some = range(0, stream.samples, max(1, stream.samples // _LOOKED_AT))
@@ -215,12 +220,12 @@ def check_baud(stream: Stream, form: Format, baud: int) -> None:
 
 @dataclass(frozen=True)
 class Played:
-    """What became of a stream.
+    """Result of playing a stream.
 
     Attributes:
-        samples: that were sent, all in order.
-        seconds: that it took [s].
-        latest: by how much the latest sample was late [s].
+        samples: number of samples sent, all in order.
+        seconds: duration [s].
+        latest: largest delay of a sample [s].
     """
 
     samples: int
@@ -230,12 +235,12 @@ class Played:
 
 @dataclass(frozen=True)
 class Pace:
-    """How a stream is paced.
+    """Timing of a stream.
 
     Attributes:
-        wait: False sends all at once, for files.
-        ack: how long to wait for the answer to a sample [s]; None does not wait.
-        late: by how much a sample may be late [s] before the lines are vented.
+        wait: whether samples are sent in real time; False sends all at once, for files.
+        ack: longest wait for the controller's answer to a sample [s]; None for no answers.
+        late: largest delay of a sample, beyond which the lines are vented [s].
     """
 
     wait: bool = True
@@ -244,11 +249,11 @@ class Pace:
 
 
 def play(stream: Stream, form: Format, link: Link, pace: Pace) -> Played:
-    """Send a stream in real time, no sample left out, and stop at the end; vent the lines whatever happens.
+    """Send all samples of a stream in real time, then stop; on any failure or interruption vent the lines first.
 
     Raises:
-        PlayFailed: if the link or the controller fails, or samples become too late.
-        KeyboardInterrupt: again, after an interruption, once lines are vented.
+        PlayFailed: if the link or the controller fails, or a sample is too late.
+        KeyboardInterrupt: after an interruption, once the lines are vented.
     """
     player = _Player(stream, form, link, pace)
     try:
@@ -259,7 +264,7 @@ def play(stream: Stream, form: Format, link: Link, pace: Pace) -> Played:
         player.vent("interrupted")
         raise
     except BaseException:
-        with contextlib.suppress(PlayFailed):  # the first failure is what to tell
+        with contextlib.suppress(PlayFailed):  # the first failure is reported
             player.vent("failed")
         raise
     return player.played()
@@ -275,20 +280,20 @@ class _Player:
         self.sent, self.latest = 0, 0.0
 
     def send_all(self, samples: Iterable[Sample], pace: Pace | None = None) -> None:
-        """Send samples when they are due, with answers if they are asked for."""
+        """Send samples when they are due, and wait for answers if the pace requires them."""
         pace = pace or self.pace
         for sample in samples:
             if pace.wait:
                 self._wait(sample)
                 self._check_late(sample, pace)
-            self.last = sample  # before it is sent, as it may arrive although sending is interrupted
+            self.last = sample  # set before sending, as a sample may arrive although sending is interrupted
             self.link.send(self.form.sample(sample))
             self.sent += 1
             if pace.ack is not None:
                 self._await_answer(sample, pace.ack)
 
     def vent(self, why: str) -> None:
-        """Let the pressure out from where it is, then stop; a second interruption stops at once."""
+        """Vent the lines from their last pressures, then stop; a second interruption stops at once."""
         try:
             if self.last is not None:
                 self.start = time.monotonic() - self.last.time_s
@@ -297,7 +302,7 @@ class _Player:
             self.link.send(self.form.stop(why))
 
     def played(self) -> Played:
-        """What was sent until now."""
+        """Result of playing so far."""
         return Played(self.sent, time.monotonic() - self.start, self.latest)
 
     def _wait(self, sample: Sample) -> None:

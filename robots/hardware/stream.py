@@ -1,7 +1,7 @@
-"""A rig's table as lines for its controller: a header, samples in order of time, and a last line that stops.
+"""Stream of lines for a rig's controller, made from a table: a header, samples in order of time, and a stop line.
 
-Samples have equal distances in time, and lie on the straight lines that join the rows of the table. The protocol is
-told in ``docs/rig-side.md``.
+Samples are equally spaced in time and interpolate the rows of the table linearly. ``docs/rig-side.md`` describes the
+protocol.
 """
 
 import json
@@ -24,25 +24,25 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import read_text
 
 VERSION = "morpholab-stream-1"
-USUAL_RATE = 20.0  # of tables whose rows are corners [Hz]
-FASTER_RATES = (20.0, 50.0, 100.0, 200.0, 500.0, FASTEST_RATE)  # that are proposed where a stream is too coarse [Hz]
-LARGEST_MISS = 0.01  # of the rows of a table, as part of the swing of a line: what is more is told
-COMPARED_LOOPS = 100  # of the main, in which samples are looked at; of later ones they fall between the same
-COMPARED_ROWS = 200_000  # rows, or samples, of these loops in all; but one loop at least
-SLOWEST_VENTING = 5.0  # samples per second [Hz]
-_DIGIT = 1e-8  # of a number in a file, as part of it: nine digits are written
-_EXCESS = 1e-3  # of limits, as part of them: rounding of the file
+USUAL_RATE = 20.0  # for tables whose rows are corners [Hz]
+FASTER_RATES = (20.0, 50.0, 100.0, 200.0, 500.0, FASTEST_RATE)  # proposed if a stream is too coarse [Hz]
+LARGEST_MISS = 0.01  # deviation from the rows of a table, relative to a line's range, above which a note is given
+COMPARED_LOOPS = 100  # loops of the main section in which samples are checked; later ones have similar samples
+COMPARED_ROWS = 200_000  # most rows or samples of these loops in all, except that one loop is always checked
+SLOWEST_VENTING = 5.0  # lowest rate of samples while venting [Hz]
+_DIGIT = 1e-8  # relative rounding of a number in a file, which has nine digits
+_EXCESS = 1e-3  # relative tolerance of limits, for rounding in the file
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What all lines are told at one moment.
+    """Commanded pressures of all lines at one time.
 
     Attributes:
-        number: counted from 0, without gaps.
-        time_s: since the start [s].
-        section: of the table: prefix, main or suffix; or vent, after an interruption.
-        pressures: of all channels, in the stream's units.
+        number: number of the sample, from 0 without gaps.
+        time_s: time since the start [s].
+        section: section of the table: prefix, main or suffix; or vent, after an interruption.
+        pressures: pressures of all channels, in the stream's unit.
     """
 
     number: int
@@ -89,7 +89,7 @@ class JsonLines:
 
 
 class CommaLines:
-    """Lines of values that commas separate, of which the first tells what the line is."""
+    """Lines of comma-separated values; the first value is the type of the line."""
 
     def header(self, stream: "Stream") -> str:
         """The first line."""
@@ -116,12 +116,12 @@ FORMATS: Mapping[str, type[Format]] = {"jsonl": JsonLines, "csv": CommaLines}
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """A table as it is sent to a controller.
+    """A table sampled for a controller.
 
     Attributes:
-        table: with its prefix, main and suffix.
-        rig: whose limits hold.
-        loops: how often the main is played.
+        table: table with sections prefix, main and suffix.
+        rig: rig whose limits apply.
+        loops: number of times that the main section is played.
         rate: samples per second [Hz].
     """
 
@@ -132,22 +132,22 @@ class Stream:
 
     @property
     def seconds(self) -> float:
-        """How long it takes [s]."""
+        """Duration of the stream [s]."""
         lengths = self.table.durations
         return lengths["prefix"] + self.loops * lengths["main"] + lengths["suffix"]
 
     @property
     def samples(self) -> int:
-        """How many samples are sent; the last one is at the end, at most a period after the one before."""
+        """Number of samples; the last one is at the end, at most one period after the previous one."""
         return int(np.ceil(self.seconds * self.rate - 1e-9)) + 1
 
     @property
     def unit(self) -> str:
-        """Unit of the pressures, as people write it."""
+        """Unit of the pressures in its usual spelling."""
         return UNIT_SPELLING[self.table.units]
 
     def about(self) -> dict[str, Any]:
-        """What the header tells, as values that fit JSON."""
+        """Content of the header, as values for JSON."""
         return {
             "units": self.table.units,
             "rate_hz": self.rate,
@@ -157,17 +157,17 @@ class Stream:
         }
 
     def __iter__(self) -> Iterator[Sample]:
-        """The samples in order; one at a time, however many there are."""
+        """Iterate over the samples in order, with one in memory at a time."""
         return (self.sample(number) for number in range(self.samples))
 
     def sample(self, number: int) -> Sample:
-        """The sample of a number."""
+        """Compute the sample with a given number."""
         lengths, begin = self.table.durations, self.table.times[0]
         main, suffix = begin + lengths["prefix"], begin + lengths["prefix"] + lengths["main"]
         time = min(number / self.rate, self.seconds)
         place, section = begin + time, "prefix"
         if time >= lengths["prefix"] + self.loops * lengths["main"]:
-            # The table plays the main once.
+            # The times of the table include the main section once.
             place, section = max(place - (self.loops - 1) * lengths["main"], suffix), "suffix"
         elif place >= main and lengths["main"] > 0:
             place, section = main + (place - main) % lengths["main"], "main"
@@ -175,9 +175,9 @@ class Stream:
         return Sample(number, time, section, tuple(float(np.interp(place, times, line)) for line in lines))
 
     def venting(self, last: Sample) -> Iterator[Sample]:
-        """Samples from a last one to lines without pressure, each line as fast as it and its limit of rate allow.
+        """Samples after a last one that vent all lines, each as fast as the line and its limit of rate allow.
 
-        They come at the stream's rate, but at least at ``SLOWEST_VENTING``: nobody waits for the next slow sample.
+        They have the stream's rate, but at least ``SLOWEST_VENTING``, so that venting is smooth in slow streams, too.
         """
         kpa = np.array(last.pressures) * KPA_PER_UNIT[self.table.units]
         strokes = np.maximum(self.rig.stroke_times(-kpa), self.rig.least_times(kpa))
@@ -189,9 +189,9 @@ class Stream:
             yield Sample(last.number + step, last.time_s + step / rate, "vent", pressures)
 
     def extremes(self) -> list[tuple[str, float, float, float, float]]:
-        """Each channel's name, lowest and highest pressure sent, and those that the rig allows, in the table's units.
+        """Name, lowest and highest pressure sent, and lowest and highest allowed, of each channel, in the table's unit.
 
-        Of a main that is played often the first ``COMPARED_LOOPS`` times count, or fewer of a long one.
+        Only the first ``COMPARED_LOOPS`` loops of the main section count, or fewer if it is long.
         """
         factor, (times, lines) = KPA_PER_UNIT[self.table.units], self._course
         moments, found = self._moments(self.rate), []
@@ -202,14 +202,16 @@ class Stream:
         return found
 
     def largest_miss(self, rate: float | None = None) -> tuple[float, str]:
-        """How far straight lines between samples are off the rows, as part of a line's swing in the table; the channel.
+        """Largest deviation of linear interpolation between samples from the rows, and the channel where it occurs.
+
+        The deviation is relative to the range of the line's pressures in the table.
 
         Args:
-            rate: samples per second [Hz]; None: the stream's.
+            rate: samples per second [Hz]; by default the stream's.
         """
         (times, lines), moments = self._course, self._moments(rate or self.rate)
         swings = np.ptp(self.table.pressures, axis=0)
-        missed = [  # straight pieces are furthest apart where one of them ends; at samples they meet
+        missed = [  # the deviation is largest at a row, as both are piecewise linear and agree at samples
             float(np.abs(np.interp(times, moments, np.interp(moments, times, line)) - line).max() / swing)
             if swing
             else 0.0
@@ -219,7 +221,7 @@ class Stream:
         return missed[worst], self.table.channels[worst]
 
     def notes(self) -> list[str]:
-        """What whoever plays it should know: that it is too coarse for its rows, or in another unit than the rig."""
+        """Notes for the user: that the rate is too low for the rows, or that the unit is not that of the rig."""
         found, (miss, name) = [], self.largest_miss()
         if miss > LARGEST_MISS:
             enough = (rate for rate in FASTER_RATES if rate > self.rate and self.largest_miss(rate)[0] <= LARGEST_MISS)
@@ -245,7 +247,7 @@ class Stream:
         return times, np.concatenate([self._rows[section][1] for section, _ in starts], axis=1)
 
     def _moments(self, rate: float) -> Floats:
-        """When samples are sent while the rows of :attr:`_course` are played [s]."""
+        """Times of the samples while the rows of :attr:`_course` are played [s]."""
         end = float(self._course[0][-1])
         return np.minimum(np.arange(int(np.ceil(end * rate - 1e-9)) + 1) / rate, end)
 
@@ -258,10 +260,10 @@ class Stream:
 
 
 def rig_of_table(table: RigTable) -> PneumaticRig:
-    """The preset that a table is for.
+    """Preset rig for which a table was made.
 
     Raises:
-        ValueError: for a table of a rig that is no preset.
+        ValueError: if the rig of the table is not a preset.
     """
     if table.rig not in PRESETS:
         raise ValueError(f"rig: the table is for {table.rig!r}, whose limits are not known; give its .toml file")
@@ -271,16 +273,16 @@ def rig_of_table(table: RigTable) -> PneumaticRig:
 def stream_of(
     table: RigTable, rig: PneumaticRig | None = None, *, loops: int | None = None, rate: float | None = None
 ) -> Stream:
-    """A table as a stream for a rig.
+    """Make a stream from a table for a rig, and check it against the rig's limits.
 
     Args:
-        table: to play.
-        rig: whose limits hold; None: the preset that the table names.
-        loops: how often the main is played; None: as the table tells.
-        rate: samples per second [Hz]; None: those of the table, or ``USUAL_RATE`` if its rows are corners.
+        table: table to play.
+        rig: rig whose limits apply; by default the preset that the table names.
+        loops: number of times that the main section is played; by default that of the table.
+        rate: samples per second [Hz]; by default that of the table, or ``USUAL_RATE`` if its rows are corners.
 
     Raises:
-        ValueError: if the table exceeds limits of the rig, in the table's units, or names a rig that is not known.
+        ValueError: if the table exceeds limits of the rig, has another number of lines, or names an unknown rig.
     """
     rig = rig or rig_of_table(table)
     if (lines := table.pressures.shape[1]) != len(rig.channels):
@@ -291,10 +293,10 @@ def stream_of(
 
 
 def read_any_table(path: str | os.PathLike[str]) -> RigTable:
-    """Read a table of a gait, or of the channels of another robot, as its first line tells.
+    """Read a table of a gait, or of the channels of another robot, depending on its first line.
 
     Raises:
-        ValueError: if the file is damaged, or none of both.
+        ValueError: if the file is damaged, or is neither.
     """
     first = read_text(path).partition("\n")[0]
     return read_channels(path) if first == f"# schema={CHANNELS_SCHEMA}" else read_csv(path)

@@ -1,8 +1,8 @@
-"""One robot over several terrains: gaits and changes of shape one after the other, without putting it back.
+"""Journeys: one robot plays gaits and changes of shape on several terrains, one after the other.
 
-A leg begins as the one before ended: where the robot is, how it lies, how thick its bladders are. The ground changes
-between legs. Headings are those of the start: a leg of heading 90 degrees goes along the y axis of the world, whatever
-the robot did before; so does the slope.
+A leg begins in the state in which the previous leg ended: position, pose and thickness of bladders. The ground changes
+between legs. Headings and slopes refer to the world, not to the robot's present pose: a leg with heading 90 degrees
+goes along the y axis, whatever the robot did before.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,10 +34,9 @@ class Leg:
     """A part of a journey.
 
     Attributes:
-        design: what the robot does: a gait, or a change of shape (``transition``). Its pressure is that with
-            which the leg begins.
-        terrain: where.
-        name: in reports.
+        design: a gait, or a change of shape (``transition``); its pressure is that at the beginning of the leg.
+        terrain: terrain of the leg.
+        name: name in reports.
     """
 
     design: InflatableDesign
@@ -53,18 +52,18 @@ class Leg:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class JourneyResult(ShortText):
-    """What the robots of a journey of L legs did; NaN where a status is not "ok".
+    """Result of R robots on a journey of L legs; NaN where a status is not "ok".
 
     Attributes:
-        distances: along the heading of each leg, positive uphill [m], shape (R, L).
+        distances: distance along the heading of each leg, positive uphill [m], shape (R, L).
         steps: time steps of each leg, shape (L,).
         status: "ok" or "diverged", shape (R,).
-        positions: of the voxels when the journey begins and each leg ends [m], shape (R, L + 1, V, 3).
-        orientations: likewise, quaternions (w, x, y, z), shape (R, L + 1, V, 4).
+        positions: positions of the voxels at the beginning and at the end of each leg [m], shape (R, L + 1, V, 3).
+        orientations: orientations at these times, quaternions (w, x, y, z), shape (R, L + 1, V, 4).
         frames: recorded poses, or None.
-        body: the lattice.
-        body_length: unit of speeds [m].
-        time_step: dt [s].
+        body: lattice of each robot.
+        body_length: body length, the unit of speeds [m].
+        time_step: time step dt [s].
     """
 
     distances: Floats
@@ -79,7 +78,7 @@ class JourneyResult(ShortText):
 
     @cached_property
     def speeds(self) -> Floats:
-        """Speeds of the legs, by the time that they take [body lengths/s], shape (R, L)."""
+        """Speeds of the legs over their actual durations [body lengths/s], shape (R, L)."""
         return self.distances / (self.body_length * self.steps * self.time_step)
 
 
@@ -95,21 +94,22 @@ def simulate_journey(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> JourneyResult:
-    """Have a robot do some legs one after the other.
+    """Simulate a robot on several legs, one after the other.
 
     Args:
-        legs: each begins with the core pressure with which the one before ends; the first begins initialised.
+        legs: the legs; each must begin with the core pressure at the end of the previous one. The robot is
+            initialised before the first.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
-        runs: R robots that do the same; they differ by their perturbation.
-        record_every: record the poses every so many time steps from the end of the initialisation on.
-        perturbation: standard deviation of noise on the start positions [m].
-        seed: of that noise; robot i always draws the same.
-        progress: called now and then with the fraction done.
+        runs: R, the number of equal robots, which differ only in the noise on their start positions.
+        record_every: interval of recorded poses, from the end of the initialisation [time steps]; None for no poses.
+        perturbation: standard deviation of the noise on start positions [m].
+        seed: seed of the noise; robot i always has the same noise.
+        progress: called at intervals with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
-        ValueError: for what is not allowed.
+        ValueError: if an argument is not allowed.
     """
     _check(legs, geometry)
     runs = whole_number("runs", runs, 1)
@@ -138,7 +138,7 @@ def simulate_journey(
 
 
 def _check(legs: Sequence[Leg], geometry: InflatableGeometry) -> None:
-    """Refuse what cannot follow each other."""
+    """Raise ValueError for legs that cannot be part of one journey or follow each other."""
     if not legs:
         raise ValueError("legs: none given; give at least one")
     if len({leg.terrain.is_fluid for leg in legs}) > 1:
@@ -172,9 +172,9 @@ def build_journey(
     geometry: InflatableGeometry,
     record_every: int | None,
 ) -> tuple[LatticeProgram, np.ndarray]:
-    """The program of so many robots, and the steps of the legs, shape (L,).
+    """Build the program of ``runs`` robots; return it with the numbers of time steps of the legs, shape (L,).
 
-    Snapshots are the end of the initialisation and of every leg, then the recorded poses.
+    Snapshots are taken at the end of the initialisation and of every leg, then for the recorded poses.
     """
     builder, begin = ProgramBuilder(runs), actuation.initial_steps(highest_pressure(legs[0].design.pressure))
     edges, levels, inflation = [begin], np.full(BLADDER_COUNT, actuation.deflated), np.zeros(BLADDER_COUNT)
@@ -185,7 +185,7 @@ def build_journey(
             events.initialise(begin)
         else:
             events.stand_on(1.0 - inflation, edges[-1])
-        # Bladders of the leg before may have to move in a column that would be idle from the start.
+        # Bladders may still have to move from the levels of the previous leg in a column that would otherwise be idle.
         schedule, after = replace(design.schedule, skip_idle=False), design.schedule.core_pressure
         core = None if after is None else (highest_pressure(design.pressure), after)
         columns, steps = play(schedule, actuation, core=core, levels=levels)

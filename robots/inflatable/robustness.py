@@ -1,11 +1,12 @@
-"""Whether a gait is one that a body could walk by, in numbers.
+"""Judge whether a gait is physical: whether it walks, rather than exploiting simplifications of the simulation.
 
-Contact makes long runs chaotic, so a speed is a mean over runs whose start positions differ by 10 nm. The simulation of
-the dissertation has two quirks that a search may live on: sliding feet without friction, and bladders without weight
-while they move or stay inflated. What remains of the speed when both are taken away, and how far feet slip while they
-grip, tell gaits that push off the ground from those that slide. The dissertation's authors judged by eye ("unphysical",
-ch. 5, "Results"). A thorough judgement also tells how all parts slide, drift and turning, and tries the gait on the
-floors that were measured, with weight and floor apart, with other friction and with half the time step.
+Contact makes long runs chaotic, so a speed is the mean over runs whose start positions have noise of 10 nm. The
+simulation of the dissertation has two simplifications that a search may exploit: sliding feet have no friction, and
+bladders have no weight while they move or stay inflated. Gaits that push off the ground are distinguished from gaits
+that slide by the speed that remains without both simplifications, and by how far feet slip while they grip. The
+dissertation's authors judged by eye ("unphysical", ch. 5, "Results"). A closer look also measures the slip of all
+parts, drift and turning, and simulates the gait on the measured floors, with changes of weight and floor separately,
+with other friction and with half the time step.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,22 +33,22 @@ from taichi_sim.base.short_text import decimal
 
 RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
-HARD_FRICTION = 0.2  # of sliding feet
-USUAL_SHARE = 0.3  # of the time of a closer look, about: 16 of 52 runs
+HARD_FRICTION = 0.2  # coefficient of sliding feet
+USUAL_SHARE = 0.3  # approximate share of the usual and harder runs in the time of a closer look: 16 of 52 runs
 RECORD_EVERY = 200  # time steps; a thousandth of a gait
-# Limits between walking and sliding: inching and rolling, where each belongs, keep to them.
-MOST_SLIP = 0.75  # of the way
-LEAST_HARD_SPEED = -0.01  # body lengths a second
-LEAST_HARD_SHARE = 0.25  # of the speed, on level ground, where nothing pulls a robot back
+# Limits between walking and sliding; inching and rolling, each on its own terrain, keep to them.
+MOST_SLIP = 0.75  # per distance travelled
+LEAST_HARD_SPEED = -0.01  # [body lengths/s]
+LEAST_HARD_SHARE = 0.25  # of the speed, on level ground, where no slope pulls a robot back
 
 
 @dataclass(frozen=True, eq=False)
 class NoisySpeeds:
-    """How fast a gait is in several runs with noise, under both conditions.
+    """Speeds of a gait in several runs with noise, under the usual and the harder conditions.
 
     Attributes:
-        speeds: by the published convention [body lengths/s], shape (R,).
-        hard_speeds: the same with ``HARD_FRICTION`` of sliding feet and bladders that keep their weight, shape (R,).
+        speeds: speeds by the published convention [body lengths/s], shape (R,).
+        hard_speeds: speeds if sliding feet have ``HARD_FRICTION`` and bladders keep their weight, shape (R,).
     """
 
     speeds: Floats
@@ -66,16 +67,16 @@ class NoisySpeeds:
 
 @dataclass(frozen=True, eq=False)
 class GaitJudgement(NoisySpeeds):
-    """What a gait is worth on a terrain.
+    """Judgement of a gait on a terrain.
 
     Attributes:
-        slip: of each foot as far as it grips, under load, in every run as usual [m], shape (R, 2).
-        distances: that these runs went [m], shape (R,).
-        steps: of the gait.
-        level: whether the ground is.
-        most_steps: that a published gait takes in this robot.
-        hard_friction: of sliding feet under the harder conditions.
-        scrutiny: what a closer look tells, if one was taken and no run diverged.
+        slip: slip under load of each foot, weighted by how far it grips, in every usual run [m], shape (R, 2).
+        distances: distances of these runs [m], shape (R,).
+        steps: number of time steps of the gait.
+        level: whether the ground is level.
+        most_steps: number of time steps of a published gait in this robot.
+        hard_friction: friction coefficient of sliding feet under the harder conditions.
+        scrutiny: result of a closer look, if one was taken and no run diverged.
     """
 
     slip: Floats
@@ -88,35 +89,35 @@ class GaitJudgement(NoisySpeeds):
 
     @property
     def slip_ratios(self) -> Floats:
-        """Slip of the two feet on average, per distance, of every run; infinite for one that goes nowhere."""
+        """Mean slip of the two feet per distance travelled, for every run, shape (R,); infinite if it does not move."""
         ways, feet = np.abs(self.distances), self.slip.mean(axis=1)
         return np.divide(feet, ways, out=np.full_like(feet, np.inf), where=ways != 0)
 
     @property
     def slip_ratio(self) -> float:
-        """Slip over distance of all runs together, so that slow ones do not count for more; NaN if one diverged."""
+        """Total slip divided by total distance of all runs, so that slow runs do not dominate; NaN if one diverged."""
         way = abs(float(self.distances.sum()))
         return float(self.slip.mean(axis=1).sum() / way) if way else np.inf
 
     @property
     def slip_deviation(self) -> float:
-        """Standard deviation of the runs' ratios; NaN where one went nowhere, or diverged."""
+        """Standard deviation of the slip ratios of the runs; NaN if one did not move, or diverged."""
         ratios = self.slip_ratios
         return float(ratios.std(ddof=1)) if np.isfinite(ratios).all() else np.nan
 
     @property
     def least_hard_speed(self) -> float:
-        """The least speed that has to remain under the harder conditions [body lengths/s]."""
+        """Least speed under the harder conditions that is accepted [body lengths/s]."""
         return LEAST_HARD_SHARE * abs(self.speed) if self.level else LEAST_HARD_SPEED
 
     @property
     def diverged(self) -> bool:
-        """Whether a run did, so that no mean is known."""
+        """Whether a run diverged, so that there is no mean."""
         return not (np.isfinite(self.speeds).all() and np.isfinite(self.hard_speeds).all())
 
     @cached_property
     def faults(self) -> tuple[str, ...]:
-        """What speaks against the gait, a line each; none of one that walks."""
+        """Reasons why the gait is not physical, one line each; empty for a gait that walks."""
         found = []
         if self.steps > self.most_steps:
             found.append(f"takes {self.steps:,} steps, more than {self.most_steps:,}")
@@ -133,12 +134,12 @@ class GaitJudgement(NoisySpeeds):
 
     @property
     def physical(self) -> bool:
-        """Whether nothing speaks against the gait."""
+        """Whether the gait has no faults."""
         return not self.faults
 
     @property
     def spoken(self) -> str:
-        """What it tells people, in lines; the last one says whether the gait is physical."""
+        """Readable text of several lines; the last one says whether the gait is physical."""
         if self.diverged:
             return "; ".join(self.faults)
         usual, hard = (
@@ -152,7 +153,7 @@ class GaitJudgement(NoisySpeeds):
         return "\n".join([*lines, "physical" if self.physical else "not physical: " + "; ".join(self.faults)])
 
     def to_document(self) -> dict[str, Any]:
-        """Its numbers, for JSON."""
+        """Return its numbers as a dictionary for JSON; None where one is not finite."""
         numbers = {
             "speed": self.speed,
             "deviation": self.speeds.std(ddof=1),
@@ -185,17 +186,17 @@ def judge_gait(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> GaitJudgement:
-    """Simulate a gait with noise, under harder conditions, and watch its feet.
+    """Judge a gait by runs with noise, under usual and harder conditions, and by the slip of its feet.
 
     Args:
-        design: what the robot does.
-        terrain: flat ground by default.
-        geometry: of the robot.
-        actuation: how it is driven, but for the harder conditions.
-        runs: with noise, under either condition; at least 2.
-        seed: of the noise.
-        closely: whether a closer look is taken, which takes one and a half times as long again.
-        progress: called now and then with the fraction done.
+        design: design of the robot.
+        terrain: terrain; flat ground by default.
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates under the usual conditions.
+        runs: number of runs with noise under each of the two conditions; at least 2.
+        seed: seed of the noise.
+        closely: whether to take a closer look, with runs under changed conditions, which takes longer.
+        progress: called at intervals with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
@@ -228,14 +229,14 @@ def judge_gait(
 
 
 def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tuple[Terrain, InflatableActuation]:
-    """The harder conditions on a terrain: sliding feet of at least ``HARD_FRICTION``, bladders that keep their weight.
+    """The harder conditions on a terrain: friction of at least ``HARD_FRICTION`` for sliding feet, and bladder weight.
 
     Args:
-        terrain: what it is like.
-        actuation: how the robot is driven.
+        terrain: terrain under the usual conditions.
+        actuation: actuation under the usual conditions.
 
     Raises:
-        ValueError: for a fluid, and friction of gripping feet below that.
+        ValueError: for a fluid, and if gripping feet have less friction than sliding feet would have.
     """
     if terrain.is_fluid:
         raise ValueError(
@@ -263,16 +264,16 @@ def play_with_noise(
     progress: Callable[[float], None] | None = None,
     **compute: Unpack[ComputeOptions],
 ) -> tuple[Floats, Floats]:
-    """Speeds of designs as usual and under the harder conditions, shape (N, R) each.
+    """Simulate designs with noise; return speeds under the usual and the harder conditions, shape (N, R) each.
 
     Args:
-        designs: N of them.
-        terrain: where.
-        runs: R, of each design under either condition, as two batches; at least 1.
-        geometry: of the robot.
-        actuation: how it is driven, but for the harder conditions.
-        seed: of the noise.
-        progress: called now and then with the fraction done.
+        designs: N designs.
+        terrain: terrain.
+        runs: R, the number of runs of each design under each condition; at least 1.
+        geometry: shape and materials of the robot.
+        actuation: timing, friction and rates under the usual conditions.
+        seed: seed of the noise.
+        progress: called at intervals with the fraction done.
         compute: ``precision``, ``device`` and ``threads``, see ``robots.inflatable.simulate``.
 
     Raises:
@@ -294,7 +295,7 @@ def _both_ways(
     progress: Callable[[float], None] | None,
     compute: ComputeOptions,
 ) -> tuple[InflatableResult, InflatableResult]:
-    """Results of designs that start with noise, as usual and under the harder conditions; frames of the former."""
+    """Results of designs with noise, under the usual and the harder conditions; only the former record frames."""
     report, found = progress or (lambda fraction: None), []
     for number, (ground, drive) in enumerate(((terrain, actuation), harder(terrain, actuation))):
 

@@ -1,4 +1,4 @@
-"""A closer look at a gait: how all parts slide, where the robot drifts, and what speed changed conditions leave."""
+"""A closer look at a gait: slip of all parts, drift, turning, and the speed under changed conditions."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,21 +14,21 @@ from robots.robot import part_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import ComputeOptions
 
-VARIED_RUNS = 4  # of each changed condition, at most as many as of the usual ones
+VARIED_RUNS = 4  # under each changed condition, or as many as there are usual runs if those are fewer
 
 
 @dataclass(frozen=True, eq=False)
 class Scrutiny:
-    """What a closer look at a gait tells.
+    """Result of a closer look at a gait.
 
     Attributes:
-        friction: of sliding and of gripping feet, under the usual conditions.
-        weight: of bladders under these, ``"published"`` or ``"physical"``.
-        speed: mean of the usual runs [body lengths/s].
-        distances: that these runs went [m], shape (R,).
-        sideways: drift to the left of the heading in each of them [m], shape (R,).
-        footings: how the robot stood and slid in each of them, R of these.
-        changed: speeds of runs under changed conditions, by the names of these [body lengths/s].
+        friction: friction coefficients of sliding and of gripping feet under the usual conditions.
+        weight: weight of bladders under the usual conditions, ``"published"`` or ``"physical"``.
+        speed: mean speed of the usual runs [body lengths/s].
+        distances: distances of these runs [m], shape (R,).
+        sideways: drift to the left of the heading in each of these runs [m], shape (R,).
+        footings: contact of the robot with the ground in each of these runs, R in all.
+        changed: speeds of runs under changed conditions, by the names of the conditions [body lengths/s].
     """
 
     friction: tuple[float, float]
@@ -41,38 +41,38 @@ class Scrutiny:
 
     @property
     def slips(self) -> dict[str, float]:
-        """Slip of each part per path while it bears load, and of all together; NaN of parts that never do."""
+        """Slip under load of each part, and of all together, per length of path; NaN for parts that never bear load."""
         return {name: _mean(each.slips[name] for each in self.footings) for name in (*PARTS, "all")}
 
     @property
     def loads(self) -> dict[str, float]:
-        """Share of the load that each part bears."""
+        """Share of the load that each part bears, by the part's name."""
         return {name: _mean(each.loads[name] for each in self.footings) for name in PARTS}
 
     @property
     def chatter(self) -> float:
-        """Share of changes of contact, see ``Footing``."""
+        """Mean chatter of the runs, see ``Footing``."""
         return _mean(each.chatter for each in self.footings)
 
     @property
     def turning(self) -> float:
-        """How far the robot turns to the left [degrees]."""
+        """Mean angle by which the robot turns to the left [degrees]."""
         return _mean(each.turning for each in self.footings)
 
     @property
     def drift(self) -> float:
-        """How far the robot drifts to either side per distance, of all runs together; infinite if it goes nowhere."""
+        """Total drift to either side divided by total distance of all runs; infinite if the robot does not move."""
         way = float(np.abs(self.distances).sum())
         return float(np.abs(self.sideways).sum()) / way if way else np.inf
 
     @property
     def kept(self) -> dict[str, float]:
-        """Share of the speed that remains under each changed condition; NaN if there is none, or a run diverged."""
+        """Share of the speed that remains under each changed condition; NaN if the speed is 0, or a run diverged."""
         return {name: float(each.mean()) / self.speed if self.speed else np.nan for name, each in self.changed.items()}
 
     @property
     def lines(self) -> list[str]:
-        """What it tells people."""
+        """Readable text, by lines."""
         low, high = self.friction
         shown = {name: slip for name, slip in self.slips.items() if name == "all" or self.loads[name] > 0}
         slips = ", ".join(f"{name} {_told(slip)}" for name, slip in shown.items())
@@ -87,7 +87,7 @@ class Scrutiny:
         ]
 
     def to_document(self) -> dict[str, Any]:
-        """Its numbers, for JSON; None where one is not known."""
+        """Return its numbers as a dictionary for JSON; None where one is unknown."""
         numbers = {
             "part_slip": self.slips,
             "part_load": self.loads,
@@ -115,14 +115,14 @@ def scrutinise(
     progress: Callable[[float], None] | None,
     compute: ComputeOptions,
 ) -> Scrutiny:
-    """Look closely at a gait.
+    """Take a closer look at a gait: measure its recorded runs, and simulate it under changed conditions.
 
     Args:
-        given: conditions under which it was simulated, and which are varied.
-        usual: result of at least two runs under these, with frames, none of which diverged.
-        noise: standard deviation of start positions in runs under changed conditions [m].
-        seed: of the noise.
-        progress: called now and then with the fraction done.
+        given: conditions of the simulated runs, which are varied.
+        usual: result of at least two runs under these conditions, with frames; none diverged.
+        noise: standard deviation of the start positions in runs under changed conditions [m].
+        seed: seed of the noise.
+        progress: called at intervals with the fraction done.
         compute: see ``robots.inflatable.simulate``.
     """
     design, runs, speeds = given.design, len(usual.speed), {}
@@ -145,7 +145,7 @@ def scrutinise(
 
 
 def _mean(values: Iterable[float]) -> float:
-    """Mean of the values that are known; NaN if none is."""
+    """Mean of the values that are not NaN; NaN if there are none."""
     known = [value for value in values if not np.isnan(value)]
     return float(np.mean(known)) if known else np.nan
 

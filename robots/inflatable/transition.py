@@ -1,7 +1,7 @@
-"""Changes of shape between two gaits: what the core does, and whether the robot comes through it well.
+"""Changes of shape between two gaits: the design that changes the core pressure, and a judgement of the result.
 
 The core of the physical robot takes 11.5 s from flat to round at 50 kPa and 4.7 s back at -80 kPa (Powers 2021, ch. 5;
-Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021); smaller changes are given as long.
+Shah, Powers et al., Nature Machine Intelligence 3, 51-59, 2021); smaller changes get the same times.
 """
 
 from dataclasses import dataclass
@@ -19,11 +19,11 @@ from taichi_sim.lattice import LatticeBody
 
 INFLATION_TIME, VACUUM_TIME = 11.5, 4.7  # of the core, from flat to round and back [s]
 SETTLING_TIME = 1.0  # after the change of pressure [s]
-REACH = 0.625  # of the sum of two voxels' mean sizes: where contact begins, see taichi_sim.lattice.laws.contact
-# Limits of a change of shape that went well.
+REACH = 0.625  # times the sum of two voxels' mean sizes: distance of contact, see taichi_sim.lattice.laws.contact
+# Limits of a successful change of shape.
 SHAPE_ERROR = 5e-3  # [m]
-FURTHEST = 0.5  # body lengths
-DEEPEST = 0.75  # of a voxel
+FURTHEST = 0.5  # [body lengths]
+DEEPEST = 0.75  # [voxels]
 
 
 def change_of_shape(
@@ -37,17 +37,17 @@ def change_of_shape(
     geometry: InflatableGeometry = PUBLISHED,
     actuation: InflatableActuation = ACTUATION,
 ) -> InflatableDesign:
-    """A gait of which the shape is the purpose: all bladders are emptied, the core goes from a pressure to another.
+    """Design that changes the shape: all bladders are emptied, and the core changes its pressure.
 
     Args:
-        before: core pressure [Pa].
-        after: likewise.
-        orientation: heading [degrees], by which its way is measured.
-        grip: of both feet, 0 (slide) to 1 (grip).
+        before: core pressure at the beginning [Pa].
+        after: core pressure at the end [Pa].
+        orientation: heading along which distance is measured [degrees].
+        grip: level of both feet, 0 (slide) to 1 (grip).
         together: whether bladders empty while the pressure changes, instead of before it.
-        times: of the core, up and down [s].
-        geometry: its time step says how many steps the measured times are.
-        actuation: its rates say how long bladders take to empty.
+        times: times in which the core is inflated and evacuated [s].
+        geometry: geometry whose time step converts times to steps.
+        actuation: actuation whose rates determine how long bladders take to empty.
     """
     change = round(times[0 if after > before else 1] / geometry.time_step)
     settle = round(SETTLING_TIME / geometry.time_step)
@@ -63,26 +63,26 @@ def change_of_shape(
 
 
 def shape_error(positions: Floats, target: Floats) -> float:
-    """Mean distance of voxels from those of a target after the rigid motion that fits best is removed [m].
+    """Mean distance of voxels from those of a target shape after the best-fitting rigid motion [m].
 
     Source: Kabsch, Acta Crystallographica A 32, 922-923, 1976.
 
     Args:
-        positions: shape (V, 3).
-        target: shape (V, 3).
+        positions: positions of the voxels [m], shape (V, 3).
+        target: positions in the target shape [m], shape (V, 3).
     """
     here, there = positions - positions.mean(axis=0), target - target.mean(axis=0)
     return float(np.linalg.norm(here @ _rotation(here, there).T - there, axis=1).mean())
 
 
 def turned_by(positions: Floats, start: Floats) -> float:
-    """Angle of the rigid rotation that fits best from a start to some positions, shape (V, 3) each [degrees]."""
+    """Angle of the best-fitting rotation from start to final positions, shape (V, 3) each [degrees]."""
     turn = _rotation(start - start.mean(axis=0), positions - positions.mean(axis=0))
     return float(np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1.0, 1.0))))
 
 
 def _rotation(here: Floats, there: Floats) -> Floats:
-    """The rotation that takes centred points nearest to others, shape (3, 3)."""
+    """Rotation matrix, shape (3, 3), that fits centred points ``here`` best to centred points ``there``."""
     u, _, vt = np.linalg.svd(here.T @ there)
     handed = np.diag([1.0, 1.0, np.sign(np.linalg.det(vt.T @ u.T))])
     turn: Floats = vt.T @ handed @ u.T
@@ -90,13 +90,13 @@ def _rotation(here: Floats, there: Floats) -> Floats:
 
 
 def deepest_contact(body: LatticeBody, positions: Floats, sizes: Floats) -> float:
-    """How far any two voxels that may collide are in each other, beyond where their contact begins, in voxels.
+    """Largest overlap of any two voxels that may collide, from the distance at which contact begins [voxels].
 
-    The skins of the flat pouch rest a quarter of a voxel in each other.
+    The skins of the flat pouch overlap by a quarter of a voxel at rest.
 
     Args:
         body: the lattice.
-        positions: of its voxels [m], shape (V, 3).
+        positions: positions of its voxels [m], shape (V, 3).
         sizes: rest sizes of the voxels [m], shape (V, 3).
     """
     topology = body.topology
@@ -113,14 +113,14 @@ def deepest_contact(body: LatticeBody, positions: Floats, sizes: Floats) -> floa
 
 @dataclass(frozen=True)
 class TransitionJudgement:
-    """How a change of shape went.
+    """Judgement of a change of shape.
 
     Attributes:
-        shape_error: mean distance of voxels from the target shape, rigid motion removed [m].
-        moved: of the robot's middle, in the plane [body lengths].
-        turned: of the body as a whole [degrees].
-        deepest: see :func:`deepest_contact`; at any recorded time.
-        diverged: whether the simulation did.
+        shape_error: mean distance of voxels from the target shape after the best-fitting rigid motion [m].
+        moved: displacement of the robot's middle in the plane [body lengths].
+        turned: rotation of the whole body [degrees].
+        deepest: largest :func:`deepest_contact` at any recorded time [voxels].
+        diverged: whether the simulation diverged.
     """
 
     shape_error: float
@@ -130,11 +130,11 @@ class TransitionJudgement:
     diverged: bool
 
     def faults(self, shape_error: float = SHAPE_ERROR, furthest: float = FURTHEST) -> tuple[str, ...]:
-        """What speaks against it, a line each; none if it went well.
+        """Reasons why the change did not succeed, one line each; empty if it did.
 
         Args:
-            shape_error: limit of it [m].
-            furthest: that the robot may move [body lengths].
+            shape_error: largest accepted shape error [m].
+            furthest: largest accepted displacement [body lengths].
         """
         if self.diverged:
             return ("the simulation diverged",)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ARROW: Colour = (0.13, 0.45, 0.25)
-LONGEST = 1.6  # arrow, in edges of the lattice, of the largest force
+LONGEST = 1.6  # length of the arrow of the largest force, in voxel edges
 
 
 def draw_beams(
@@ -31,14 +31,14 @@ def draw_beams(
 ) -> None:
     """Draw the links of a lattice as beams between voxel centres, and pressure forces as arrows.
 
-    Beams that are nearer are drawn later; arrows of faces that look away from the viewer are drawn first.
+    Nearer beams are drawn later; arrows of faces that point away from the viewer are drawn first.
 
     Args:
         axes: to draw on, in metres on paper.
         states: frames of the lattice.
         frame: number of the frame to draw.
-        camera: that looks at them.
-        level: z of the ground [m]; None where there is none that a shadow could fall on.
+        camera: camera that looks at them.
+        level: z of the ground [m]; None if there is no ground for shadows.
         limit: strain at the end of the colour scale.
     """
     now = states.part([frame])

@@ -1,20 +1,20 @@
-"""Names of the colours in which views show robots. Needs nothing heavy, so that commands can list them."""
+"""Names of the colourings in which views show robots. Imports nothing heavy, so that commands can list them."""
 
-BEAMS = "beams"  # links and pressure in place of the parts' faces
+BEAMS = "beams"  # shows links and pressure in place of faces
 COLOURS = ("material", "strain", "contact", "friction", BEAMS)
 
 
 def listed(names: tuple[str, ...]) -> str:
-    """Names as a text, such as ``material, strain or contact``."""
+    """Join names to a text such as ``material, strain or contact``."""
     *others, last = names
     return f"{', '.join(others)} or {last}" if others else last
 
 
 def check_colour_of_strip(colour: str) -> None:
-    """Check that film strips have a colour: they lay faces side by side.
+    """Check that film strips support a colouring; they draw faces, not beams.
 
     Raises:
-        ValueError: if they do not.
+        ValueError: if they do not support it.
     """
     if colour == BEAMS:
         others = tuple(name for name in COLOURS if name != BEAMS)

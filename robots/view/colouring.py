@@ -12,7 +12,7 @@ from robots.view.scene import Colour, pale
 from taichi_sim.base.arrays import Floats
 
 STRAINS = LinearSegmentedColormap.from_list("strains", ["#08519c", "#4f9bd0", "#d3cec4", "#e2703a", "#a50f15"])
-PERCENTILE = 99  # of the sizes of strains that the colours tell apart
+PERCENTILE = 99  # of the absolute strains, at the end of the colour scale
 PLAIN: Colour = (0.84, 0.82, 0.78)
 FLOOR, ITSELF, BOTH = (0.0, 0.45, 0.70), (0.84, 0.37, 0.0), (0.48, 0.25, 0.55)
 GRIPS, SLIDES = (0.48, 0.25, 0.55), (0.90, 0.62, 0.0)
@@ -24,9 +24,9 @@ class Colouring:
 
     Attributes:
         name: one of ``robots.view.colour_names.COLOURS``.
-        of: the colours of the nodes in a frame: red, green, blue from 0 to 1, shape (N, 3).
-        key: legend: names of colours.
-        limit: strain, of either sign, at the ends of the colour scale; 0 if the colours do not show strains.
+        of: function from the number of a frame to the colours of its nodes: red, green, blue, 0 to 1, shape (N, 3).
+        key: legend: names and colours.
+        limit: absolute strain at both ends of the colour scale; 0 if the colours do not show strains.
     """
 
     name: str
@@ -43,17 +43,17 @@ class Colouring:
 def colouring(motion: Motion, name: str = "material", frames: Sequence[int] = ()) -> Colouring:
     """Choose the colours of a motion's nodes.
 
-    Material: the nodes' own, pale where the channel that they show is low. Strain: the mean of the strains of the
-    links of each voxel. Contact: which voxels touch the floor, and which others of the same robot. Friction: which
-    feet are told to grip and which to slide. Beams: material, with the scale of the strains of the links.
+    Material: the nodes' own colours, pale where the channel that they show is low. Strain: the mean strain of the
+    links of each voxel. Contact: whether voxels touch the floor, other voxels of the same robot, or both. Friction:
+    which feet are commanded to grip and which to slide. Beams: material, with the scale of the strains of the links.
 
     Args:
-        motion: to colour.
+        motion: motion to colour.
         name: one of ``robots.view.colour_names.COLOURS``.
-        frames: that have one scale of strains; all by default.
+        frames: numbers of the frames that share one scale of strains; all by default.
 
     Raises:
-        ValueError: for other names, and colours that need what this robot does not have.
+        ValueError: for other names, and for colours that this robot does not support.
     """
     if name not in COLOURS:
         raise ValueError(f"colour: {name!r} is not allowed; give {listed(COLOURS)}")
@@ -97,7 +97,7 @@ def _material(motion: Motion) -> Colouring:
 
 
 def faded(colours: Floats, level: Floats) -> Floats:
-    """Colours, shape (..., 3), of what shows a level: pale at 0, full at 1, shape (..., 1)."""
+    """Colours, shape (..., 3), faded by a level, shape (..., 1): pale at 0, full at 1."""
     return level * colours + (1 - level) * pale(colours)
 
 
@@ -114,6 +114,6 @@ def _friction(motion: Motion) -> Colouring:
 
 
 def _levels(motion: Motion, frame: int, numbers: Sequence[int | None]) -> Floats:
-    """Levels of channels, by their numbers, in a frame, from 0 to 1, shape (N,); 1 for None."""
+    """Levels of channels in a frame, given by their numbers, from 0 to 1, shape (N,); 1 for None."""
     levels = [*(channel.levels(motion.times[frame]) for channel in motion.channels), 1.0]
     return np.array([levels[-1 if number is None else number] for number in numbers])

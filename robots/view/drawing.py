@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 SCALE_BARS = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0])  # [m]
 NO_SHIFT = np.zeros(2)
-SIDE, END = 0.88 * np.array(GROUND), 0.8 * np.array(GROUND)  # where uneven ground is cut: near, and at the right
+SIDE, END = 0.88 * np.array(GROUND), 0.8 * np.array(GROUND)  # cut sides of uneven ground: the near one, the right one
 RIDGE = 0.75 * np.array(GROUND)
-SHADE = 0.12  # how opaque a shadow on uneven ground is, which has more than one colour
+SHADE = 0.12  # opacity of a shadow on uneven ground, which has several colours
 
 
 def draw_polygons(
@@ -34,7 +34,7 @@ def draw_polygons(
         linewidths=0.25,
     )
     if robot.uneven and len(robot.shadow):
-        # One path, as transparent faces would be darker where they overlap.
+        # One path, because overlapping transparent faces would be darker.
         outline = Path.make_compound_path(*map(Path, robot.shadow + shift))
         axes.add_patch(PathPatch(outline, facecolor=INK, alpha=SHADE, edgecolor="none", zorder=zorder))
     for collection in (faces,) if robot.uneven else (shadow, faces):
@@ -59,14 +59,14 @@ def draw_uneven(axes: "Axes", ground: Pieces, camera: Camera, shift: Floats, zor
 
 
 def draw_path(axes: "Axes", path: Floats, zorder: float) -> None:
-    """Draw the path of a robot's middle, given on paper [m], shape (F, 2), with a dot at its end."""
+    """Draw the path of a robot's middle on paper [m], shape (F, 2), with a dot at its end."""
     halo = [withStroke(linewidth=2.4, foreground="white", alpha=0.9)]
     axes.plot(*path.T, color=INK, lw=1.0, zorder=zorder, path_effects=halo, solid_capstyle="round")
     axes.plot(*path[-1], "o", color=INK, ms=3.2, mec="white", mew=0.7, zorder=1000.0)
 
 
 def draw_scale_bar(axes: "Axes", edge: Floats) -> float:
-    """Draw a bar at the right end of a line along the way, shape (2, 2) [m], and return its lowest y."""
+    """Draw a scale bar at the right end of a line on paper, shape (2, 2) [m], and return its lowest y."""
     stretch = float(np.hypot(*(edge[1] - edge[0])))
     bar = SCALE_BARS[max(int(np.searchsorted(SCALE_BARS, stretch / 4)) - 1, 0)]
     ends = edge[1] + np.array([[bar], [0.0]]) * (edge[0] - edge[1]) / stretch
@@ -77,7 +77,7 @@ def draw_scale_bar(axes: "Axes", edge: Floats) -> float:
 
 
 def write_below(axes: "Axes", text: str, place: tuple[float, float], centred: bool = True) -> None:
-    """Write a text below a place on paper [m], which is above its middle or its left end."""
+    """Write a text below a place on paper [m], centred on it or with its left end there."""
     side: Literal["center", "left"] = "center" if centred else "left"
     axes.annotate(text, place, (0, -3), textcoords="offset points", ha=side, va="top", fontsize=8, color=INK)
 
@@ -91,16 +91,16 @@ def draw_levels(axes: "Axes", levels: Floats, edges: Floats, colours: Floats, na
         edges: times at which the levels begin and end, shape (K + 1,).
         colours: colours of the rows, shape (N, 3).
         names: names of the rows.
-        apart: number of the row above which there is a gap; 0 for none.
+        apart: number of the row above which there is a gap; 0 for no gap.
     """
     tops = np.arange(len(levels)) + 0.35 * ((np.arange(len(levels)) >= apart) & (apart > 0))
-    empty, told = np.argwhere(levels < 1), np.argwhere(levels > 0)
-    row, column = np.concatenate([empty, told]).T
+    empty, filled = np.argwhere(levels < 1), np.argwhere(levels > 0)
+    row, column = np.concatenate([empty, filled]).T
     height = np.append(np.ones(len(empty)), levels[levels > 0])
     left, right, bottom = edges[column], edges[column + 1], tops[row] + 0.94
     top = bottom - 0.88 * height
     cells = np.stack([[left, top], [right, top], [right, bottom], [left, bottom]]).transpose(2, 0, 1)
-    shades = np.concatenate([np.tile(GROUND, (len(empty), 1)), colours[told[:, 0]]])
+    shades = np.concatenate([np.tile(GROUND, (len(empty), 1)), colours[filled[:, 0]]])
     axes.add_collection(PolyCollection(list(cells), facecolors=shades, edgecolors=[PAPER], linewidths=0.6))
     axes.set_xlim(edges[0], edges[-1])
     axes.set_ylim(tops[-1] + 1.0, 0.0)

@@ -1,4 +1,4 @@
-"""Film strips of motions, and films: GIF, and MP4 where imageio-ffmpeg is installed."""
+"""Draw film strips of motions, and write films as GIF, or as MP4 if imageio-ffmpeg is installed."""
 
 import importlib.util
 import math
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
 WIDTH = 8.0  # of a strip [inches]
 GAP = 0.06  # between pictures of a strip, in lengths of the robot
 TEXT = 0.026  # height of a line of text, in widths of the strip
-ASPECT = 2.0  # width per height of a strip that would be best
-CAPTION, KEY = 14, 48  # heights of a line above each robot of a film, and of the key of its colours below [pixels]
-SAMPLES = 6  # pictures that a GIF's colours are chosen from
-ALMOST_WHITE = 249  # of 255: paper has no tint
+ASPECT = 2.0  # desired ratio of width to height of a strip
+CAPTION, KEY = 14, 48  # heights of the caption above and of the colour key below each robot of a film [pixels]
+SAMPLES = 6  # pictures from which a GIF's colours are chosen
+ALMOST_WHITE = 249  # of 255; brighter colours become white, so that paper has no tint
 
 
 def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") -> Figure:
-    """Draw a film strip: poses on one ground if they do not overlap, else each in a picture of its own.
+    """Draw a film strip: poses on one ground if they do not overlap, otherwise each in a picture of its own.
 
     Args:
-        motion: to show.
-        frames: poses, at equal times; at least 2.
-        colour: one of ``robots.view.colour_names.COLOURS`` but beams.
+        motion: motion to show.
+        frames: number of poses, equally spaced in time; at least 2.
+        colour: one of ``robots.view.colour_names.COLOURS`` except beams.
 
     Raises:
         ValueError: for values that are not allowed.
@@ -61,20 +61,20 @@ def strip_picture(motion: Motion, *, frames: int = 6, colour: str = "material") 
 def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str = "material") -> Setting:
     """Draw poses of a motion, with its path, times and a scale bar; axes in metres on paper.
 
-    Poses that are clear of each other share one ground. Else each is a picture of its own, with the same
-    stretch of ground, so that its place there shows how far the robot has come; they read like lines of text.
+    Poses that do not overlap share one ground. Otherwise each has a picture of its own with the same stretch of
+    ground, so that its place there shows how far the robot has come; the pictures are arranged like lines of text.
 
     Args:
-        axes: to draw on; this sets their limits.
-        motion: to show.
+        axes: axes to draw on; this sets their limits.
+        motion: motion to show.
         poses: numbers of its frames.
-        colour: one of ``robots.view.colour_names.COLOURS`` but beams.
+        colour: one of ``robots.view.colour_names.COLOURS`` except beams.
 
     Returns:
         Camera, ground and colours that the poses share.
 
     Raises:
-        ValueError: for a colour that a strip does not have.
+        ValueError: for a colour that strips do not support.
     """
     check_colour_of_strip(colour)
     given = setting(motion, poses, colour=colour, reach=math.inf)
@@ -106,7 +106,7 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
 
 
 def _apart(robots: list[Polygons]) -> bool:
-    """Whether no two poses overlap on paper from left to right."""
+    """Whether no two poses overlap horizontally on paper."""
     ranges = sorted((r.corners[..., 0].min(), r.corners[..., 0].max()) for r in robots)
     return all(before[1] < after[0] for before, after in pairwise(ranges))
 
@@ -115,7 +115,7 @@ def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
     """Shifts on paper that arrange the pictures in lines, shape (N, 2) [m]; ``rim`` is ``Setting.outline``."""
     count = len(robots)
     right, climb = np.ptp(rim[:, 0]) + gap, rim[1, 1] - rim[0, 1]
-    # Heights are over the near edge of the ground, as the grounds of a column are parallel.
+    # Heights are measured from the near edge of the ground, as the grounds of a column are parallel.
     rise = climb / (rim[1, 0] - rim[0, 0])
     corners = np.concatenate([rim[4:], *(r.corners.reshape(-1, 2) for r in robots)]) - rim[0]
     high = (corners[:, 1] - rise * corners[:, 0]).max()
@@ -133,7 +133,7 @@ def _places(robots: list[Polygons], rim: Floats, gap: float) -> Floats:
 
 
 def poses_of(motion: Motion, frames: int) -> list[int]:
-    """Numbers of ``frames`` frames of a motion, at least 2, at equal times from its beginning to its end."""
+    """Numbers of ``frames`` frames of a motion (at least 2), equally spaced in time from its beginning to its end."""
     count = whole_number("frames", frames, 2)
     return np.unique(np.linspace(0, len(motion.times) - 1, count).round().astype(int)).tolist()
 
@@ -142,7 +142,7 @@ def save_strip(motion: Motion, path: str | PathLike[str], **options: Any) -> int
     """Write the picture of :func:`strip_picture` to a file, and return its size in bytes.
 
     Raises:
-        ValueError: for a file that exists, and as :func:`strip_picture`.
+        ValueError: if the file exists, and as :func:`strip_picture`.
     """
     return save_figure(strip_picture(motion, **options), path)
 
@@ -156,17 +156,17 @@ def pictures(
     colour: str = "material",
     one_scale: bool = True,
 ) -> Iterator[Bytes]:
-    """Draw the pictures of a film, which shows one motion above the other, each on its own ground.
+    """Draw the pictures of a film that shows motions above each other, each on its own ground.
 
-    Motions play together, all at the same pace; one that ends before the others stays as it is.
+    All motions play at the same pace; one that ends before the others keeps its last pose.
 
     Args:
-        motions: to show.
-        seconds: length of the film [s]; by default that of the longest motion.
-        rate: pictures a second [Hz].
+        motions: motions to show.
+        seconds: duration of the film [s]; by default that of the longest motion.
+        rate: pictures per second [Hz].
         width: width of a picture [pixels].
         colour: one of ``robots.view.colour_names.COLOURS``.
-        one_scale: whether all robots are drawn on equally long ground.
+        one_scale: whether the grounds of all robots have the same length.
 
     Yields:
         Red, green, blue, shape (H, W, 3); H and W are even.
@@ -204,17 +204,17 @@ def save_gif(
     """Write a film as a GIF that plays in a loop, with one small palette for all pictures.
 
     Args:
-        motions: to show.
+        motions: motions to show.
         path: path of the file.
-        rate: pictures a second [Hz]; GIF counts hundredths of a second, to which it is rounded.
-        colours: colours of the palette, 4 to 256.
+        rate: pictures per second [Hz]; the time of a picture is rounded to hundredths of a second, the unit of GIF.
+        colours: number of colours of the palette, 4 to 256.
         **options: keyword arguments of :func:`pictures`.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: for a file that exists, and values that are not allowed.
+        ValueError: if the file exists, and for values that are not allowed.
     """
     new_path(path)
     colours = int(number("colours", colours, 4, 256))
@@ -237,7 +237,7 @@ def save_mp4(
         Bytes written.
 
     Raises:
-        ValueError: if imageio-ffmpeg is missing, for a file that exists, and values that are not allowed.
+        ValueError: if imageio-ffmpeg is missing, the file exists, or a value is not allowed.
         RuntimeError: if the disk is full or broken.
     """
     new_path(path)
@@ -257,7 +257,7 @@ def save_mp4(
 
 
 def _palette(pictures: list[Image.Image], count: int) -> Image.Image:
-    """Find one palette of ``count`` colours for all pictures; small things get more weight than their area."""
+    """Choose one palette of ``count`` colours for all pictures; colours of small areas get extra weight."""
     seen = np.concatenate([np.asarray(picture).reshape(-1, 3) for picture in pictures])
     colours, counts = np.unique(seen, axis=0, return_counts=True)
     weighted = np.repeat(colours, np.ceil(np.sqrt(counts)).astype(int), axis=0)
@@ -279,14 +279,14 @@ def need_video() -> None:
 
 
 def _lengthened(given: Setting, length: float) -> Setting:
-    """Copy of a setting whose ground has a given length along the way [m]."""
+    """Copy of a setting whose ground has a given length along the heading [m]."""
     (first, _), across = given.area
     return replace(given, area=np.array([[first, first + length], across]))
 
 
 def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: float) -> list["Axes"]:
-    """Axes for each robot below its name and the speed of playback, in one figure, ``width`` pixels wide."""
-    told = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
+    """Make axes for each robot, below its name and playback speed, in one figure that is ``width`` pixels wide."""
+    pace_note = f", {pace:.2g}× as fast" if abs(pace - 1) > 0.05 else ""
     frames = [sorted(set(plan)) for plan in plans]
     ranges = [limits(given, some[:: max(len(some) // 40, 1)]) for given, some in zip(settings, frames, strict=True)]
     drawn = [width * (up[1] - up[0]) / (across[1] - across[0]) for across, up in ranges]
@@ -297,7 +297,7 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: f
     top, panels = float(total), []
     for given, height, key, (across, up) in zip(settings, drawn, keyed, ranges, strict=True):
         caption = (top - 0.6 * CAPTION) / total
-        figure.text(0.012, caption, printable(given.motion.name) + told, va="center", fontsize=8, color=INK)
+        figure.text(0.012, caption, printable(given.motion.name) + pace_note, va="center", fontsize=8, color=INK)
         top -= CAPTION + height
         panels.append(figure.add_axes((0, top / total, 1, height / total), xlim=across, ylim=up))
         top -= key
@@ -306,7 +306,7 @@ def _panels(settings: list[Setting], plans: list[list[int]], width: int, pace: f
 
 
 def _drawn(panels: list["Axes"], settings: list[Setting], moment: tuple[int, ...]) -> Bytes:
-    """Draw one picture of a film: red, green, blue, shape (H, W, 3)."""
+    """Draw one picture of a film as red, green and blue, shape (H, W, 3)."""
     for axes, given, frame in zip(panels, settings, moment, strict=True):
         across, up = axes.get_xlim(), axes.get_ylim()
         axes.clear()

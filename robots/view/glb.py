@@ -1,4 +1,4 @@
-"""Motions as GLB files with an animation, for Blender, three.js and others.
+"""Write motions as GLB files with an animation, for Blender, three.js and other programs.
 
 Source: glTF 2.0 Specification, Khronos Group 2021: sections 3.6 (accessors), 3.11 (animations), 4.4 (GLB).
 """
@@ -20,29 +20,29 @@ from taichi_sim.base.checks import number
 from taichi_sim.base.files import new_path, write_bytes
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 
-FLOAT, UNSIGNED_SHORT = 5126, 5123  # types of numbers
-ARRAY, INDICES = 34962, 34963  # what numbers are for
+FLOAT, UNSIGNED_SHORT = 5126, 5123  # component types of accessors
+ARRAY, INDICES = 34962, 34963  # targets of buffer views
 WIDTHS = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-GAMMA = 2.2  # of screens
+GAMMA = 2.2  # exponent between screen colours and linear colours
 
 
 def save_glb(motion: Motion, path: str | PathLike[str], *, rate: float | None = None) -> int:
     """Write a motion as a GLB file.
 
-    A node named after the motion turns z up to y up, and the ground to its slope; below it are a node for each node of
-    the motion, with translation, rotation and scale over time, one for each light, and one for uneven ground. Solids
-    share their meshes.
+    The root node, named after the motion, rotates z up to y up and tilts the ground to its slope. Its children are a
+    node for each node of the motion, with translation, rotation and scale over time, one for each light, and one for
+    uneven ground. Equal solids of one colour share a mesh.
 
     Args:
-        motion: to write.
+        motion: motion to write.
         path: path of the file, which must not exist yet.
-        rate: most frames a second [Hz]; all frames by default.
+        rate: maximum number of frames per second [Hz]; all frames by default.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: for a file that exists, or values that are not allowed.
+        ValueError: if the file exists, or a value is not allowed.
     """
     new_path(path)
     if rate is not None:
@@ -84,7 +84,7 @@ def _glb(motion: Motion) -> bytes:
         document["nodes"][0]["children"].append(node)
         document["nodes"].append({"name": name, "mesh": looks.index((solid, colour)), **first})
         for track, values in tracks.items():
-            if (values != values[0]).any():  # else the node's pose says it all
+            if (values != values[0]).any():  # otherwise the node's own pose is enough
                 output = numbers.add(values.astype(np.float32))
                 channels.append({"sampler": len(samplers), "target": {"node": node, "path": track}})
                 samplers.append({"input": times, "output": output, "interpolation": "LINEAR"})
@@ -99,12 +99,12 @@ def _glb(motion: Motion) -> bytes:
 
 
 def _add_ground(document: dict[str, Any], numbers: "_Numbers", motion: Motion) -> None:
-    """Add uneven ground as the last node; darker where friction is larger. A plane is told by its level alone."""
+    """Add uneven ground as the last node, darker where friction is larger; a plane is given by its level alone."""
     relief, whole = relief_around(motion), motion.ground.relief
     if relief is None or whole is None:
         return
     places = nodes(relief, motion.ground.level).astype(np.float32)
-    attributes = {"POSITION": numbers.add(places, ARRAY, bounds=True)}  # without normals it is seen as flat triangles
+    attributes = {"POSITION": numbers.add(places, ARRAY, bounds=True)}  # no normals: flat shading
     if not is_plain(relief):
         attributes["COLOR_0"] = numbers.add((node_tints(relief, whole) ** GAMMA).astype(np.float32), ARRAY)
     indices = numbers.add(triangles(relief).astype(np.uint16).ravel(), INDICES)
@@ -116,7 +116,7 @@ def _add_ground(document: dict[str, Any], numbers: "_Numbers", motion: Motion) -
 
 
 def _seen(motion: Motion) -> list[tuple[str, Solid, Colour, dict[str, Floats]]]:
-    """Name, solid, colour and pose over time of everything that is seen: nodes, then lights."""
+    """Name, solid, colour and pose over time of all visible solids: nodes, then lights."""
     rotation = np.roll(motion.rotation, -1, axis=-1)  # glTF's order is (x, y, z, w)
     tracks = [
         {"translation": motion.translation[:, n], "rotation": rotation[:, n], "scale": motion.scale[:, n]}
@@ -132,7 +132,7 @@ def _seen(motion: Motion) -> list[tuple[str, Solid, Colour, dict[str, Floats]]]:
 
 
 class _Numbers:
-    """The binary part of a GLB file, and what tells where in it which numbers are."""
+    """The binary part of a GLB file, with the buffer views and accessors that describe it."""
 
     def __init__(self) -> None:
         self.binary = bytearray()
@@ -140,7 +140,7 @@ class _Numbers:
         self.accessors: list[dict[str, Any]] = []
 
     def add(self, values: NDArray[Any], target: int | None = None, bounds: bool = False) -> int:
-        """Add an array of float32 or uint16, one element a row, and return the number of its accessor."""
+        """Add an array of float32 or uint16, one element per row, and return the number of its accessor."""
         rows = values.reshape(len(values), -1)
         self.binary.extend(b"\0" * (-len(self.binary) % 4))
         view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": values.nbytes}
@@ -155,7 +155,7 @@ class _Numbers:
 
 
 def _shape(numbers: _Numbers, solid: Solid) -> dict[str, Any]:
-    """The part of a mesh that solids of all colours share."""
+    """Attributes and indices of a solid's mesh, which its meshes of all colours share."""
     form = surface(solid)
     return {
         "attributes": {
@@ -167,7 +167,7 @@ def _shape(numbers: _Numbers, solid: Solid) -> dict[str, Any]:
 
 
 def _material(colour: Colour) -> dict[str, Any]:
-    linear = [float(c**GAMMA) for c in colour]  # glTF's colours are linear, ours as screens show them
+    linear = [float(c**GAMMA) for c in colour]  # glTF's colours are linear, ours are screen colours
     surface = {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8}
     return {"pbrMetallicRoughness": surface}
 
@@ -178,7 +178,7 @@ def _chunk(kind: bytes, data: bytes, filler: bytes) -> bytes:
 
 
 def surface(solid: Solid) -> trimesh.Trimesh:
-    """Triangle mesh of a centred solid; boxes do not share vertices between sides, so their edges stay sharp."""
+    """Triangle mesh of a centred solid; the sides of a box share no vertices, so that its edges look sharp."""
     if isinstance(solid, Box):
         form = trimesh.creation.box(extents=np.asarray(solid.size, float))
         form.unmerge_vertices()

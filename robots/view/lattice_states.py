@@ -28,7 +28,7 @@ class LatticeStates:
         extents: distances from each voxel's centre to its sides -x, +x, -y, ... [m], shape (F, V, 6).
         sizes: rest sizes of the voxels along their own axes [m], shape (F, V, 3).
         pressure: on the body's pressurised faces [Pa], one or shape (V,).
-        relief: uneven ground below; None is the floor z = -h/2.
+        relief: uneven ground below; None for the flat floor z = -h/2 (h: the voxel size).
     """
 
     body: LatticeBody
@@ -47,8 +47,8 @@ class LatticeStates:
     def strains(self) -> Floats:
         """Axial strains of the links, as the engine computes them, shape (F, L).
 
-        They are read off the side of each link's first end, which is at r/2 (1 + eps 2 E2 / (E1 + E2)) from its
-        centre, r being its rest size and E1, E2 the moduli of the ends.
+        They are computed from the side of each link's first voxel, which lies r/2 (1 + eps 2 E2 / (E1 + E2)) from its
+        centre, where r is its rest size, eps the strain, and E1 and E2 are Young's moduli of the two voxels.
         """
         minus, plus = self.body.topology.links.T
         axis = self.body.topology.link_axes
@@ -64,9 +64,10 @@ class LatticeStates:
         return sums / np.maximum(np.bincount(links.ravel(), minlength=count), 1)
 
     def on_floor(self) -> Bools:
-        """Whether voxels touch the ground, shape (F, V): they reach below z = -h/2, by their mean rest size.
+        """Whether voxels touch the ground, shape (F, V).
 
-        On uneven ground they reach below the plane of the triangle under their centre.
+        A voxel of mean rest size s touches flat ground if its centre is at most s/2 above z = -h/2, where h is the
+        voxel size of the body; on uneven ground the plane of the triangle below its centre counts.
         """
         if self.relief is not None:
             height, nz = self.relief.below(self.positions[..., 0], self.positions[..., 1])
@@ -75,9 +76,10 @@ class LatticeStates:
         return self.sizes.mean(axis=-1) / 2 - self.body.voxel_size / 2 >= self.positions[..., 2]
 
     def on_itself(self) -> Bools:
-        """Whether voxels touch others that they are not joined to, shape (F, V).
+        """Whether voxels touch other voxels of the same robot, shape (F, V).
 
-        Voxels of the surface repel as balls of 0.625 of their mean rest size; those up to five links apart do not.
+        Surface voxels collide as spheres whose radius is 0.625 times their mean rest size, except pairs that are at
+        most five links apart.
         """
         topology = self.body.topology
         touching = np.zeros(self.positions.shape[:2], bool)
@@ -92,11 +94,11 @@ class LatticeStates:
         return touching
 
     def contacts(self) -> Ints:
-        """What voxels touch, shape (F, V): 0 nothing, 1 the floor, 2 others of the same robot, 3 both."""
+        """What voxels touch, shape (F, V): 0 nothing, 1 the floor, 2 other voxels of the same robot, 3 both."""
         return self.on_floor() + 2 * self.on_itself()
 
     def pressure_forces(self, frame: int) -> tuple[Floats, Floats]:
-        """Pressure forces in a frame: middles of the faces [m] and forces on them [N], shape (N, 3) each.
+        """Pressure forces in a frame: centres of the faces [m] and forces on them [N], shape (N, 3) each.
 
         The force on a face is the pressure times the cross product of the face's edges.
         """

@@ -1,4 +1,4 @@
-"""Faces in space of all solids in a frame of a motion."""
+"""Faces of all solids of a motion in one frame."""
 
 from functools import lru_cache
 
@@ -12,8 +12,8 @@ from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import FACE_CORNERS, rotate
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid, Sphere
 
-BOX_CELLS = 6  # along each edge of a box: faces are painted by how near they are, so large ones come in parts
-RINGS, SECTORS = 6, 20  # of half a ball
+BOX_CELLS = 6  # along each edge of a box; large faces are divided because faces are painted in order of distance
+RINGS, SECTORS = 6, 20  # of a hemisphere
 SIGNS = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
 
 
@@ -21,12 +21,12 @@ def faces(motion: Motion, frame: int = -1) -> tuple[Floats, Ints]:
     """Faces of a motion in a frame, and the node that each belongs to.
 
     Args:
-        motion: to draw.
+        motion: motion to draw.
         frame: number of the frame.
 
     Returns:
-        Corners, counter-clockwise seen from outside [m], shape (N, 4, 3), of which two may be one; numbers of nodes,
-        shape (N,).
+        Corners, counter-clockwise as seen from outside [m], shape (N, 4, 3), of which two may coincide; numbers of
+        the nodes, shape (N,).
     """
     if motion.skin is not None:
         return joined_faces(boxes(motion, frame), motion.skin.knots, motion.skin.faces)
@@ -53,7 +53,7 @@ def _form(solid: Solid) -> Floats:
 
 
 def _box(size: Floats) -> Floats:
-    """Faces of a centred cuboid, whose sides are divided into ``BOX_CELLS`` by ``BOX_CELLS`` cells."""
+    """Faces of a centred cuboid; each side is divided into ``BOX_CELLS`` by ``BOX_CELLS`` cells."""
     u, v = (grid.ravel() for grid in np.meshgrid(*2 * [np.arange(BOX_CELLS) / BOX_CELLS]))
     step = 1 / BOX_CELLS
     cells = np.stack([[u, v], [u + step, v], [u + step, v + step], [u, v + step]]).transpose(2, 0, 1)[..., None]
@@ -63,7 +63,7 @@ def _box(size: Floats) -> Floats:
 
 
 def _turned(profile: Floats) -> Floats:
-    """Faces of the surface that a profile (radius, z), given from the top down, makes when turned about z."""
+    """Faces of the surface of revolution about z of a profile (radius, z), given from top to bottom."""
     angle = np.linspace(0, 2 * np.pi, SECTORS + 1)
     x, y = (profile[:, :1] * along for along in (np.cos(angle), np.sin(angle)))
     points = np.stack([x, y, np.broadcast_to(profile[:, 1:], x.shape)], axis=-1)
@@ -83,11 +83,11 @@ def ball_at(place: Floats, radius: float) -> Floats:
 
 
 def joined_faces(loose: Floats, knot: Ints, seen: Ints) -> tuple[Floats, Ints]:
-    """Faces of boxes that are joined at their corners, and the box that each belongs to, as :func:`faces`.
+    """Faces of boxes that are joined at their corners, and the box of each, as :func:`faces` returns them.
 
     Args:
         loose: corners of the boxes [m], shape (V, 8, 3), ordered as in ``taichi_sim.lattice.faces.corners``.
-        knot: which corners are one point, in the middle of them, shape (V, 8).
+        knot: number of the point that each corner belongs to, shape (V, 8); the point is the mean of its corners.
         seen: faces to return: box and side, shape (N, 2).
     """
     boxes, sides = seen.T
@@ -95,7 +95,7 @@ def joined_faces(loose: Floats, knot: Ints, seen: Ints) -> tuple[Floats, Ints]:
 
 
 def joined_corners(loose: Floats, knot: Ints) -> Floats:
-    """Points that joined corners of boxes share, their means [m], shape (K, 3).
+    """Points that joined corners of boxes share: the means of these corners [m], shape (K, 3).
 
     Args:
         loose: corners of the boxes [m], shape (V, 8, 3).
@@ -107,13 +107,13 @@ def joined_corners(loose: Floats, knot: Ints) -> Floats:
 
 @lru_cache(maxsize=16)
 def knots(body: LatticeBody) -> Ints:
-    """Number the corners of voxels, shape (V, 8): corners that links join have the same number.
+    """Number the corners of voxels, shape (V, 8); corners that links join have the same number.
 
     Corners are ordered as in ``taichi_sim.lattice.faces.corners``.
     """
     corner = np.arange(8 * body.voxel_count).reshape(-1, 8)
     minus, plus = body.topology.links.T
-    bit = 4 >> body.topology.link_axes  # of a corner's number that says on which side of the axis it is
+    bit = 4 >> body.topology.link_axes  # bit of a corner's number that gives its side along the link's axis
     across = np.array([[c for c in range(8) if not c & b] for b in (4, 2, 1)])[body.topology.link_axes]
     # The corners on side + of the one voxel meet those on side - of the other.
     first = corner[minus[:, None], across + bit[:, None]].ravel()

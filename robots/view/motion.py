@@ -1,8 +1,8 @@
-"""Motions: solids with poses over time, ready to be shown.
+"""Motions: solids with poses over time, which all views of robots show.
 
-``voxel_motion`` builds motions of voxels, ``rigid_motion`` those of rigid bodies; the package of a kind of robot has a
-``motion`` of its own that uses them. What shows motions: ``still``, ``film``, ``onlooker``, ``paraview``,
-``rerun_file``, ``glb`` and ``player``.
+``voxel_motion`` builds motions of voxels and ``rigid_motion`` those of rigid bodies; kinds of robots have ``motion``
+modules of their own that use them. ``still``, ``film``, ``onlooker``, ``paraview``, ``rerun_file``, ``glb`` and
+``player`` show motions.
 """
 
 from dataclasses import dataclass, replace
@@ -21,10 +21,10 @@ from taichi_sim.lattice import Relief
 from taichi_sim.rigid import Box, Capsule, Sphere
 from taichi_sim.rigid.model.shapes import Solid
 
-CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size, given their sizes by scale
+CUBE, BALL = Box((1.0, 1.0, 1.0)), Sphere(0.5)  # solids of unit size; their scale gives their size
 LIGHT_COLOUR: Colour = (1.0, 0.8, 0.3)
 Z_UP_TO_Y_UP = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
-WINDOW = 1 / 40  # of a motion's time over which its speed is taken
+WINDOW = 1 / 40  # fraction of a motion's duration over which its speed is averaged
 
 
 class Timed(Protocol):
@@ -46,13 +46,13 @@ class Channel:
         name: name of the row.
         unit: unit of the values; empty if there is none.
         times: times of the values, increasing [s], shape (K,).
-        values: shape (K,); of a switch from 0, off, to 1, on, or truth values.
+        values: shape (K,); for a switch from 0 (off) to 1 (on), or truth values.
         colour: red, green, blue from 0 to 1.
-        switch: whether a value holds until the next one; otherwise they are joined by lines.
-        logarithmic: whether the values, all positive, are better seen by their logarithms.
-        read_out: whether the value is told as a number beside the robot, too.
-        group: how the names of switches that belong together begin, such as ``bladder`` of ``bladder 3``; empty for a
-            row by itself.
+        switch: whether a value holds until the next one; otherwise values are interpolated linearly.
+        logarithmic: whether the values, all positive, are shown on a logarithmic scale.
+        read_out: whether the value is also shown as a number beside the robot.
+        group: common beginning of the names of switches that belong together, such as ``bladder`` for ``bladder 3``;
+            empty for a single row.
     """
 
     name: str
@@ -78,7 +78,10 @@ class Channel:
         object.__setattr__(self, "values", values)
 
     def levels(self, times: Floats) -> Floats:
-        """Values at some times [s], scaled so that the smallest value of the channel is 0 and its largest is 1."""
+        """Values at given times [s], shape (N,), scaled to 0 at the channel's smallest value and 1 at its largest.
+
+        Values of switches are not scaled.
+        """
         values = np.log(self.values) if self.logarithmic else self.values
         if self.switch:
             at = np.searchsorted(self.times, times, side="right") - 1
@@ -94,12 +97,12 @@ class Node:
 
     Attributes:
         name: name of the node.
-        solid: centred, its axis along z, in the node's frame, before it is scaled.
+        solid: centred solid, its axis along z, in the node's frame, before it is scaled.
         colour: red, green, blue from 0 to 1.
-        channel: number of the channel that shows on it: pale at the channel's smallest value, in full colour at its
-            largest; None: always in full colour.
-        foot: number of the channel whose high half of values means that it grips the ground, and whose low half that it
-            slides; None for what is no such foot.
+        channel: number of the channel that it shows: pale at the channel's smallest value, full colour at its
+            largest; None for always full colour.
+        foot: number of the channel of a foot, which grips the ground while the level is above 0.5 and slides
+            otherwise; None if the node is not part of a foot.
     """
 
     name: str
@@ -114,11 +117,11 @@ class Ground:
     """The ground below a motion: a plane z = level in the frame of the motion, or uneven ground above it.
 
     Attributes:
-        level: its z [m].
-        slope: [degrees], positive uphill.
-        heading: the direction that is uphill [degrees] from x towards y.
-        solid: whether something stands on it; else, in a fluid, it is only where things are seen against.
-        relief: heights over the plane, and friction, in the frame of the motion; None is the plane itself.
+        level: z of the plane [m].
+        slope: slope along the heading [degrees], positive uphill.
+        heading: uphill direction [degrees] from x towards y.
+        solid: whether robots stand on it; in a fluid it is False and the ground is only a background.
+        relief: heights over the plane, and friction, in the frame of the motion; None for the plane itself.
     """
 
     level: float = 0.0
@@ -135,18 +138,18 @@ class Ground:
 
     @property
     def y_up(self) -> Floats:
-        """Rotation (x, y, z, w) to a frame in which gravity points along -y, as browsers and glTF want it."""
+        """Rotation (x, y, z, w) to a frame in which gravity points along -y, as in three.js and glTF."""
         return np.roll(product(Z_UP_TO_Y_UP, self.upright), -1)
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Outer surface of joined cubes, which closes the gaps between them.
+    """Outer surface of joined cubes, without gaps between them.
 
     Attributes:
-        knots: which corners of the cubes are one point, in the middle of them: a number for each, counted from 0,
-            shape (N, 8); corner 4 i + 2 j + k is at the signs (i, j, k).
-        faces: that are seen: cube, and its side -x, +x, -y, ..., shape (M, 2).
+        knots: for each corner of each cube the number, from 0, of the point that it shares with joined corners; the
+            point is the mean of these corners; shape (N, 8). Corner 4 i + 2 j + k is at the signs (i, j, k).
+        faces: visible faces: cube and side (-x, +x, -y, ...), shape (M, 2).
     """
 
     knots: Ints
@@ -158,23 +161,23 @@ class Motion(ShortText):
     """A motion: poses of N solids (nodes) in F frames.
 
     Attributes:
-        name: what it shows, in a few words.
+        name: short description of what it shows.
         times: times of the frames [s], increasing, shape (F,).
         nodes: what moves.
         translation: translation of the nodes' centres [m], shape (F, N, 3).
-        rotation: of the nodes, unit quaternions (w, x, y, z), shape (F, N, 4); of the two that are one rotation,
-            what is kept is the one nearer to the frame before.
+        rotation: rotation of the nodes, unit quaternions (w, x, y, z), shape (F, N, 4); signs are chosen so that each
+            is near that of the frame before.
         scale: scale of the nodes along their own axes, shape (F, N, 3).
-        path: where the whole is, for the camera to follow [m], shape (F, 3).
+        path: position of the whole robot, which the camera follows [m], shape (F, 3).
         channels: rows of the timeline.
-        lights: places of lights [m], shape (L, 3).
+        lights: positions of lights [m], shape (L, 3).
         light_radius: radius of the balls that show the lights [m].
-        ground: below everything.
-        skin: skin of nodes that are all cubes, if they are joined.
-        lattice: what the nodes feel, if they are the voxels of a lattice.
+        ground: ground below everything.
+        skin: surface of the nodes, if they are joined cubes.
+        lattice: states of the lattice, if the nodes are its voxels.
 
     Raises:
-        ValueError: for shapes that do not fit, numbers that are not finite, no frames and no nodes.
+        ValueError: if shapes do not fit, numbers are not finite, or there are no frames or no nodes.
     """
 
     name: str
@@ -232,7 +235,7 @@ class Motion(ShortText):
 
 
 def recorded(frames: AnyFrames | None) -> AnyFrames:
-    """Return frames that were recorded.
+    """Return the frames if any were recorded.
 
     Raises:
         ValueError: if there are none.
@@ -243,13 +246,13 @@ def recorded(frames: AnyFrames | None) -> AnyFrames:
 
 
 def whole_frames(*arrays: NDArray[np.floating]) -> int:
-    """Number of frames before the first that has a number that is not finite, as after a robot diverged.
+    """Number of frames before the first with a number that is not finite, as after a robot diverged.
 
     Args:
-        *arrays: shape (F, ...).
+        *arrays: arrays of F frames, shape (F, ...).
 
     Raises:
-        ValueError: if there are none.
+        ValueError: if the first frame already has one, or there are no frames.
     """
     whole = np.logical_and.reduce([np.isfinite(a).reshape(len(a), -1).all(axis=1) for a in arrays])
     count = len(whole) if whole.all() else int(np.argmin(whole))
@@ -259,24 +262,24 @@ def whole_frames(*arrays: NDArray[np.floating]) -> int:
 
 
 def check_place(field: str, given: int, count: int, whose: str) -> None:
-    """Raise a ValueError for a number that is not among the first ``count``; ``whose`` is such as "the batch has"."""
+    """Raise ValueError unless 0 <= given < count; ``whose`` begins the explanation, such as "the batch has"."""
     if not 0 <= given < count:
         raise ValueError(f"{field}: {given} is not allowed; {whose} {count}")
 
 
 def way_ahead(path: Floats, headings: Floats) -> Floats:
-    """Distance travelled by each frame [m], shape (F,): what each step goes in its heading.
+    """Distance travelled up to each frame [m], shape (F,): the sum of the components of steps along their headings.
 
     Args:
-        path: in each frame [m], shape (F, 2) or (F, 3).
-        headings: of the steps between frames [rad], shape (F - 1,).
+        path: position in each frame [m], shape (F, 2) or (F, 3).
+        headings: headings of the steps between frames [rad], shape (F - 1,).
     """
     ahead = np.stack([np.cos(headings), np.sin(headings)], axis=1)
     return np.append(0.0, np.cumsum((np.diff(path[:, :2], axis=0) * ahead).sum(axis=1)))
 
 
 def speed_channels(times: Floats, way: Floats) -> tuple[Channel, Channel]:
-    """Timeline rows of a robot's distance, from ``way`` [m] of shape (F,), and of its speed over a short while."""
+    """Timeline rows of a robot's distance ``way`` [m], shape (F,), and of its speed averaged over a short time."""
     half = max((times[-1] - times[0]) * WINDOW / 2, 1e-9)
     before, after = np.maximum(times - half, times[0]), np.minimum(times + half, times[-1])
     gone = np.interp(after, times, way) - np.interp(before, times, way)
@@ -304,12 +307,12 @@ def unit_quaternion(from_z_to: ArrayLike) -> Floats:
 
 
 def product(a: Floats, b: Floats) -> Floats:
-    """Products of quaternions, shapes (..., 4)."""
+    """Products of quaternions (w, x, y, z), shapes (..., 4)."""
     return np.stack(np.broadcast_arrays(*rotations.multiply(*np.moveaxis(a, -1, 0), *np.moveaxis(b, -1, 0))), -1)
 
 
 def _continuous(rotation: Floats) -> Floats:
-    """Normalise quaternions and choose their signs so that each is near to that of the frame before."""
+    """Normalise quaternions and choose their signs so that each is near that of the frame before."""
     length = np.linalg.norm(rotation, axis=-1, keepdims=True)
     if (np.abs(length - 1) > 1e-3).any():
         raise ValueError("rotation: quaternions of other lengths than 1 are not allowed")

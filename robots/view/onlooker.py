@@ -1,4 +1,4 @@
-"""Pictures of a robot now and then, as arrays of one size, from a camera that stays as long as the robot is in view."""
+"""Pictures of a robot as arrays of one size, from a camera that moves only when the robot would leave the view."""
 
 from dataclasses import replace
 
@@ -12,24 +12,24 @@ from robots.view.scene import INK, Camera
 from robots.view.still import SEEN_FROM_ABOVE, Setting, default_camera, draw_motion, limits, setting
 from taichi_sim.base.arrays import Bytes, Floats
 
-WIDTH, HEIGHT, CAPTION = 640, 360, 22  # of a picture, and of the line of text at its top [pixels]
+WIDTH, HEIGHT, CAPTION = 640, 360, 22  # size of a picture, height of the line of text at its top [pixels]
 DOTS_PER_INCH = 100
-MARGIN, AHEAD = 0.3, 1.5  # of ground around everything, and ahead of the robot, in its lengths
-BREADTH = 0.5  # least ground across the way, of that along it
-BELOW = 0.35  # of the height that is left over
-FARTHEST = 14.0  # robot's lengths: lights farther away would make it too small
+MARGIN, AHEAD = 0.3, 1.5  # ground around everything, and ahead of the robot, in lengths of the robot
+BREADTH = 0.5  # least ratio of the ground's width to its length
+BELOW = 0.35  # fraction of spare height that is put below
+FARTHEST = 14.0  # in lengths of the robot; it would look too small beside lights farther away
 
 
 class Onlooker:
-    """Looks at a robot from its right.
+    """Camera that looks at a robot from its right.
 
-    What is seen is the robot where the first motion ends, ground ahead of it and the lights; as soon as the robot
-    would leave that, it moves on by as much as is needed. So a picture depends on nothing but where robots began and
-    are.
+    The first view shows the robot where the first motion ends, the ground ahead of it and the lights. When the robot
+    would leave that view, the view moves by as much as is needed. A picture therefore depends only on where the robot
+    began and where it is.
     """
 
     def __init__(self, begun: Motion) -> None:
-        """Take the robot where it begins."""
+        """Set up the view from a motion that ends where the robot begins."""
         self._camera = camera = _camera(begun)
         self._length = float(np.ptp(_places(begun, camera), axis=0).max())
         self._area = self._seen_at_first(begun)
@@ -39,7 +39,7 @@ class Onlooker:
         self._limits = _filling(across, up)
 
     def picture(self, motion: Motion) -> Bytes:
-        """The robot where a motion ends: red, green, blue, shape (``HEIGHT``, ``WIDTH``, 3)."""
+        """Draw the robot at the end of a motion: red, green, blue, shape (``HEIGHT``, ``WIDTH``, 3)."""
         camera, frame = self._camera, len(motion.times) - 1
         moved = self._moved(camera.by_the_way(motion.path[-1:])[0])
         seen = setting(motion, [frame], camera=camera)
@@ -51,13 +51,13 @@ class Onlooker:
         draw_motion(axes, seen, frame, outlined=False)
         across, up = self._limits + shift[:, None]
         axes.set(xlim=across, ylim=up)
-        told = f"{motion.name}, {motion.times[frame]:.2f} s"
-        figure.text(0.012, 1 - 0.5 * CAPTION / HEIGHT, told, va="center", fontsize=8, color=INK)
+        caption = f"{motion.name}, {motion.times[frame]:.2f} s"
+        figure.text(0.012, 1 - 0.5 * CAPTION / HEIGHT, caption, va="center", fontsize=8, color=INK)
         canvas.draw()  # type: ignore[no-untyped-call]
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
     def _seen_at_first(self, motion: Motion) -> Floats:
-        """Ground that is seen at first, as ``Setting.area``."""
+        """Ground in the first view, as ``Setting.area``."""
         camera = self._camera
         robot = _places(motion, camera)
         lights = camera.by_the_way(motion.lights)
@@ -69,7 +69,7 @@ class Onlooker:
         return area + 0.5 * more * np.array([[0, 0], [-1, 1]])
 
     def _moved(self, place: Floats) -> Floats:
-        """How far what is seen has moved on to keep a robot in it that is at a place, along the way and to its left."""
+        """Shift of the view that keeps a robot at ``place`` in it, along the heading and to its left [m]."""
         room = (0.5 + 0.5 * MARGIN) * self._length
         low, high = self._area.T + np.array([[room], [-room]])
         low, high = np.minimum(low, self._where), np.maximum(high, self._where)
@@ -77,7 +77,7 @@ class Onlooker:
 
 
 def _camera(motion: Motion) -> Camera:
-    """Camera that looks along the heading, or from the robot to its light, which is then at the right."""
+    """Camera with the motion's heading; for rigid robots with lights, with the direction to the first light."""
     if motion.lattice is not None or not len(motion.lights):
         return default_camera(motion)
     x, y = (motion.lights[0] - motion.path[-1])[:2]
@@ -85,15 +85,15 @@ def _camera(motion: Motion) -> Camera:
 
 
 def _places(motion: Motion, camera: Camera) -> Floats:
-    """Corners of a robot where its motion ends, along the way and to its left [m], shape (N, 2)."""
+    """Corners of a robot at the end of its motion, along the heading and to its left [m], shape (N, 2)."""
     return camera.by_the_way(faces(motion, len(motion.times) - 1)[0].reshape(-1, 3))
 
 
 def _filling(across: tuple[float, float], up: tuple[float, float]) -> Floats:
-    """Limits of the axes that show what is within the limits, as large as it fits, shape (2, 2) [m]."""
+    """Extend limits to the aspect ratio of the picture, so that their content fills it, shape (2, 2) [m]."""
     found = np.array([across, up])
     pixels = np.array([WIDTH, HEIGHT - CAPTION])
     scale = float((np.ptp(found, axis=1) / pixels).max())
     spare = scale * pixels - np.ptp(found, axis=1)
-    # Robots rise, but never sink: most of what is left over is above them.
+    # Robots rise but never sink, so most of the spare height is above them.
     return found + spare[:, None] * np.array([[-0.5, 0.5], [-BELOW, 1 - BELOW]])

@@ -1,4 +1,4 @@
-"""Write motions as files for ParaView: a mesh for every frame, and a list of their times.
+"""Write motions as files for ParaView: a mesh for every frame, and an index with their times.
 
 Source: VTK File Formats, "XML File Formats", of the VTK documentation (docs.vtk.org): unstructured grids (.vtu),
 polygonal data (.vtp), compressed binary data arrays; ParaView Data (.pvd), a collection of files with times.
@@ -58,20 +58,20 @@ Arrays = Mapping[str, NDArray[Any]]
 def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
     """Write a motion as a folder for ParaView: open ``motion.pvd`` in it.
 
-    Voxels of lattices are hexahedra, joined where links join them, with cell data ``region``, ``strain`` (the mean of
-    a voxel's links), ``contact`` (1 touches the floor, 2 touches itself, 3 both) and ``colour``. Other robots are
+    Voxels of lattices are hexahedra that share the corners joined by links, with cell data ``region``, ``strain``
+    (the mean of a voxel's links), ``contact`` (0 none, 1 floor, 2 itself, 3 both) and ``colour``. Other robots are
     faces with ``part``, the number of their node, and ``colour``. Uneven ground is a surface of triangles with
-    ``friction``, the mean factor of their corners, and ``colour``; it is the second part of every time.
+    ``friction``, the mean factor of their corners, and ``colour``; it is the second part of every time step.
 
     Args:
-        motion: to write.
-        folder: which must not exist yet.
+        motion: motion to write.
+        folder: folder to make, which must not exist yet.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: for a folder that exists or cannot be made.
+        ValueError: if the folder exists or cannot be made.
         RuntimeError: if the disk is full or broken.
     """
     folder = Path(folder)
@@ -82,7 +82,7 @@ def save_paraview(motion: Motion, folder: str | PathLike[str]) -> int:
 
 
 def _fill(motion: Motion, folder: Path) -> int:
-    """Write all files of a folder; the bytes."""
+    """Write all files of a folder, and return the number of bytes."""
     (folder / "frames").mkdir()
     colours, total, entries = colouring(motion), 0, []
     ground = _ground(motion)
@@ -123,7 +123,7 @@ def _grid(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
 
 
 def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
-    """Suffix and content of the file for one frame of a robot that is no lattice."""
+    """Suffix and content of the file for one frame of a robot that is not a lattice."""
     quads, owners = faces(motion, frame)
     points, count = quads.reshape(-1, 3), len(quads)
     cells = {
@@ -135,7 +135,7 @@ def _faces(motion: Motion, frame: int, colour: Bytes) -> tuple[str, bytes]:
 
 
 def _ground(motion: Motion) -> bytes | None:
-    """Content of the file of uneven ground; None where it is a plane."""
+    """Content of the file of uneven ground; None if the ground is a plane."""
     relief, whole = relief_around(motion), motion.ground.relief
     if relief is None or whole is None:
         return None
@@ -175,6 +175,6 @@ def _array(name: str, values: NDArray[Any]) -> str:
     packed = zlib.compress(content, 3)
     header = struct.pack("<4I", 1, len(content), 0, len(packed))
     wide = values.shape[1] if values.ndim > 1 else 1
-    told = f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)} NumberOfComponents="{wide}"'
+    attributes = f'type="{TYPES[values.dtype.str[1:]]}" Name={quoteattr(name)} NumberOfComponents="{wide}"'
     inline = (base64.b64encode(part).decode() for part in (header, packed))
-    return f'<DataArray {told} format="binary">{"".join(inline)}</DataArray>'
+    return f'<DataArray {attributes} format="binary">{"".join(inline)}</DataArray>'

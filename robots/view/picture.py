@@ -1,4 +1,4 @@
-"""The picture of a robot in motion: a film strip of its poses above a chart of its actuators."""
+"""Draw the picture of a robot in motion: a film strip of its poses above a chart of its channels."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,19 +18,19 @@ from taichi_sim.base.files import write_bytes
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-PATH_POINTS = 8  # poses recorded for each pose drawn, so that the path of the middle is a curve
+PATH_POINTS = 8  # poses recorded for each pose drawn, so that the path of the middle is smooth
 WIDTH, ROW_HEIGHT, AXIS_HEIGHT = 8.0, 0.145, 0.45  # [inches]
 DOTS_PER_INCH = 160
 LINE_ROWS = 2.2  # height of a curve in the chart, in rows of a switch
 
 
 def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None) -> Figure:
-    """Draw poses of a motion above its channels over time; dashed lines mark when the poses are.
+    """Draw poses of a motion above its channels over time; dashed lines mark the times of the poses.
 
     Args:
         motion: motion of any robot.
-        frames: poses, at equal times from the beginning to the end; at least 2.
-        title: by default the motion's name.
+        frames: number of poses, equally spaced in time from beginning to end; at least 2.
+        title: title of the picture; by default the motion's name.
 
     Raises:
         ValueError: for fewer than 2 frames.
@@ -48,7 +48,7 @@ def motion_picture(motion: Motion, *, frames: int = 6, title: str | None = None)
 
 
 def save_robot_picture(robot: Robot, world: World, path: Path) -> None:
-    """Simulate a robot without free variables and draw its motion; the suffix of the path is png, pdf or svg."""
+    """Simulate a robot without free variables and write a picture of its motion as png, pdf or svg, by the suffix."""
     if robot.pictured:
         robot.save_picture(world, path)
         return
@@ -62,14 +62,16 @@ def save_picture(figure: Figure, path: Path) -> None:
 
 
 def draw_channels(axes: "Axes", channels: tuple[Channel, ...]) -> float:
-    """Draw channels below each other: switches as rows of cells, other values as curves, each over its own range.
+    """Draw the channels below each other: switches as rows of cells, or, if there are none, values as curves.
+
+    Each curve is scaled to its own range; channels that do not change are left out.
 
     Returns:
         The height of the chart, in rows of a switch.
     """
     if switches := [channel for channel in channels if channel.switch]:
         _draw_switches(axes, switches)
-        return len(switches) + 0.5  # what the actuators are told says enough
+        return len(switches) + 0.5  # the commands of actuators are enough
     curves = [channel for channel in channels if np.ptp(channel.values) > 0]
     for number, channel in enumerate(curves):
         heights = 0.92 - 0.84 * channel.levels(channel.times)

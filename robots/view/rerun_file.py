@@ -1,4 +1,4 @@
-"""Motions as recordings for the Rerun viewer: bodies in space, and what changes in time beside them.
+"""Write motions as recordings for the Rerun viewer: bodies in space, with plots of their channels.
 
 Source: Rerun, "Types" of the reference of its SDK (rerun.io/docs/reference/types): Mesh3D, Transform3D, Scalars,
 SeriesLines.
@@ -54,19 +54,19 @@ def need_rerun() -> None:
 def save_rerun(motion: Motion, path: str | PathLike[str]) -> int:
     """Write a motion as a recording for the Rerun viewer; this needs rerun-sdk.
 
-    Voxels of lattices are meshes whose vertices move, one for each colour; other parts are meshes that never change,
-    with poses over time. Times are those of the motion [s], on the timeline ``time``. Channels are series of numbers,
-    and so are, of lattices, the strains of links and the number of voxels on the ground.
+    Lattices are meshes whose vertices move, one for each colour; other parts are constant meshes with poses over
+    time. The timeline ``time`` has the times of the motion [s]. Channels are time series, and so are, for lattices,
+    the strains of links and the number of voxels on the ground.
 
     Args:
-        motion: to write.
+        motion: motion to write.
         path: path of the file, which must not exist yet.
 
     Returns:
         Bytes written.
 
     Raises:
-        ValueError: for a file that exists, or if rerun-sdk is missing.
+        ValueError: if the file exists, or rerun-sdk is missing.
     """
     new_path(path)
     need_rerun()
@@ -76,14 +76,14 @@ def save_rerun(motion: Motion, path: str | PathLike[str]) -> int:
 
 
 def _content(motion: Motion) -> bytes:
-    """Content of the file. Nothing is sent anywhere: what is recorded stays in memory until it is drained."""
+    """Content of the file. Nothing is sent over a network: the recording stays in memory until it is drained."""
     import rerun
 
-    # No time of writing, and an identity that follows from the content: the same motion is the same recording.
+    # No time of writing, and an identity derived from the content, so that equal motions give equal recordings.
     stream = rerun.RecordingStream(APPLICATION, recording_id=_identity(motion), send_properties=False)
     memory = stream.memory_recording()
     strict = rerun.strict_mode()
-    rerun.set_strict_mode(True)  # else what cannot be recorded, as where memory ends, is left out with a warning
+    rerun.set_strict_mode(True)  # otherwise data that cannot be recorded are left out with a warning
     try:
         channels = _grouped((*motion.channels, *felt(motion)))
         stream.send_blueprint(_blueprint(motion, channels), make_active=False, make_default=True)
@@ -109,7 +109,7 @@ def _content(motion: Motion) -> bytes:
 
 
 def _identity(motion: Motion) -> str:
-    """Name of the recording, from what is in it."""
+    """Identifier of the recording, derived from its content."""
     digest = hashlib.sha256(motion.name.encode())
     looks = repr([node.colour for node in motion.nodes]), repr(motion.ground), *(each.name for each in motion.channels)
     digest.update("/".join(looks).encode())
@@ -129,7 +129,7 @@ def _add_parts(stream: "rerun.RecordingStream", motion: Motion) -> None:
         node, path = motion.nodes[n], rerun.new_entity_path([*SCENE.split("/"), name])
         form, scale = surface(node.solid), motion.scale[:, n]
         grows = bool((scale != scale[0]).any())
-        size = np.ones(3) if grows else scale[0]  # what does not grow has its size in its mesh
+        size = np.ones(3) if grows else scale[0]  # a constant size is part of the mesh
         normals = np.asarray(form.vertex_normals) / size
         mesh = rerun.Mesh3D(
             vertex_positions=np.asarray(form.vertices) * size,
@@ -138,7 +138,7 @@ def _add_parts(stream: "rerun.RecordingStream", motion: Motion) -> None:
         )
         stream.log(path, mesh, static=True)
         _add_colour(stream, path, motion, node.colour, node.channel)
-        # All of a pose in every row: the viewer forgets what an earlier row said of it.
+        # Every row has the whole pose, because the viewer does not keep parts of earlier rows.
         pose = {"translation": motion.translation[:, n], "quaternion": np.roll(motion.rotation[:, n], -1, axis=-1)}
         if grows:
             pose["scale"] = scale
@@ -247,14 +247,14 @@ def _add_ground(stream: "rerun.RecordingStream", motion: Motion) -> None:
 
 
 def _ends(motion: Motion) -> Floats:
-    """The smallest and the largest coordinates of everything that is seen, and a margin around it [m], shape (2, 3)."""
+    """Smallest and largest coordinates of everything visible, with a margin around it [m], shape (2, 3)."""
     places = np.concatenate([motion.translation.reshape(-1, 3), motion.lights])
     margin = MARGIN * float(np.ptp(motion.translation[0], axis=0).max()) + float(motion.scale.max()) / 2
     return np.stack([places.min(axis=0) - margin, places.max(axis=0) + margin])
 
 
 def felt(motion: Motion) -> tuple[Channel, ...]:
-    """What a lattice feels, in time: axial strains of its links, and how many of its voxels touch the ground."""
+    """Channels of a lattice's state: axial strains of its links, and the number of voxels that touch the ground."""
     if motion.lattice is None:
         return ()
     frames = [motion.lattice.part([frame]) for frame in range(len(motion.times))]
@@ -332,7 +332,7 @@ def _times(times: Floats) -> "rerun.TimeColumn":
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
-    """Names with a number behind those that were there before."""
+    """Make names distinct by appending numbers to repeated ones."""
     found = list[str]()
     for name in names:
         again = (f"{name} {n}" for n in range(2, len(names) + 2))

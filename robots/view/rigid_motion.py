@@ -42,14 +42,14 @@ def rigid_motion(
         robot: number of the robot in the batch.
         name: name of the motion.
         channels: rows of the timeline before distance and speed.
-        shown: numbers of channels by the names of bodies, which show them and have their colours.
-        balls: bodies without solids that are to be seen, with radii [m].
-        hidden: bodies that are not to be seen.
-        lights: their places [m], shape (L, 3).
+        shown: numbers of the channels that bodies show, by names of bodies, which get the channels' colours.
+        balls: radii of balls that show bodies without solids, by names of bodies [m].
+        hidden: names of bodies that are not shown.
+        lights: positions of the lights [m], shape (L, 3).
         light_radius: radius of the balls that mark lights [m].
 
     Raises:
-        ValueError: for results without frames, and frames of other robots.
+        ValueError: if there are no frames, or they belong to another robot.
     """
     frames = _recorded(tree, frames, robot)
     base = [a[:, robot] for a in (frames.position, frames.orientation, frames.angles)]
@@ -94,7 +94,7 @@ def rigid_motion(
 def frame_channels(
     tree: Tree, frames: Frames | None, robot: int, rows: Sequence[tuple[str, Colour, str]]
 ) -> list[Channel]:
-    """Timeline rows of all readings, then all neurons, each cut off where it is not finite: after the robot diverged.
+    """Timeline rows of all readings, then all neurons; each ends where it is no longer finite after a divergence.
 
     Args:
         tree: the robot.
@@ -116,7 +116,7 @@ def frame_channels(
 
 
 def rollout_number(shape: tuple[int, ...], controller: int, environment: int) -> int:
-    """Number of the rollout of a controller in an environment; environments change fastest."""
+    """Number of the rollout of a controller in an environment; the environment index varies fastest."""
     controllers, environments = shape
     motion.check_place("controller", controller, controllers, "the result has")
     motion.check_place("environment", environment, environments, "the result has")

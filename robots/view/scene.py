@@ -1,4 +1,4 @@
-"""Camera and light: project faces in space to coloured polygons on paper. Needs no matplotlib."""
+"""Camera and light: project faces in space to coloured polygons on paper. Does not need matplotlib."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,29 +20,29 @@ def _rgb(text: str) -> Colour:
 PAPER, INK = _rgb("ffffff"), _rgb("33302b")
 GROUND, GROUND_LINE, SHADOW = _rgb("f3f1ec"), _rgb("d9d5cc"), _rgb("dcd8cf")
 SAND, STONE, CLAY = _rgb("cfc8bb"), _rgb("a39b8c"), _rgb("c9894b")
-HUES = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))  # Okabe & Ito's, told apart by all eyes
+HUES = tuple(_rgb(c) for c in ("d55e00", "e69f00", "009e73", "0072b2"))  # Okabe & Ito; safe for colour blindness
 PURPLES, SKY, YELLOW = (_rgb("7b3f8c"), _rgb("b0639f")), _rgb("56b4e9"), _rgb("e6d43a")
 STEEL, SLATE, SUN = (0.72, 0.73, 0.75), (0.36, 0.41, 0.47), (0.95, 0.69, 0.12)
 # Of charts: Okabe & Ito, Color Universal Design, 2008.
 CHART_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#F0E442", "#000000")
-# Where the light comes from (along the way, to its left, up); the brightness of what it does not reach.
+# Direction to the light (along the heading, to its left, up); brightness of faces that it does not reach.
 LIGHT = np.array([-0.3, -0.45, 0.84])
 AMBIENT = 0.6
-FALLS = 3  # times that a shadow on a tilted uneven ground is moved on to the height where it fell
+FALLS = 3  # iterations that find where a vertical line meets tilted uneven ground
 
 
 @dataclass(frozen=True)
 class Camera:
-    """Oblique camera at the robot's right: it travels to the right of the picture, and uphill is up.
+    """Oblique camera at the robot's right: the robot travels to the right of the picture, and uphill is up.
 
-    The projection is oblique: whatever lies in an upright plane along the way keeps its size and angles, so
-    distances, heights and slopes can be measured on paper. What is across the way goes up and to the right.
+    The projection is oblique: vertical planes along the heading keep sizes and angles, so distances, heights and
+    slopes can be measured on paper. The direction to the robot's left points up and to the right on paper.
 
     Attributes:
         heading: direction of travel [degrees] from x towards y.
         slope: slope of the ground [degrees]; the picture is level with gravity, not with the ground.
-        shift_right: how far to the right on paper a length of 1 goes that points to the left of the robot.
-        shift_up: how far up on paper such a length goes.
+        shift_right: component to the right on paper of a unit length that points to the robot's left.
+        shift_up: component upwards on paper of such a length.
     """
 
     heading: float = 0.0
@@ -52,7 +52,7 @@ class Camera:
 
     @cached_property
     def frame(self) -> Floats:
-        """Axes of the camera as rows, in the frame of the ground, shape (3, 3): along the way, to its left, up."""
+        """Axes of the camera as rows, in the frame of the ground, shape (3, 3): along the heading, to its left, up."""
         h, s = np.deg2rad([self.heading, self.slope])
         turn = np.array([[np.cos(h), np.sin(h), 0], [-np.sin(h), np.cos(h), 0], [0, 0, 1]])
         tilt = np.array([[np.cos(s), 0, -np.sin(s)], [0, 1, 0], [np.sin(s), 0, np.cos(s)]])
@@ -70,19 +70,19 @@ class Camera:
         return level[..., [0, 2]] + level[..., 1:2] * np.array([self.shift_right, self.shift_up])
 
     def on_ground(self, travel: ArrayLike, across: ArrayLike, z: float) -> Floats:
-        """Project places, given along the way and to its left [m] at height ``z``, on paper [m], shape (..., 2)."""
+        """Project points, given along the heading and to its left [m] at height ``z``, on paper [m], shape (..., 2)."""
         x, y = np.moveaxis(self.in_space(travel, across), -1, 0)
         return self.project(np.stack([x, y, np.full_like(x, z)], axis=-1))
 
     def in_space(self, travel: ArrayLike, across: ArrayLike) -> Floats:
-        """Places (x, y) [m], shape (..., 2), of places given along the way and to its left [m]."""
+        """Coordinates (x, y) [m], shape (..., 2), of points given along the heading and to its left [m]."""
         h = np.deg2rad(self.heading)
         x = np.cos(h) * np.asarray(travel) - np.sin(h) * np.asarray(across)
         y = np.sin(h) * np.asarray(travel) + np.cos(h) * np.asarray(across)
         return np.stack([x, y], axis=-1)
 
     def by_the_way(self, points: Floats) -> Floats:
-        """Places along the way and to its left, shape (N, 2) [m], of points in space, shape (N, 3) [m]."""
+        """Coordinates along the heading and to its left, shape (N, 2) [m], of points in space, shape (N, 3) [m]."""
         h = np.deg2rad(self.heading)
         return points[:, :2] @ np.array([[np.cos(h), -np.sin(h)], [np.sin(h), np.cos(h)]])
 
@@ -110,15 +110,15 @@ def paint(
     """Project and light faces in space, and project their shadow.
 
     Args:
-        quads: corners of faces, counter-clockwise seen from outside [m], shape (N, 4, 3); two corners may be one.
+        quads: corners of faces, counter-clockwise as seen from outside [m], shape (N, 4, 3); two may coincide.
         colours: colours of the faces, shape (N, 3).
-        camera: that looks at them.
-        level: z of the ground [m]; None where there is none that a shadow could fall on.
+        camera: camera that looks at them.
+        level: z of the ground [m]; None if there is no ground for shadows.
         relief: heights of uneven ground over ``level``.
     """
     normals = np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30
-    # What looks away is hidden by the rest of its solid; what is nearer is painted later.
+    # Faces that point away are hidden by the rest of their solid; nearer faces are painted later.
     visible = np.flatnonzero(normals @ camera.toward > 0)
     visible = visible[np.argsort(quads[visible].mean(axis=1) @ camera.toward, kind="stable")]
     light = LIGHT @ camera.frame / np.linalg.norm(LIGHT)
@@ -131,7 +131,7 @@ def paint(
 
 
 def shadow(points: Floats, camera: Camera, level: float, relief: Relief | None = None) -> Floats:
-    """Project the places on the ground straight below points in space, shape (..., 3) [m], on paper, shape (..., 2)."""
+    """Project the ground points vertically below points in space, shape (..., 3) [m], on paper, shape (..., 2)."""
     up = camera.frame[2]
     fallen = points - (points[..., 2:] - level) / up[2] * up
     if relief is not None:
@@ -142,5 +142,5 @@ def shadow(points: Floats, camera: Camera, level: float, relief: Relief | None =
 
 
 def pale(colours: Floats) -> Floats:
-    """Pale versions of colours, shape (..., 3), for something that is off."""
+    """Pale versions of colours, shape (..., 3), for parts that are off."""
     return 0.32 * colours + 0.68 * np.array([0.97, 0.96, 0.94])

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 WIDTH, TITLE_HEIGHT, KEY_HEIGHT, EDGE = 6.4, 0.36, 0.5, 0.12  # [inches]
 DOTS_PER_INCH = 150
-MARGIN = 0.25  # of ground around a robot, in its lengths
-REACH = 6.0  # ground in all, in lengths of the robot, that a picture shows unless more is asked for
-LINES_APART = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])  # on the ground [m]
-SEEN_FROM_ABOVE = 0.45  # how far up paper rigid robots' ground goes, of what it goes away
+MARGIN = 0.25  # ground around a robot, in lengths of the robot
+REACH = 6.0  # default length of the ground in a picture, in lengths of the robot
+LINES_APART = np.array([0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0])  # spacings of lines on the ground [m]
+SEEN_FROM_ABOVE = 0.45  # Camera.shift_up for rigid robots
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ class Setting:
     """Camera, ground and colours that all pictures of a motion share.
 
     Attributes:
-        motion: to show.
-        camera: that looks at it.
-        area: ground that is seen: first and last place along the way, and to the left of it [m], shape (2, 2).
-        colouring: colours of the nodes; those named beams are of links and pressure, with the scale of the strains.
+        motion: motion to show.
+        camera: camera that looks at it.
+        area: visible ground: its limits along the heading, and to the left of it [m], shape (2, 2).
+        colouring: colours of the nodes; the one named beams shows links and pressure, with the scale of strains.
     """
 
     motion: Motion
@@ -69,7 +69,7 @@ class Setting:
 
     @cached_property
     def pieces(self) -> Pieces | None:
-        """What is seen of uneven ground; None of a plane."""
+        """Visible pieces of uneven ground; None if it is a plane."""
         ground = self.motion.ground
         return None if ground.relief is None else pieces(ground.relief, ground.level, self.camera, self.area)
 
@@ -82,12 +82,12 @@ class Setting:
 
     @property
     def level(self) -> float | None:
-        """Height of the ground, z [m]; None in a fluid, where there is none."""
+        """Height of the ground, z [m]; None in a fluid."""
         return self.motion.ground.level if self.motion.ground.solid else None
 
     @property
     def lights(self) -> Floats:
-        """The lights that stand on the ground that is seen, shape (L, 3) [m]."""
+        """Positions of the lights above the visible ground, shape (L, 3) [m]."""
         return self.motion.lights[self.shows(self.motion.lights)]
 
     @property
@@ -96,7 +96,7 @@ class Setting:
         return self.motion.lattice if self.colouring.name == BEAMS else None
 
     def shows(self, points: Floats) -> Bools:
-        """Whether points in space, shape (N, 3) [m], are above the ground that is seen, shape (N,)."""
+        """Whether points in space, shape (N, 3) [m], are above the visible ground, shape (N,)."""
         places = self.camera.by_the_way(points)
         inside = (places >= self.area[:, 0]) & (places <= self.area[:, 1])
         return np.asarray(inside.all(axis=1))
@@ -116,7 +116,7 @@ class Setting:
         return paint(quads, colours, self.camera, self.level, relief)
 
     def way(self, frame: int) -> Floats:
-        """Way up to a frame on paper, shape (K, 2) [m]; it starts where it last enters the ground that is seen."""
+        """Path up to a frame on paper, shape (K, 2) [m], from where it last enters the visible ground."""
         passed = self.motion.path[: frame + 1]
         outside = np.flatnonzero(~self.shows(passed))
         return self.camera.project(passed[outside[-1] + 1 if len(outside) else 0 :])
@@ -133,15 +133,15 @@ def setting(
     """Choose camera, ground and colour scale for pictures of some frames.
 
     Args:
-        motion: to show.
+        motion: motion to show.
         frames: numbers of the frames that must fit on the ground.
         colour: one of ``robots.view.colour_names.COLOURS``.
-        camera: by default it looks from the right, on the way that the robot goes.
-        reach: longest way shown [lengths of the robot]; the rest is cut off. Lights are seen if they add no ground, or
-            little.
+        camera: by default it looks from the robot's right.
+        reach: longest path shown [lengths of the robot]; the rest is cut off. Lights are shown if they need little or
+            no more ground.
 
     Raises:
-        ValueError: for colours that are not known or that the robot does not have.
+        ValueError: for colours that are unknown or that the robot does not support.
     """
     camera = camera or default_camera(motion)
     colours = colouring(motion, colour, frames)
@@ -150,7 +150,7 @@ def setting(
 
 
 def default_camera(motion: Motion) -> Camera:
-    """Camera that follows the motion's way: the heading of a voxel robot, or the line from start to end."""
+    """Camera along the direction of travel: the heading of a voxel robot, or the line from start to end."""
     if motion.lattice is not None or motion.ground.slope:
         return Camera(motion.ground.heading, motion.ground.slope)
     gone = motion.path[-1] - motion.path[0]
@@ -162,8 +162,8 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
     """Draw a frame with its ground, shadow, lights, travelled path and a scale bar; axes in metres on paper.
 
     Args:
-        axes: to draw on; this sets their limits.
-        given: what all pictures of the motion share.
+        axes: axes to draw on.
+        given: setting that all pictures of the motion share.
         frame: number of the frame.
         outlined: whether voxels have outlines.
     """
@@ -185,7 +185,7 @@ def draw_motion(axes: "Axes", given: Setting, frame: int, outlined: bool = True)
 def draw_ground(axes: "Axes", given: Setting, shift: Floats = NO_SHIFT, zorder: float = 1.0) -> None:
     """Draw the ground, shifted by ``shift`` on paper [m]; in a fluid this draws nothing.
 
-    A plane has lines across the way; uneven ground is lit, and cut off at its edges.
+    A plane has lines across the heading; uneven ground is shaded by light and shows its cut sides.
     """
     if given.level is None:
         return
@@ -238,14 +238,14 @@ def still_picture(
     """Draw a robot at a time, with a title and a key of its colours.
 
     Args:
-        motion: to show.
+        motion: motion to show.
         at: time [s]; the end by default.
         colour: one of ``robots.view.colour_names.COLOURS``.
-        camera: by default it looks from the right, on the way that the robot goes.
-        reach: longest way shown [lengths of the robot].
+        camera: by default it looks from the robot's right.
+        reach: longest path shown [lengths of the robot].
 
     Raises:
-        ValueError: for times that the motion does not have, and as :func:`setting`.
+        ValueError: for times outside the motion, and as :func:`setting`.
     """
     frame = frame_at(motion, at)
     given = setting(motion, [frame], colour=colour, camera=camera, reach=reach)
@@ -257,14 +257,14 @@ def still_picture(
 
 
 def arrange(axes: "Axes", title: str, width: float, below: float = 0.0, colours: Colouring | None = None) -> float:
-    """Lay out a figure: a title, a drawing as high as its limits make it, and what comes below.
+    """Lay out a figure: a title, a drawing whose height follows from its limits, and space below.
 
     Args:
-        axes: of the drawing, which have their limits.
-        title: above the drawing.
-        width: of the figure [inches].
-        below: height left free below the drawing [inches].
-        colours: whose key is drawn there, if they have one.
+        axes: axes of the drawing, with their limits set.
+        title: title above the drawing.
+        width: width of the figure [inches].
+        below: height left free at the bottom [inches].
+        colours: colouring whose key is drawn below the drawing, if it has one.
 
     Returns:
         Height of the figure [inches].
@@ -289,7 +289,7 @@ def save_still(motion: Motion, path: str | PathLike[str], **options: Any) -> int
         Bytes written.
 
     Raises:
-        ValueError: for a file that exists, and as :func:`still_picture`.
+        ValueError: if the file exists, and as :func:`still_picture`.
     """
     return save_figure(still_picture(motion, **options), path)
 
@@ -298,7 +298,7 @@ def save_figure(figure: Figure, path: str | PathLike[str]) -> int:
     """Write a figure to a new file, and return its size in bytes.
 
     Raises:
-        ValueError: for a file that exists, and formats that matplotlib does not have.
+        ValueError: if the file exists, or matplotlib does not support its format.
     """
     form = new_path(path).suffix[1:].lower()
     if form not in figure.canvas.get_supported_filetypes():
@@ -360,7 +360,7 @@ def _draw_seen_through(axes: "Axes", given: Setting, frame: int) -> None:
 
 
 def _area(motion: Motion, frames: Sequence[int], camera: Camera, reach: float) -> Floats:
-    """Choose the ground below some frames, with the way to the last of them and the lights, as ``Setting.area``."""
+    """Choose the ground that shows some frames, the path to the last of them and lights, as ``Setting.area``."""
     poses = [camera.by_the_way(faces(motion, frame)[0].reshape(-1, 3)) for frame in frames]
     length = max(float(np.ptp(pose, axis=0).max()) for pose in poses)
     robot = _around(*poses)
@@ -376,6 +376,6 @@ def _area(motion: Motion, frames: Sequence[int], camera: Camera, reach: float) -
 
 
 def _around(*places: Floats) -> Floats:
-    """Smallest and largest place along the way and to its left, of places of shape (N, 2) each, shape (2, 2) [m]."""
+    """Limits along the heading and to its left, shape (2, 2) [m], of arrays of places, shape (N, 2) each."""
     every = np.concatenate(places)
     return np.stack([every.min(axis=0), every.max(axis=0)], axis=1)

@@ -1,4 +1,4 @@
-"""Uneven ground below motions: its nodes for files, its pieces for pictures, and what it hides."""
+"""Uneven ground below motions: nodes for files, pieces for pictures, and which points it hides."""
 
 from dataclasses import dataclass, replace
 
@@ -11,19 +11,19 @@ from taichi_sim.lattice import Relief
 
 MOST_NODES = 10_000  # of the ground in files
 MOST_PIECES = 6_000  # of the ground in pictures
-MARGIN = 0.5  # of ground around a motion in files, in lengths of the robot
-DARKEST = 0.3  # how much darker ground is where its friction is largest
-LEAST_LIT = 0.65  # brightness of slopes that no light reaches
-CONTRAST = 1.2  # of slopes, against what light makes of robots
-MOST_STEPS = 64  # from a point towards the viewer
-WATER_TINT = (0.55, 0.78, 1.0)  # factors of the colours of what is below water
-LEFT_BELOW = 0.04  # thickness of the ground at its lowest place, in widths of what is seen
+MARGIN = 0.5  # ground around a motion in files, in lengths of the robot
+DARKEST = 0.3  # darkening of the ground where its friction is largest
+LEAST_LIT = 0.65  # least brightness of slopes
+CONTRAST = 1.2  # of slopes, relative to the shading of robots
+MOST_STEPS = 64  # along the ray from a point towards the viewer
+WATER_TINT = (0.55, 0.78, 1.0)  # factors of red, green, blue below water
+LEFT_BELOW = 0.04  # thickness of the ground at its lowest place, relative to the size of the visible ground
 
 
 def cut(relief: Relief, low: Floats, high: Floats, most: int = MOST_NODES) -> Relief:
-    """Cut a ground to what is between two corners (x, y) [m].
+    """Cut out the part of a ground between two corners (x, y) [m].
 
-    It keeps the nodes; if they are more than ``most``, only every second, third, ... of them.
+    It keeps all nodes, or every second, third, ... node so that there are at most ``most``.
     """
     first = np.floor((low - relief.origin) / relief.spacing).astype(int)
     last = np.maximum(np.ceil((high - relief.origin) / relief.spacing).astype(int), first + 1)
@@ -39,7 +39,7 @@ def cut(relief: Relief, low: Floats, high: Floats, most: int = MOST_NODES) -> Re
 
 
 def relief_around(motion: Motion) -> Relief | None:
-    """The ground around a motion, for files; None where it is a plane."""
+    """Part of the uneven ground around a motion, for files; None if the ground is a plane."""
     if motion.ground.relief is None:
         return None
     places = motion.translation[..., :2].reshape(-1, 2)
@@ -48,7 +48,7 @@ def relief_around(motion: Motion) -> Relief | None:
 
 
 def nodes(relief: Relief, level: float) -> Floats:
-    """Places of the nodes of a ground above z = level [m], shape (X Y, 3)."""
+    """Positions of the nodes of a ground above z = level [m], shape (X Y, 3)."""
     x, y = (start + relief.spacing * np.arange(n) for start, n in zip(relief.origin, relief.heights.shape, strict=True))
     return np.stack([*np.meshgrid(x, y, indexing="ij"), level + relief.heights], axis=-1).reshape(-1, 3)
 
@@ -64,9 +64,9 @@ def tints(heights: Floats, friction: Floats, whole: Relief) -> Floats:
     """Factors of the colour of ground, red, green, blue: darker the more it grips, blue below water, shape (N, 3).
 
     Args:
-        heights: of places on a ground [m], shape (N,).
+        heights: heights at N places on a ground [m], shape (N,).
         friction: factors of friction there, shape (N,).
-        whole: the ground; where it has its smallest friction it is not darkened.
+        whole: the whole ground; it is not darkened where its friction is smallest.
     """
     low, high = (1.0, 1.0) if whole.friction is None else (float(whole.friction.min()), float(whole.friction.max()))
     shade = 1 - DARKEST * np.clip((friction - low) / max(high - low, 1e-12), 0, 1)
@@ -98,9 +98,9 @@ class Pieces:
         quads: corners of its pieces, those at the back first [m], shape (N, 4, 3).
         colours: of the pieces: red, green, blue from 0 to 1, shape (N, 3).
         profile: the near edge [m], shape (K, 3).
-        end: the edge at the right [m], from the near one to the far one, shape (L, 3).
-        lines: ends of lines where it falls away from the viewer [m], shape (M, 2, 3).
-        base: z that the sides of the ground reach down to [m].
+        end: the right edge, from near to far [m], shape (L, 3).
+        lines: ends of ridge lines, beyond which it slopes away from the viewer [m], shape (M, 2, 3).
+        base: z of the lower end of the cut sides [m].
     """
 
     quads: Floats
@@ -112,13 +112,13 @@ class Pieces:
 
 
 def pieces(relief: Relief, level: float, camera: Camera, area: Floats) -> Pieces:
-    """Divide a ground, as the camera sees it, into pieces about as large as its cells.
+    """Divide the visible part of a ground into pieces at least as large as its cells.
 
     Args:
         relief: the ground.
-        level: z from which its heights count [m].
-        camera: that looks at it.
-        area: first and last place along the way, and to the left of it [m], shape (2, 2).
+        level: z from which its heights are measured [m].
+        camera: camera that looks at it.
+        area: limits of the visible ground along the heading, and to the left of it [m], shape (2, 2).
     """
     step = relief.spacing * max(1, int(np.ceil(np.sqrt(np.ptp(area, axis=1).prod() / MOST_PIECES) / relief.spacing)))
     start = camera.by_the_way(np.array([[*relief.origin, 0.0]]))[0]
@@ -148,7 +148,7 @@ def pieces(relief: Relief, level: float, camera: Camera, area: Floats) -> Pieces
 
 
 def _ridges(points: Floats, facing: Bools) -> Floats:
-    """Edges between pieces that face the viewer and others, shape (M, 2, 3), of nodes of shape (K, L, 3)."""
+    """Edges between pieces that face the viewer and pieces that do not, shape (M, 2, 3); nodes have shape (K, L, 3)."""
     i, j = np.nonzero(facing[1:] != facing[:-1])
     across = np.stack([points[i + 1, j], points[i + 1, j + 1]], axis=1)
     i, j = np.nonzero(facing[:, 1:] != facing[:, :-1])
@@ -156,7 +156,7 @@ def _ridges(points: Floats, facing: Bools) -> Floats:
 
 
 def hidden(points: Floats, relief: Relief, level: float, camera: Camera) -> Bools:
-    """Whether a ground is between points, shape (N, 3) [m], and the viewer, shape (N,)."""
+    """Whether the ground hides points, shape (N, 3) [m], from the viewer, shape (N,)."""
     found = np.zeros(len(points), bool)
     toward = camera.toward
     if not len(points) or toward[2] <= 0:

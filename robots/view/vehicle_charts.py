@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# none pale, all dark blue, between from yellow to brown: the order survives a black and white print
+# From pale (none) over yellow and brown to dark blue (all), so that the order is visible in black and white.
 OVERLAP_COLOURS = ("#f2f2f2", "#fee391", "#fe9929", "#b84a0c", "#08306b")
-# Those of the dissertation, as far as it tells them: none blue, all cyan in chapter 3; none red, all blue in chapter 4.
+# Colours of the dissertation, as far as it names them: chapter 3 none blue, all cyan; chapter 4 none red, all blue.
 CHAPTER_3_COLOURS = ("#1f3fa8", "#7a4fb5", "#d9568b", "#f7b23c", "#3df5ff")
 CHAPTER_4_COLOURS = ("#d7191c", "#fdae61", "#ffffbf", "#abd9e9", "#2c7bb6")
 
@@ -24,13 +24,13 @@ CHAPTER_4_COLOURS = ("#d7191c", "#fdae61", "#ffffbf", "#abd9e9", "#2c7bb6")
 def draw_overlap(
     axes: "Axes", overlap: Bytes, weights: Floats | None = None, colours: "Sequence[str]" = OVERLAP_COLOURS
 ) -> Any:
-    """Draw how many environments each controller solves, in one of the colours for each number from 0.
+    """Draw the number of environments that each controller solves, with one colour for each number from 0.
 
     Weight w1 goes to the right and w2 upwards; ``weights``, if given, is a controller marked by a cross.
     """
     from matplotlib.colors import ListedColormap
 
-    outer = 1 + 1 / (len(overlap) - 1)  # cells lie about their weights
+    outer = 1 + 1 / (len(overlap) - 1)  # cells are centred on their weights
     image = axes.imshow(
         overlap.T,
         origin="lower",
@@ -57,10 +57,10 @@ def draw_paths(axes: "Axes", places: ArrayLike, lights: ArrayLike, reach: float 
     """Draw paths seen from above, each starting at a dot, and lights as stars.
 
     Args:
-        axes: to draw on.
-        places: where vehicles were [m], shape (P, T, 2); NaN after their ends.
-        lights: where lights are [m], shape (L, 2).
-        reach: from the origin to the sides of the panel [m]; so far that all is seen if None.
+        axes: axes to draw on.
+        places: positions of P vehicles at T times [m], shape (P, T, 2); NaN after their ends.
+        lights: positions of the lights [m], shape (L, 2).
+        reach: distance from the origin to the sides of the panel [m]; by default large enough for all paths.
     """
     places = np.asarray(places, float)
     for number, path in enumerate(places):

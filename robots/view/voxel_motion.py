@@ -35,24 +35,24 @@ def voxel_motion(
     pressure: float | Floats = 0.0,
     travelling: LatticeBody | None = None,
 ) -> Motion:
-    """Build a motion of cubes that have the size of the voxels and lie in the middle between their sides.
+    """Build the motion of a lattice robot from cuboids with the size of its voxels, centred between their sides.
 
     Channels: those given, then distance and speed along the heading.
 
     Args:
         name: name of the motion.
-        frames: of a batch of robots.
-        body: the lattice of each.
+        frames: recorded frames of a batch of robots.
+        body: lattice of each robot.
         robot: number of the robot in the batch.
         nodes: one for each voxel.
         channels: rows of the timeline before distance and speed.
-        terrain: where it was; flat ground by default.
-        heading: direction in which distance counts, one or in each frame [degrees].
-        pressure: on the body's pressurised faces [Pa], one or of each voxel.
-        travelling: whose path is followed, if not all of the body's: a body whose voxels come first.
+        terrain: terrain of the robot; flat ground by default.
+        heading: direction in which distance counts, one or one per frame [degrees].
+        pressure: pressure on the body's pressurised faces [Pa], one or one per voxel.
+        travelling: body whose path is followed, made of the first voxels of ``body``; by default the whole body.
 
     Raises:
-        ValueError: for frames that were not recorded, or are of other robots.
+        ValueError: if no frames were recorded, or they belong to another robot.
     """
     frames = _checked(frames, body, robot)
     poses = [a[:, robot] for a in (frames.positions, frames.orientations, frames.extents, frames.sizes)]
@@ -84,7 +84,7 @@ def voxel_motion(
 
 
 def _checked(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
-    """Return the frames if they were recorded, fit this body and have this robot."""
+    """Return the frames if they were recorded, fit the body and include the robot."""
     frames = recorded(frames)
     _, batch, voxels, _ = frames.positions.shape
     if voxels != body.voxel_count:
@@ -94,6 +94,6 @@ def _checked(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:
 
 
 def _ground(terrain: Terrain, heading: float, edge: float) -> Ground:
-    """The ground that a robot of voxels of an edge [m] stands on, heading somewhere [degrees]."""
+    """Ground of a terrain for a robot with voxels of a given edge [m] and a heading [degrees]."""
     relief = terrain.uneven.relief(heading, edge) if terrain.uneven else None
     return Ground(-0.5 * edge, terrain.slope, heading, relief=relief)

@@ -1,4 +1,4 @@
-"""Workers that evaluate the requests of a search: processes of this machine, on a Ray cluster, or around a folder."""
+"""Workers that evaluate the requests of a search: processes of this machine, Ray actors, or through a shared folder."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -13,7 +13,7 @@ from taichi_sim.base.arrays import Floats
 __all__ = ["open_workers"]
 
 BackendName = Literal["processes", "ray", "folder"]
-SILENCE = 120.0  # s; a network's disk may show a sign of life a minute late
+SILENCE = 120.0  # s; a network disk may show a sign of life a minute late
 
 
 @contextlib.contextmanager
@@ -30,36 +30,36 @@ def open_workers(
     note: Callable[[str], None],
     progress: Callable[[float], None] | None = None,
 ) -> Iterator[Evaluate]:
-    """Start workers, and give a function that evaluates requests with them.
+    """Start workers, and yield a function that evaluates requests with them.
 
-    Results have the same bits as those of this process, for any number and place of workers.
+    Results are bit-identical to those of this process for any number and location of workers.
 
-    A request is cut into parts, which go to idle workers. A worker that dies is replaced, and its part evaluated
-    again; a part that kills two workers is bisected, down to single designs, which fail. An exception of the
-    problem is raised here as itself. On leaving, whatever the reason, all workers end at once.
+    A request is cut into parts, which go to idle workers. A worker that dies is replaced, and its part is evaluated
+    again; a part that kills two workers is bisected, down to single designs, which fail. An exception raised by the
+    problem is raised here unchanged. When the context ends, for whatever reason, all workers end at once.
 
     Args:
-        problem: sent to every worker once, by pickle; through a folder, as its description alone.
-        count: number of workers; None for as many as this machine, or the cluster, has cores for. Of a folder, how
-            many to expect: a request is cut for so many.
-        backend: ``"processes"`` of this machine, spawned, ``"ray"``, actors on a cluster, or ``"folder"``, whoever runs
-            ``morpholab work`` on it.
+        problem: sent to every worker once, pickled; through a folder, only its description.
+        count: number of workers; None for as many as the cores of this machine or the cluster allow. For a folder,
+            the number of workers to expect, for which requests are cut.
+        backend: ``"processes"``: spawned on this machine; ``"ray"``: actors on a cluster; ``"folder"``: any process
+            that runs ``morpholab work`` on the folder.
         address: address of the Ray cluster, ``"host:port"``, ``"ray://host:port"`` or ``"auto"``; None or ``"local"``
-            starts one on this machine for as long as the workers are open. Or the folder.
+            starts one on this machine while the context lasts. For ``"folder"``, the path of the folder.
         threads: CPU threads of one worker.
-        part: most points that a worker evaluates at once.
-        silence: time without a sign of life after which the part of a worker of a folder is given to others [s].
+        part: maximum number of points that a worker evaluates at once.
+        silence: time without a sign of life after which the part of a folder's worker is given to others [s].
         save_failed: saves points, shape (F, D), that killed their workers, with the reason; returns the file.
-        note: told about every death, and of whatever else the user should know.
-        progress: called with the fraction of a request that is done.
+        note: called with a line about every death and anything else that the user should know.
+        progress: called with the fraction of a request that is complete.
 
     Yields:
-        A function that evaluates a request. It raises RuntimeError if no worker can be started, or if
-        every design of a request kills its worker and none was ever evaluated: then the designs are not to blame.
+        A function that evaluates a request. It raises RuntimeError if no worker can be started, or if every design
+        of a request kills its worker and none was ever evaluated, so that the designs are hardly the cause.
 
     Raises:
-        ValueError: for settings that are not allowed, a problem that cannot be pickled, a cluster
-            that does not answer, or one with other versions of what results depend on.
+        ValueError: if a setting is not allowed, the problem cannot be pickled, or the cluster does not answer or has
+            other versions of packages on which results depend.
     """
     for name, value in {"count": 1 if count is None else count, "threads": threads, "part": part}.items():
         checks.integer(name, value, 1)

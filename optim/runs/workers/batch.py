@@ -1,4 +1,4 @@
-"""A request cut into parts: hands them out, repeats those that failed, and joins their evaluations."""
+"""Split a request into parts, hand them out, repeat those that failed, and join their evaluations."""
 
 import dataclasses
 from collections import deque
@@ -10,13 +10,13 @@ from optim.problem import Evaluation, Request
 from optim.runs.requests import failures, join
 from taichi_sim.base.arrays import Floats
 
-KILLER = "killed its worker"  # status of a design that does so twice
+KILLER = "killed its worker"  # status of a design that has done so twice
 ATTEMPTS = 2
 
 
 @dataclass(frozen=True)
 class Part:
-    """Part of a request, points ``begin`` to ``end``, which has killed ``deaths`` workers so far."""
+    """Part of a request: points ``begin`` to ``end`` (exclusive), which have killed ``deaths`` workers so far."""
 
     begin: int
     end: int
@@ -32,18 +32,18 @@ class Part:
 class Batch:
     """Hands out the parts of a request, takes their evaluations in any order, and joins them in the request's order.
 
-    A part that kills two workers is bisected: only a single design that does so by itself has failed. What comes
-    out therefore depends on the points alone, not on how they were cut or who was first.
+    A part that kills two workers is bisected; only a single design that kills two workers by itself has failed. The
+    result therefore depends on the points alone, not on the parts or the order of evaluation.
 
     Args:
         request: N points.
-        size: most points of a part.
+        size: maximum number of points of a part.
     """
 
     def __init__(self, request: Request, size: int) -> None:
         self._request = request
         count = len(request.points)
-        starts = range(0, max(count, 1), size)  # no points are one part, too
+        starts = range(0, max(count, 1), size)  # a request without points is one part, too
         self._waiting = deque(Part(begin, min(begin + size, count)) for begin in starts)
         self._away = 0
         self._judged: dict[Part, Evaluation] = {}
@@ -51,7 +51,7 @@ class Batch:
 
     @property
     def complete(self) -> bool:
-        """Whether every point has been evaluated, or found to kill workers."""
+        """Whether every point has been evaluated or has killed its workers."""
         return not self._waiting and not self._away
 
     @property
@@ -79,7 +79,7 @@ class Batch:
         self._judged[part] = evaluation
 
     def bury(self, part: Part) -> str:
-        """Note that a part killed its worker, and return a text about what happens next."""
+        """Record that a part killed its worker, and return a text that says what happens next."""
         self._away -= 1
         deaths = part.deaths + 1
         if deaths < ATTEMPTS:
@@ -93,7 +93,7 @@ class Batch:
         return "judged in halves, this was the second time"
 
     def joined(self, like: Evaluation) -> Evaluation:
-        """Join the evaluation of all points; those that killed workers have details in the form of ``like``."""
+        """Join the evaluations of all points; points that killed workers have details in the form of ``like``."""
         wanted = self._request.wants == "gradients"
         slopes = np.full((1, self._request.points.shape[1]), np.nan) if wanted else None
         failed = dataclasses.replace(failures(like, 1, KILLER), gradients=slopes)

@@ -1,15 +1,16 @@
-"""Files through which a search and its workers speak in a shared folder: data alone, written aside and renamed.
+"""Files through which a search and its workers communicate in a shared folder.
 
 =================== ================================================================================
-``search.json``     what the search is about; its time of change is the search's sign of life
-``open/``           parts of a generation that wait for a worker, one a file
-``claimed/``        parts that a worker has taken, by renaming; the time of change is its sign of life
-``done/``           answers, one a part
-``stop``            there once the search has ended: workers end, too
+``search.json``     description of the search; its modification time is the search's sign of life
+``open/``           parts of a generation that wait for a worker, one file each
+``claimed/``        parts that a worker has taken, by renaming; the modification time is its sign of life
+``done/``           answers, one file per part
+``stop``            exists once the search has ended, so that workers end, too
 =================== ================================================================================
 
-A part is named by the checksum of what is asked, so an answer fits whoever asks the same again. Everything has a
-checksum and nothing is a pickle: reading it runs no code.
+Files are written under a temporary name and renamed. A part is named by the checksum of its request, so its answer
+also serves a later search that makes the same request. All files have checksums and none is a pickle, so reading
+them runs no code.
 """
 
 import contextlib
@@ -35,24 +36,24 @@ from taichi_sim.base.parsing import parse_json
 SEARCH, STOP = "search.json", "stop"
 OPEN, CLAIMED, DONE = "open", "claimed", "done"
 FORM = "morpholab search for workers 1"
-EXPECTED = 16  # workers, if nobody says how many
-BEATS = 10  # signs of life in the time after which silence is noticed
+EXPECTED = 16  # workers, by default
+BEATS = 10  # signs of life within the time after which a worker counts as silent
 _ENDING, _OF_WORKER = ".npz", "@"
-_LONGEST_NAP, _SHORTEST_NAP, _SHARE = 1.0, 0.01, 0.02  # s, s, of the time waited so far
-_DETAIL = "detail-"  # and its number: archives do not take every name
+_LONGEST_NAP, _SHORTEST_NAP, _SHARE = 1.0, 0.01, 0.02  # s, s, fraction of the time waited so far
+_DETAIL = "detail-"  # followed by a number, as archives do not accept every name
 _ERRORS = {kind.__name__: kind for kind in (ValueError, OSError, MemoryError)}
 
 
 @dataclass(frozen=True)
 class Offer:
-    """What a search tells its workers.
+    """Description of a search for its workers, the content of ``search.json``.
 
     Attributes:
-        problem: its description, as run folders keep it.
-        versions: of what results depend on, where the search runs.
-        processor: model of the CPU there.
-        silence: time without a sign of life after which a worker has lost its part [s].
-        ground_files: checksums of the files of heights that the problem needs, by their names.
+        problem: description of the problem, as in run folders.
+        versions: versions, on the machine of the search, of packages on which results depend.
+        processor: model of its CPU.
+        silence: time without a sign of life after which a worker loses its part [s].
+        ground_files: checksums of the files of heights that the problem needs, by name.
     """
 
     problem: dict[str, Any]
@@ -63,13 +64,13 @@ class Offer:
 
     @classmethod
     def here(cls, problem: dict[str, Any], silence: float, ground_files: Mapping[str, str] | None = None) -> "Offer":
-        """The offer of a search on this machine."""
+        """Make the offer of a search on this machine."""
         needed = versions(packages_of(problem))
         return cls(json.loads(json.dumps(problem)), needed, cpu_model(), silence, dict(ground_files or {}))
 
     @property
     def digest(self) -> str:
-        """Checksum of all that answers depend on."""
+        """Checksum of everything on which answers depend."""
         files = {"ground_files": self.ground_files} if self.ground_files else {}
         return _digest_of({"problem": self.problem, "versions": self.versions, **files})
 
@@ -80,7 +81,7 @@ class Offer:
 
     @classmethod
     def read(cls, folder: Path) -> "Offer":
-        """The offer in a folder of workers.
+        """Read the offer in a folder of workers.
 
         Raises:
             ValueError: if it is unreadable, damaged, or of another version.
@@ -97,7 +98,7 @@ class Offer:
 
 @dataclass(frozen=True)
 class Gone:
-    """Answer of a worker whose process died with the part; the text says how."""
+    """Answer of a worker whose process died while it evaluated the part; the text says how."""
 
     how: str
 
@@ -125,24 +126,24 @@ def make_folders(folder: Path) -> None:
 
 
 def part_path(folder: Path, state: str, part: str) -> Path:
-    """Where the file of a part is that is open or done."""
+    """Path of the file of a part in the folder of a state, such as open or done."""
     return folder / state / f"{part}{_ENDING}"
 
 
 def parts_in(folder: Path, state: str) -> list[str]:
-    """Names of the parts that are open, claimed (with their workers) or done; unfinished files are left out."""
+    """Names of the parts in a state: open, claimed (with their workers) or done; unfinished files are left out."""
     names = os.listdir(folder / state)
     return [name.removesuffix(_ENDING) for name in names if name.endswith(_ENDING) and not name.startswith(files.ASIDE)]
 
 
 def part_of_claim(claim: str) -> tuple[str, str]:
-    """The part and the worker in the name of a claim."""
+    """Split the name of a claim into part and worker."""
     part, _, worker = claim.partition(_OF_WORKER)
     return part, worker
 
 
 def claim_part(folder: Path, part: str, worker: str) -> Path | None:
-    """Take a part by renaming its file, which succeeds for one worker alone; the claim, or None if it was too late."""
+    """Claim a part by renaming its file, which only one worker can do; None if another one was first."""
     claim = part_path(folder, CLAIMED, f"{part}{_OF_WORKER}{worker}")
     try:
         os.rename(part_path(folder, OPEN, part), claim)
@@ -153,13 +154,16 @@ def claim_part(folder: Path, part: str, worker: str) -> Path | None:
 
 
 def touch(path: Path) -> None:
-    """Give a sign of life: set a file's time of change by the clock of the disk, if it is still there."""
+    """Give a sign of life: set a file's modification time by the clock of the disk, if the file still exists."""
     with contextlib.suppress(FileNotFoundError):
         os.utime(path)
 
 
 def claim_any(folder: Path, worker: str) -> tuple[str, Path] | None:
-    """Take any open part; its name and the claim, or None if none is open. Workers begin at different ones."""
+    """Claim any open part; return its name and the claim, or None if no part is open.
+
+    Workers try parts in different orders, so that they seldom compete.
+    """
     for part in sorted(parts_in(folder, OPEN), key=lambda name: files.sha256(f"{worker} {name}".encode())):
         if claim := claim_part(folder, part, worker):
             return part, claim
@@ -167,7 +171,7 @@ def claim_any(folder: Path, worker: str) -> tuple[str, Path] | None:
 
 
 def give_back(folder: Path, claim: Path) -> bool:
-    """Let others have a claimed part; whether it was still claimed."""
+    """Make a claimed part open again; return whether it was still claimed."""
     part, _ = part_of_claim(claim.name.removesuffix(_ENDING))
     with contextlib.suppress(FileNotFoundError):
         os.rename(claim, part_path(folder, OPEN, part))
@@ -181,12 +185,12 @@ def end_workers(folder: Path) -> None:
 
 
 def nap(waited: float) -> None:
-    """Sleep for a fiftieth of the time waited so far [s], at most a second: quick answers soon, long waits cheaply."""
+    """Sleep for a fiftieth of the time waited so far [s], between 0.01 s and 1 s, so that long waits cost little."""
     time.sleep(min(_LONGEST_NAP, max(_SHORTEST_NAP, _SHARE * waited)))
 
 
 def packed_request(request: Request, search: str) -> tuple[str, bytes]:
-    """Name and file of a part of the search with this digest."""
+    """Name of a part and content of its file, for a search with the given digest."""
     content = files.pack(
         {
             "search": np.array(search),
@@ -200,7 +204,7 @@ def packed_request(request: Request, search: str) -> tuple[str, bytes]:
 
 
 def unpacked_request(content: bytes) -> tuple[str, Request]:
-    """Digest of the search, and the request.
+    """Read the digest of the search and the request from the file of a part.
 
     Raises:
         ValueError: if the file is damaged.
@@ -215,10 +219,10 @@ def unpacked_request(content: bytes) -> tuple[str, Request]:
 
 
 def packed_answer(part: str, worker: str, told: Told) -> bytes:
-    """File of an answer.
+    """Content of the file of an answer.
 
     Raises:
-        ValueError: if the evaluation's details are no plain arrays.
+        ValueError: if a detail of the evaluation is not a plain array.
     """
     about: dict[str, Any] = {"part": part, "worker": worker, "kind": type(told).__name__}
     arrays: dict[str, Any] = {}
@@ -242,15 +246,15 @@ def packed_answer(part: str, worker: str, told: Told) -> bytes:
 
 
 def unpacked_answer(content: bytes, part: str, count: int) -> tuple[str, Told]:
-    """Who answered, and what, about the ``count`` points of a part.
+    """Read the worker and its answer about the ``count`` points of a part.
 
     Raises:
-        ValueError: if the file is damaged or about something else.
+        ValueError: if the file is damaged or answers something else.
     """
     try:
         found = files.unpack(content)
         about = parse_json(str(found["about"]))
-        # The suffix tells equal parts of a generation from each other.
+        # The suffix distinguishes equal parts of a generation.
         if about["part"].partition("-")[0] != part.partition("-")[0]:
             raise ValueError("it is the answer to another part")
         return str(about["worker"]), _told(about, found, count)
@@ -277,7 +281,7 @@ def _told(about: dict[str, Any], found: dict[str, Any], count: int) -> Told:
 
 
 def died(worker: str, gone: Gone) -> Died:
-    """The death of a process of a worker, as the pool hears of it."""
+    """Make the exception that reports the death of a worker's process to the pool."""
     return Died(f"{gone.how}, on {worker}")
 
 

@@ -1,4 +1,4 @@
-"""A worker of a shared folder: claims parts of a search, evaluates them in a process of its own, writes the answers."""
+"""Worker of a shared folder: claims parts of a search, evaluates them in a child process, and writes the answers."""
 
 import os
 import socket
@@ -27,18 +27,18 @@ class Judge(Protocol):
     """Evaluates requests for a worker."""
 
     def judge(self, request: Request, beat: Callable[[], None]) -> Evaluation | Raised | Gone:
-        """Evaluate; call ``beat``, which may raise ``Ended``, every now and then meanwhile."""
+        """Evaluate a request; meanwhile call ``beat``, which may raise ``Ended``, at intervals."""
 
     def close(self) -> None:
-        """End at once whatever was started for it."""
+        """End at once every process that was started."""
 
 
 class ProcessJudge:
-    """Evaluates in a child process: signs of life go on whatever it does, and its death can be told.
+    """Evaluates in a child process, so that signs of life continue meanwhile and its death can be reported.
 
     Args:
-        problem: what the process evaluates.
-        threads: of its libraries.
+        problem: problem that the process evaluates.
+        threads: number of threads of its libraries.
         rest: time between two signs of life [s].
     """
 
@@ -50,9 +50,9 @@ class ProcessJudge:
         """Evaluate a request in the process, which is started if there is none.
 
         Raises:
-            RuntimeError: if it dies at start again and again.
+            RuntimeError: if it dies ``STARTS`` times before it is ready.
         """
-        if self._process and self._process.connection.poll(0):  # it owes nothing, so it must be dead
+        if self._process and self._process.connection.poll(0):  # no answer is pending, so it must be dead
             self.close()
         process = self._process or self._started(beat)
         if isinstance(process, Raised):
@@ -89,19 +89,19 @@ class ProcessJudge:
 
 
 def worker_name() -> str:
-    """Name of a worker of this process, unlike that of any other: machine, process and a moment."""
+    """Unique name of a worker of this process, made of host name, process id and time."""
     return f"{socket.gethostname()}-{os.getpid()}-{time.time_ns() % 10**9:09d}"
 
 
 @dataclass(eq=False)
 class FolderWorker:
-    """Works on the parts in a folder until the search has ended, or none has been heard of for long.
+    """Works on the parts in a folder until the search has ended or has been silent for long.
 
     Attributes:
         folder: the folder.
-        build: makes what evaluates for an offer; raises ValueError if it cannot be evaluated here.
+        build: makes the judge for an offer; raises ValueError if this machine cannot evaluate it.
         idle: time without a part, and without a sign of a search, after which the worker ends [s].
-        name: of the worker.
+        name: name of the worker.
         parts: number of parts answered.
     """
 
@@ -112,14 +112,14 @@ class FolderWorker:
     parts: int = 0
     _offer: Offer | None = None
     _judge: Judge | None = None
-    _sign: int = 0  # last change of the offer, which is the search's sign of life
+    _sign: int = 0  # modification time of the offer, which is the search's sign of life [ns]
     _heard: float = field(default_factory=time.monotonic)
 
     def serve(self) -> str:
-        """Work; return why it ended.
+        """Work until the end; return the reason for ending.
 
         Raises:
-            ValueError: if there is a search that cannot be evaluated here.
+            ValueError: if this machine cannot evaluate the search.
             RuntimeError: if the disk is full or broken, or no process can be started.
         """
         since = time.monotonic()
@@ -141,7 +141,7 @@ class FolderWorker:
         return "the search has ended"
 
     def _work(self, part: str, claim: Path) -> None:
-        """Answer a claimed part; whatever goes wrong here, others get it."""
+        """Answer a claimed part; on any error here it becomes open again for other workers."""
         try:
             told = self._evaluate(claim)
             try:
@@ -168,12 +168,12 @@ class FolderWorker:
         def beat() -> None:
             if self._ended():
                 raise Ended
-            protocol.touch(claim)  # if it was taken back, whoever answers first is heard
+            protocol.touch(claim)  # if it was taken back, the first answer counts
 
         return self._judge.judge(request, beat)
 
     def _load(self) -> None:
-        """Make what evaluates for the present search."""
+        """Read the offer of the present search and make its judge."""
         self._close()
         self._offer = Offer.read(self.folder)
         self._judge = self.build(self._offer)
@@ -187,7 +187,7 @@ class FolderWorker:
         return (self.folder / protocol.STOP).exists()
 
     def _listen(self) -> bool:
-        """Listen for signs of the search; whether it has been silent for too long."""
+        """Check for signs of life of the search; return whether it has been silent for too long."""
         try:
             changed = (self.folder / protocol.SEARCH).stat().st_mtime_ns
         except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""A pool of workers, in processes or on a cluster, that evaluates the parts of a request."""
+"""Pool of workers, of any backend, that evaluates the parts of a request."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,24 +10,24 @@ from optim.runs.workers.batch import KILLER, Batch, Part
 from optim.runs.workers.service import Answer, Raised
 from taichi_sim.base.arrays import Floats
 
-STARTS = 3  # deaths at start, one after the other, that are enough
+STARTS = 3  # consecutive deaths before workers are ready, after which the pool gives up
 
 
 class Died(Exception):
-    """Raised if a worker has died; the message says how, as in "killed by SIGKILL"."""
+    """Raised if a worker has died; the message says how, such as "killed by SIGKILL"."""
 
 
 class Worker(Protocol):
     """A worker: it answers None once it has started, then answers every request."""
 
     def submit(self, request: Request) -> None:
-        """Send a request to a worker that has no answer pending; if it is dead, its answer tells."""
+        """Send a request to a worker that has no answer pending; if it is dead, :meth:`answer` raises ``Died``."""
 
     def answer(self) -> Answer:
         """Receive the answer of a worker that :meth:`Backend.ready` named; raises ``Died`` if it has died."""
 
     def kill(self) -> None:
-        """End the worker at once, whatever it does."""
+        """End the worker at once."""
 
 
 W = TypeVar("W", bound=Worker)
@@ -54,10 +54,10 @@ class Pool(Generic[W]):
     Attributes:
         backend: starts the workers.
         count: number of workers.
-        size: most points that a worker evaluates at once.
-        save_failed: saves designs that kill their workers, and returns where.
-        note: told about every death.
-        progress: told the fraction of a request's points that is done with.
+        size: maximum number of points that a worker evaluates at once.
+        save_failed: saves designs that kill their workers, and returns the file.
+        note: called with a line about every death.
+        progress: called with the fraction of a request's points that is complete.
     """
 
     backend: Backend[W]
@@ -104,7 +104,7 @@ class Pool(Generic[W]):
         return batch.joined(self._save(batch.killers, len(request.points)))
 
     def _bury_idle(self) -> None:
-        for worker in self.backend.ready(self._idle, wait=False):  # they owe nothing, so they must be dead
+        for worker in self.backend.ready(self._idle, wait=False):  # no answer is pending, so they must be dead
             self._idle.remove(worker)
             worker.kill()
             self.note("a worker died while it was idle; it is replaced")
@@ -149,10 +149,10 @@ class Pool(Generic[W]):
         self.note(f"a worker died ({death}) before it was ready; another one is started")
 
     def _save(self, killers: Floats, count: int) -> Evaluation:
-        """Save points that killed their workers; return any evaluation so far, for the form of its details.
+        """Save points that killed their workers; return the last evaluation, as a pattern for details.
 
         Raises:
-            RuntimeError: if there has never been one.
+            RuntimeError: if nothing has ever been evaluated.
         """
         path = self.save_failed(killers, KILLER) if len(killers) else None
         if self._known is None:

@@ -1,8 +1,7 @@
 """Workers that are processes of this machine.
 
-A pipe to each process instead of a ``ProcessPoolExecutor``: that one waits for ever for the rest of an answer whose
-writer was killed halfway, and cannot end its workers before they have finished. Here a pipe has one writer, so that
-it ends with its process.
+Each process has its own pipe, as ``ProcessPoolExecutor`` waits forever for the rest of an answer whose writer was
+killed halfway and cannot end workers before they finish. A pipe with one writer ends with its process.
 """
 
 import contextlib
@@ -27,7 +26,7 @@ from optim.runs.workers.service import Answer, Service, environment_set, pickled
 from taichi_sim.base.compute import available_threads
 
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of <linux/prctl.h>
-_LAST_BREATH = 1.0  # seconds for a process that has closed its pipe to end by itself and say how
+_LAST_BREATH = 1.0  # seconds in which a process that has closed its pipe should end
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +59,8 @@ class Processes:
     """Starts worker processes, which end with this process at the latest.
 
     Args:
-        problem: what they judge.
-        threads: that a worker's libraries may use.
+        problem: problem that they evaluate.
+        threads: number of threads that a worker's libraries may use.
     """
 
     def __init__(self, problem: Problem, threads: int) -> None:
@@ -76,7 +75,7 @@ class Processes:
     def start(self) -> ProcessWorker:
         """Start a process and send it the problem."""
         process, ours = start_process(_serve, self._environment)
-        with contextlib.suppress(ConnectionError):  # it died, and its answer will say so
+        with contextlib.suppress(ConnectionError):  # it died, which its answer will report
             ours.send_bytes(self._pickled)
         return ProcessWorker(process, ours)
 
@@ -92,17 +91,18 @@ def start_process(
 ) -> "tuple[SpawnProcess, Connection[Any, Any]]":
     """Start a process that ends with this one, ignores Ctrl-C, and writes to stderr only.
 
-    Use it in one thread: Linux counts the end of the thread that started a process as the death of its parent.
+    Call it from a thread that outlives the process: Linux treats the end of the thread that started a process as the
+    death of its parent.
 
     Args:
-        life: function that the process runs, called with its end of the pipe; it can be pickled.
+        life: function that the process runs, called with its end of the pipe; must be picklable.
         environment: variables that are set before it loads anything.
 
     Returns:
         The process, and this end of the pipe.
     """
     context = multiprocessing.get_context("spawn")
-    resource_tracker.ensure_running()  # its start, which comes with the first process, would let interrupts in
+    resource_tracker.ensure_running()  # otherwise the first process starts it, which would unblock interrupts
     ours, theirs = context.Pipe()
     process = context.Process(target=_live, args=(life, theirs, os.getpid()), daemon=True)
     try:
@@ -122,7 +122,7 @@ def how_it_ended(process: SpawnProcess) -> str:
     process.join(_LAST_BREATH)
     if process.exitcode is not None and process.exitcode < 0:
         number = -process.exitcode
-        named = number in {int(known) for known in signal.Signals}  # between the first and last of real time have none
+        named = number in {int(known) for known in signal.Signals}  # most real-time signals have no name
         return f"killed by {signal.Signals(number).name if named else f'signal {number}'}"
     return f"exit code {process.exitcode}"
 
@@ -130,7 +130,7 @@ def how_it_ended(process: SpawnProcess) -> str:
 def _live(life: "Callable[[Connection[Any, Any]], None]", connection: "Connection[Any, Any]", parent: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     _die_with(parent)
-    os.dup2(2, 1)  # stdout belongs to the parent's document
+    os.dup2(2, 1)  # stdout is for the output of the parent
     with notes("worker"):
         life(connection)
 
@@ -147,13 +147,13 @@ def _serve(connection: "Connection[Answer, Request]") -> None:
 def _die_with(parent: int) -> None:
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PARENT_DEATH_SIGNAL, signal.SIGKILL)
-    if os.getppid() != parent:  # it was gone already
+    if os.getppid() != parent:  # the parent had already ended
         os._exit(1)
 
 
 @contextlib.contextmanager
 def _interrupts_held_back() -> Iterator[None]:
-    """Delay Ctrl-C; a process that starts meanwhile never receives one."""
+    """Delay Ctrl-C inside the context; a process started inside never receives it."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -24,13 +24,13 @@ from taichi_sim.base.compiler import VARIABLE, compiler
 from taichi_sim.base.compute import available_threads
 from taichi_sim.base.foreign import needing
 
-NOTE_AFTER = 30.0  # seconds in which actors should have found a place
+NOTE_AFTER = 30.0  # seconds within which the cluster should have started the actors
 GIVE_UP_AFTER = 120.0
 _REACH_TIMEOUT = 5.0  # seconds for a TCP connection
 _ADDRESS = re.compile(r"(?:ray://)?(?:\[(?P<ipv6>[0-9a-fA-F:]+)\]|(?P<host>[\w.-]+)):(?P<port>[0-9]{1,5})")
-# Read by Ray when it is imported. What its own messages say is said in the errors and notes of this module.
+# Read by Ray when it is imported. The errors and notes of this module replace its own messages.
 _QUIET = {"RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0", "RAY_SCHEDULER_EVENTS": "0"}
-# It gives up soon if what answers at an address is no cluster, not after a quarter of an hour.
+# Ray then soon gives up on an address where no cluster answers, instead of after a quarter of an hour.
 _CONNECTING = {"RAY_NUM_REDIS_GET_RETRIES": "1", "RAY_py_gcs_connect_timeout_s": "5"}
 _NO_TOKEN = re.compile("AuthenticationError|InvalidAuthToken|Unauthenticated|authentication token", re.IGNORECASE)
 
@@ -39,7 +39,7 @@ class RemoteService(Service):
     """The service that runs in an actor."""
 
     def about(self, added: Sequence[str]) -> dict[str, Any]:
-        """Describe the machine that the actor runs on: host, CPU and versions, also of packages of users."""
+        """Describe the actor's machine: host, CPU and versions, including those of users' packages."""
         return {"host": socket.gethostname(), "cpu": cpu_model(), "versions": versions(added)}
 
 
@@ -48,9 +48,9 @@ class RayWorker:
     """A worker that is an actor, with its pending answers.
 
     Attributes:
-        ray: the module.
-        actor: a handle of a ``RemoteService``.
-        about: reference to its answer about its machine.
+        ray: the module ``ray``.
+        actor: handle of a ``RemoteService``.
+        about: reference to the description of its machine.
         owed: reference to its next answer.
         check: raises ValueError if its machine is not suitable.
         started: when it was requested [s].
@@ -70,7 +70,7 @@ class RayWorker:
         self.owed = self.actor.judge.remote(request)
 
     def answer(self) -> Answer:
-        """Receive the answer; the first time, check the actor's machine before."""
+        """Receive the answer; the first time, check the actor's machine first."""
         owed, self.owed = self.owed, None
         errors = self.ray.exceptions
         try:
@@ -97,11 +97,11 @@ class RayCluster:
     """Starts actors on the cluster that this process is connected to.
 
     Args:
-        ray: the module.
-        problem: what they evaluate; it may be defined in a script or notebook.
-        threads: threads of an actor; it takes as many CPUs of the cluster.
+        ray: the module ``ray``.
+        problem: problem that they evaluate; it may be defined in a script or notebook.
+        threads: threads of an actor, which reserves as many CPUs of the cluster.
         variables: environment variables of an actor.
-        note: told about other CPUs, and of actors that find no place.
+        note: called with a line about other CPU models, and about actors that the cluster cannot start.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class RayCluster:
         return RayWorker(self._ray, actor, *owed, self._check, time.monotonic())
 
     def ready(self, workers: Sequence[RayWorker], wait: bool) -> list[RayWorker]:
-        """List the workers whose answer has come, or never will."""
+        """List the workers that have an answer or are dead."""
         by_reference = {worker.owed: worker for worker in workers if worker.owed is not None}
         while by_reference:
             timeout = min(1.0, NOTE_AFTER) if wait else 0
@@ -137,10 +137,10 @@ class RayCluster:
         return []
 
     def _look_for_places(self, workers: Sequence[RayWorker]) -> None:
-        """Note if the cluster has had no room for some actors for long.
+        """Note if some actors have waited for free CPUs for ``NOTE_AFTER`` seconds.
 
         Raises:
-            RuntimeError: if there has been no room for any for very long.
+            RuntimeError: if all of them have waited for ``GIVE_UP_AFTER`` seconds.
         """
         now = time.monotonic()
         waits = [now - worker.started for worker in workers if not worker.runs]
@@ -158,7 +158,7 @@ class RayCluster:
 
     @cached_property
     def _here(self) -> dict[str, str | None]:
-        """Versions on this machine, whose packages of users are read for it."""
+        """Versions on this machine; cached, as the files of users' packages are read for them."""
         return versions(self._added)
 
     def _check(self, about: dict[str, Any]) -> None:
@@ -190,7 +190,7 @@ def _last_line(error: Exception) -> str:
 def open_cluster(
     problem: Problem, count: int | None, threads: int, address: str | None, note: Callable[[str], None]
 ) -> Iterator[RayCluster]:
-    """Connect to a cluster, or start one on this machine that ends with the connection.
+    """Connect to a cluster, or start one on this machine that ends with the context.
 
     Raises:
         ValueError: if Ray is not installed, the address is not allowed, or no cluster answers there.
@@ -221,13 +221,13 @@ def _import_ray() -> Any:
         import ray.exceptions
     if ray.is_initialized():
         raise ValueError("ray: this process is connected to a cluster already; call ray.shutdown() first")
-    # The only way to silence what it prints on stdout about every worker that dies.
+    # The only way to silence its messages on stdout about every worker that dies.
     ray._private.worker._worker_logs_enabled = False
     return ray
 
 
 def _connect(ray: Any, address: str | None, cpus: int) -> None:
-    """Start a cluster, or connect to one; Ray's long errors become short ones."""
+    """Start a cluster, or connect to one; long errors of Ray are shortened."""
     quiet = {"log_to_driver": False, "logging_level": logging.CRITICAL}
     if address is None:
         try:
@@ -250,7 +250,7 @@ def _connect(ray: Any, address: str | None, cpus: int) -> None:
 
 @contextlib.contextmanager
 def _stderr_kept(said: list[str]) -> Iterator[None]:
-    """Keep what libraries write to stderr meanwhile: only there Ray tells that it refused a token."""
+    """Append what is written to stderr inside the context to ``said``; only there Ray reports a refused token."""
     sys.stderr.flush()
     stderr = os.dup(2)
     with tempfile.TemporaryFile() as kept:
@@ -265,7 +265,7 @@ def _stderr_kept(said: list[str]) -> Iterator[None]:
 
 
 def _reach(address: str) -> None:
-    """Check that an address answers by TCP, because Ray itself would try for long.
+    """Check that an address accepts TCP connections, because Ray itself would try for long.
 
     Raises:
         ValueError: if it does not answer.

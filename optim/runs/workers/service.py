@@ -1,4 +1,4 @@
-"""The service that runs in every worker, in a process or on a cluster."""
+"""Service that runs in every worker, in a process or on a cluster."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from optim.problem import Evaluation, Problem, Request, judge
 
-# What NumPy's linear algebra and others ask for their number of threads when they are loaded.
+# Variables from which NumPy's linear algebra and other libraries read their number of threads when they are loaded.
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS",
@@ -36,7 +36,7 @@ def thread_environment(threads: int) -> dict[str, str]:
 
 @contextlib.contextmanager
 def environment_set(variables: Mapping[str, str]) -> Iterator[None]:
-    """Set environment variables for a while: processes started meanwhile have them before they load anything."""
+    """Set environment variables inside the context; processes started there have them before loading anything."""
     before = {name: os.environ.get(name) for name in variables}
     os.environ.update(variables)
     try:
@@ -62,7 +62,7 @@ def pickled(problem: Problem, dumps: Callable[[Problem], bytes]) -> bytes:
 
 
 class Service:
-    """Keeps a problem, and answers requests to evaluate its points."""
+    """Holds a problem, and answers requests to evaluate its points."""
 
     _problem: Problem
 
@@ -84,7 +84,7 @@ class Service:
 
 
 def portable(error: Exception) -> Exception:
-    """Make an exception that can be pickled, with a note where it was raised."""
+    """Make an exception that can be pickled, with a note about where it was raised."""
     where = "".join(traceback.format_exception(error)).rstrip()
     try:
         pickle.loads(pickle.dumps(error))

@@ -1,4 +1,4 @@
-"""The side of a search of a folder through which workers of any machine get parts: hands out, watches, gathers."""
+"""The search's side of a shared folder: hands out parts to workers on any machine, and collects their answers."""
 
 import contextlib
 import os
@@ -21,28 +21,28 @@ from optim.runs.workers.service import Answer, Raised
 from taichi_sim.base import files
 from taichi_sim.base.locks import HeldLock
 
-LOSSES = 10  # times that a part's worker falls silent that count as one death: nodes are preempted, designs seldom kill
-DAMAGES = 3  # damaged files of one part that are enough
-LATE = 1.25  # times the usual time after which a part is given to an idle worker, too
-FEWEST = 3  # answers that tell what is usual
-LOOK_EVERY = 0.25  # s between looks at who works on what
-NOTE_AFTER = 30.0  # s in which some worker should have taken a part
+LOSSES = 10  # silent workers of one part that count as one death: preempted nodes are more likely than deadly designs
+DAMAGES = 3  # damaged files of one part, after which the search ends
+LATE = 1.25  # multiple of the median time after which a part is also given to an idle worker
+FEWEST = 3  # answers from which a median time is taken
+LOOK_EVERY = 0.25  # s between checks of which parts are claimed
+NOTE_AFTER = 30.0  # s within which some worker should have taken a part
 
 
 @dataclass(eq=False)
 class Seat:
-    """A place for one part in the folder, in the stead of a worker: whoever claims the part works for this place.
+    """Place for one part in the folder, which the pool treats as a worker; any worker may claim the part.
 
     Attributes:
-        folder: where the part is.
-        part: its name; None while there is none.
-        content: its file.
+        folder: the shared folder.
+        part: name of the part; None while there is none.
+        content: content of its file.
         count: number of its points.
-        fresh: whether the place has just been made, and owes the pool its first answer.
-        answered: who answered, and what; None so far.
-        losses: how often a worker fell silent with it.
-        damages: how often its files were damaged.
-        copies: how often it was given to another worker, too.
+        fresh: whether the place is new and still has to give the pool its first answer, None.
+        answered: the worker that answered, and its answer; None until then.
+        losses: number of workers that fell silent while they had the part.
+        damages: number of damaged files of the part.
+        copies: number of further workers to which the part was given.
     """
 
     folder: "SharedFolder"
@@ -62,7 +62,7 @@ class Seat:
         self.folder.put(self, request)
 
     def answer(self) -> Answer:
-        """The answer that has come; raises ``Died`` if the part's process died, or its workers fell silent often."""
+        """Return the answer; raises ``Died`` if the worker's process died, or too many workers fell silent."""
         if self.fresh:
             self.fresh = False
             return None
@@ -82,16 +82,16 @@ class Seat:
 
 @dataclass(eq=False)
 class SharedFolder:
-    """Hands out the parts of a search through a folder, and takes those of silent workers back.
+    """Hands out the parts of a search through a folder, and takes parts back from silent workers.
 
-    No clock of another machine is read: what counts is that a time of change no longer changes.
+    Clocks of other machines do not matter: a worker is silent if the modification time of its claim stays the same.
 
     Attributes:
         path: the folder.
-        offer: what the search is about.
-        note: told about silent workers and damaged files.
-        lock: of the folder; checked before anything is put there.
-        inherited: parts that workers had claimed of a search before.
+        offer: description of the search.
+        note: called with a line about silent workers and damaged files.
+        lock: lock of the folder; checked before anything is written there.
+        inherited: parts that were already claimed when the folder was opened, for an earlier search.
     """
 
     path: Path
@@ -100,11 +100,11 @@ class SharedFolder:
     lock: HeldLock
     inherited: set[str] = field(default_factory=set)
     _pending: dict[str, Seat] = field(default_factory=dict)
-    _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: last change, when that was seen
-    _missing: dict[str, float] = field(default_factory=dict)  # parts without any file, since when
-    _begun: dict[str, float] = field(default_factory=dict)  # parts that are worked on, since when
-    _untimed: set[str] = field(default_factory=set)  # parts whose time is unknown: a search before began them
-    _times: deque[float] = field(default_factory=lambda: deque(maxlen=50))  # that the last parts took
+    _signs: dict[str, tuple[int, float]] = field(default_factory=dict)  # of claims: modification time, when it was seen
+    _missing: dict[str, float] = field(default_factory=dict)  # parts without any file: since when
+    _begun: dict[str, float] = field(default_factory=dict)  # claimed parts: since when
+    _untimed: set[str] = field(default_factory=set)  # parts whose duration is unknown, as an earlier search began them
+    _times: deque[float] = field(default_factory=lambda: deque(maxlen=50))  # durations of the last parts [s]
     _looked: float = 0.0
     _helped: float = 0.0
     _since: float = field(default_factory=time.monotonic)
@@ -112,7 +112,7 @@ class SharedFolder:
 
     @property
     def cores(self) -> int:
-        """Number of workers to expect, if nobody says it."""
+        """Number of workers to expect by default."""
         return protocol.EXPECTED
 
     def start(self) -> Seat:
@@ -139,7 +139,7 @@ class SharedFolder:
             protocol.nap(time.monotonic() - begun)
 
     def put(self, seat: Seat, request: Request) -> None:
-        """Put a request into the folder, unless a search before asked the same and the answer is there or on its way.
+        """Put a request into the folder, unless a worker answered or claimed the same part for an earlier search.
 
         Raises:
             RuntimeError: if the disk is full or broken, or the folder was moved or replaced.
@@ -152,7 +152,7 @@ class SharedFolder:
             part = f"{name}-{number}"
         seat.part = part
         self._pending[part] = seat
-        # Claims since then do not count: of a part that is put out again, the last worker may just be removing its own.
+        # Later claims do not count: the previous worker of a part that is repeated may still have to remove its claim.
         claimed = part in self.inherited
         self.inherited.discard(part)
         if claimed or protocol.part_path(self.path, DONE, part).exists():
@@ -167,11 +167,11 @@ class SharedFolder:
         self._missing.pop(seat.part, None)
         self._begun.pop(seat.part, None)
         self._untimed.discard(seat.part)
-        if not self.lock.found_at_path:  # what is there by now is not this search's
+        if not self.lock.found_at_path:  # the folder there now is not this search's
             return
         for state in (OPEN, DONE):
             protocol.part_path(self.path, state, seat.part).unlink(missing_ok=True)
-        if seat.losses or seat.copies or seat.answered is None:  # else its worker has removed the claim
+        if seat.losses or seat.copies or seat.answered is None:  # otherwise its worker has removed the claim
             for claim in protocol.parts_in(self.path, CLAIMED):
                 if protocol.part_of_claim(claim)[0] == seat.part:
                     protocol.part_path(self.path, CLAIMED, claim).unlink(missing_ok=True)
@@ -181,7 +181,7 @@ class SharedFolder:
             files.write_bytes(protocol.part_path(self.path, OPEN, seat.part), seat.content)
 
     def _gather(self) -> None:
-        """Read the answers that have come; a damaged one is removed, and its part put out again."""
+        """Read the answers that have arrived; a damaged one is removed and its part is handed out again."""
         for part in protocol.parts_in(self.path, DONE):
             seat, path = self._pending.get(part), protocol.part_path(self.path, DONE, part)
             if seat is None or seat.answered is not None:
@@ -202,10 +202,10 @@ class SharedFolder:
                 self._times.append(time.monotonic() - self._begun[part] if part in self._begun else LOOK_EVERY)
 
     def _mend(self, seat: Seat, path: Path, why: str) -> None:
-        """Put a part out again whose answer is of no use.
+        """Hand out a part again whose answer is damaged.
 
         Raises:
-            RuntimeError: if that has happened too often.
+            RuntimeError: if that has happened ``DAMAGES`` times.
         """
         seat.damages += 1
         if seat.damages == DAMAGES:
@@ -215,9 +215,10 @@ class SharedFolder:
         self._write(seat)
 
     def _help(self) -> None:
-        """Give a part that takes much longer than others to an idle worker, too; the first answer counts.
+        """Give a part that takes longer than others also to an idle worker; the first answer counts.
 
-        Its own worker may be dead, which only silence tells, or slow. There are idle workers where nothing is open.
+        Its own worker may be slow, or dead, which is certain only after long silence. Workers are idle if no part is
+        open.
         """
         self._helped = now = time.monotonic()
         claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(self.path, CLAIMED)}
@@ -232,7 +233,7 @@ class SharedFolder:
                 self._write(seat)
 
     def _look_after(self) -> None:
-        """Give a sign of life, take parts back from silent workers, and put out again what has vanished."""
+        """Give a sign of life, take parts back from silent workers, and hand out again parts that have vanished."""
         self._looked = now = time.monotonic()
         protocol.touch(self.path / protocol.SEARCH)
         claims = {claim: protocol.part_of_claim(claim) for claim in protocol.parts_in(self.path, CLAIMED)}
@@ -256,7 +257,7 @@ class SharedFolder:
             self.note(f"no worker has come yet; start some, on any machine, by: morpholab work {self.path}")
 
     def _listen(self, claim: str, worker: str, seat: Seat, now: float) -> None:
-        """Note a sign of life of a claim, or its silence."""
+        """Record a sign of life of a claim; if it has been silent for long, make its part open again."""
         path = protocol.part_path(self.path, CLAIMED, claim)
         try:
             changed = path.stat().st_mtime_ns
@@ -281,7 +282,7 @@ def open_shared_folder(
     """Open a folder for the workers of a search, and keep other searches off it.
 
     Raises:
-        ValueError: if the folder cannot be written or another search uses it, or the problem is not told by data.
+        ValueError: if the folder cannot be written, another search uses it, or data alone do not describe the problem.
     """
     description = problem.describe()
     if description.get("kind") != FILE and not _is_told_by(description):
@@ -291,7 +292,7 @@ def open_shared_folder(
         )
     protocol.make_folders(path)
     with locked(path, "workers-dir") as lock:
-        for state in (OPEN, DONE):  # parts that nobody asked again would keep workers busy
+        for state in (OPEN, DONE):  # parts of an earlier search would keep workers busy
             for name in os.listdir(path / state):
                 if state == OPEN or name.startswith(files.ASIDE):
                     (path / state / name).unlink(missing_ok=True)
@@ -301,13 +302,13 @@ def open_shared_folder(
         offer.write(path)
         claimed = {protocol.part_of_claim(claim)[0] for claim in protocol.parts_in(path, CLAIMED)}
         yield SharedFolder(path, offer, note, lock, claimed)
-        for state in (CLAIMED, DONE):  # answers that came twice or too late, and what dead workers have left
+        for state in (CLAIMED, DONE):  # duplicate or late answers, and claims of dead workers
             for part in protocol.parts_in(path, state) if lock.found_at_path else ():
                 protocol.part_path(path, state, part).unlink(missing_ok=True)
 
 
 def _is_told_by(description: dict[str, object]) -> bool:
-    """Whether a problem can be built from its description, and is described so again."""
+    """Whether a problem built from a description has that same description again."""
     try:
         return problem_of_description(description).describe() == description
     except ValueError:

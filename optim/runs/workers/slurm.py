@@ -64,8 +64,8 @@ def submit_workers(folder: Path, tasks: int, options: Sequence[str] = (), proble
     except subprocess.TimeoutExpired:
         raise RuntimeError(f"slurm: sbatch has not answered for {_PATIENCE:g} s; {script} is not submitted") from None
     if done.returncode:
-        told = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
-        raise RuntimeError(f"slurm: sbatch refused {script} ({told})")
+        reason = " ".join(done.stderr.split()) or f"exit code {done.returncode}"
+        raise RuntimeError(f"slurm: sbatch refused {script} ({reason})")
     return f"slurm: {' '.join(done.stdout.split())}, {tasks} workers ({script})"
 
 

@@ -1,1 +1,1 @@
-"""How the inflatable robot is shown: its motions, pictures and charts, and numbers read off its poses."""
+"""Views of the inflatable robot: motions, pictures and charts, and measures of its recorded shape."""

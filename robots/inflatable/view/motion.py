@@ -1,4 +1,4 @@
-"""Build motions of the inflatable robot: of a gait, and of a journey over several terrains."""
+"""Build motions of the inflatable robot from results of a gait, or of a journey over several terrains."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -24,12 +24,12 @@ from taichi_sim.lattice import LatticeBody
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Recording:
-    """Poses of inflatable robots apart from any result.
+    """Recorded poses of inflatable robots without a simulation result.
 
     Attributes:
-        frames: of the robots.
-        body: the lattice of each.
-        time_step: dt [s].
+        frames: frames of the robots.
+        body: lattice of each robot.
+        time_step: time step dt [s].
     """
 
     frames: Frames
@@ -54,13 +54,13 @@ def inflatable_motion(
     Args:
         result: result of ``simulate``, with frames.
         design: the robot's design.
-        terrain: where it was; flat ground by default.
-        actuation: how it was driven.
+        terrain: terrain of the simulation; flat ground by default.
+        actuation: actuation of the simulation.
         robot: number of the robot in the batch.
         name: name of the motion.
 
     Raises:
-        ValueError: for results without frames, and frames of other robots.
+        ValueError: if there are no frames, or they belong to another robot.
     """
     gait = gait_timeline(design, actuation)
     return _gait_motion(result, robot, gait, design, terrain, design.orientation, name)
@@ -118,10 +118,10 @@ def _gait_motion(
     Args:
         result: with frames.
         robot: number of the robot in the batch.
-        gait: what it does when.
-        design: its pressures are shown.
-        terrain: where it was.
-        heading: direction in which distance counts, one or in each frame [degrees].
+        gait: timeline of commands and pressures.
+        design: design whose pressures are shown.
+        terrain: terrain of the simulation.
+        heading: direction in which distance counts, one or one per frame [degrees].
         name: name of the motion.
     """
     body = result.body

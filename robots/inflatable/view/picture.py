@@ -1,4 +1,4 @@
-"""The picture of the inflatable robot in motion, with a title that tells speed, terrain and shape."""
+"""Draw the picture of the inflatable robot in motion, with a title that gives speed, terrain and shape."""
 
 from dataclasses import replace
 from os import PathLike
@@ -40,7 +40,7 @@ def save_motion_picture(
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates.
         frames: poses to draw; at least 2.
-        counted_steps: time steps by which the title counts the speed; None is the published convention.
+        counted_steps: number of time steps over which the title's speed is computed; None for the published convention.
 
     Returns:
         The result, with the frames recorded for the picture.
@@ -68,7 +68,7 @@ def inflatable_picture(
     frames: int = 6,
     robot: int = 0,
 ) -> Figure:
-    """Draw a simulated gait of the inflatable robot; its title tells speed, terrain and shape.
+    """Draw a simulated gait of the inflatable robot; the title gives speed, terrain and shape.
 
     The result needs recorded frames. A robot that diverged is drawn up to its last finite pose.
     """

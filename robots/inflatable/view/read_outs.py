@@ -21,7 +21,7 @@ IDLE = GaitSchedule(np.zeros((10, 1), bool), repeats=1)
 
 @dataclass(frozen=True, eq=False)
 class ShapeCurves:
-    """Shapes of idle robots at several core pressures, when their gaits begin.
+    """Shapes of idle robots at several core pressures, after the core has been inflated.
 
     Attributes:
         pressures: pressures of the core [Pa], shape (K,).
@@ -46,12 +46,12 @@ def shape_curves(
     precision: str = "f32",
     threads: int | None = None,
 ) -> ShapeCurves:
-    """Inflate idle robots on flat ground and measure their shapes; a robot that diverges has NaN.
+    """Inflate idle robots on flat ground and measure their shapes; values of robots that diverge are NaN.
 
     Args:
         pressures: pressures of the core [Pa].
         geometry: shape and materials of the robots.
-        actuation: how they are inflated; their gaits, in which nothing moves, are cut to one step of settling.
+        actuation: how they are inflated; ``settle_steps`` is replaced by 1, as nothing moves in their gaits.
         precision: "f32" or "f64".
         threads: CPU threads; all cores by default.
 

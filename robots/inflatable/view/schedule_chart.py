@@ -1,4 +1,4 @@
-"""The chart of a schedule: when the actuators of the inflatable robot are on."""
+"""Draw the chart of a schedule: the levels of the inflatable robot's actuators over time."""
 
 from typing import TYPE_CHECKING
 
@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 def draw_schedule(axes: "Axes", schedule: GaitSchedule, edges: ArrayLike | None = None) -> None:
-    """Draw when the actuators of the inflatable robot are on, as played: ten rows, bladder 1 on top.
+    """Draw the levels of the inflatable robot's actuators, with all repeats, in ten rows with bladder 1 on top.
 
     Args:
         axes: to draw on.
         schedule: schedule of T columns, played R times.
-        edges: where columns begin and end, such as times [s], shape (T R + 1,); by default columns count.
+        edges: beginnings and ends of the columns, such as times [s], shape (T R + 1,); by default numbers of columns.
     """
     played = np.tile(schedule.levels, schedule.repeats)
     ticks = np.arange(played.shape[1] + 1.0) if edges is None else np.asarray(edges, float)

@@ -1,4 +1,4 @@
-"""Surfaces of recorded poses of the inflatable robot, and numbers: width, height, curvature."""
+"""Surface, width, height and curvature of the inflatable robot in recorded poses."""
 
 import numpy as np
 
@@ -43,9 +43,10 @@ def ratio(result: InflatableResult, robot: int = 0, frame: int = 0) -> float:
 def curvature(result: InflatableResult, robot: int = 0, frame: int = 0) -> float:
     """Mean curvature of the two skins across the pouch [1/m]; positive where they bulge outwards.
 
-    Each row of voxels across a skin is a line through their centres. Its curvature at a voxel is that of the circle
-    through it and its two neighbours (Menger's), seen along the pouch; the mean is taken over all voxels that have two.
-    So flat skins have 0, whatever their distance, and a round pouch whose skins have the radius R has 1 / R.
+    The centres of each row of voxels across a skin form a line. Its curvature at a voxel is that of the circle
+    through the voxel and its two neighbours (Menger curvature), with the sign of its turn about the axis along the
+    pouch; the mean is taken over all voxels with two neighbours. It is 0 for flat skins, whatever their distance, and
+    1 / R for a round pouch whose skins have the radius R.
     """
     body, frames = result.body, recorded(result.frames)
     skin = _is_skin(result)

@@ -1,7 +1,7 @@
-"""Compress the poses of motions: rounded to whole numbers, stored as changes from frame to frame.
+"""Compress the poses of motions: rounded to integers, and stored as changes from frame to frame.
 
-Any point of a solid is shown within 0.1 mm of where it is: half of that is the error of the centre, the rest that of
-rotation and size together.
+Any point of a solid is shown within 0.1 mm of its place: half of that is for the centre, the rest for rotation and
+size together.
 """
 
 import math
@@ -27,8 +27,9 @@ class Packed:
         nodes: N.
         steps: size of one unit of the whole numbers, for translation [m], rotation and scale.
         planes: bytes of each change.
-        data: compressed by zlib: the lowest bytes of all changes, then the next ones, and so on. Changes, from zeros
-            on, are ordered by frames, then the ten numbers of a pose, then nodes, signs in the lowest bit.
+        data: changes, compressed by zlib: first the lowest bytes of all changes, then the next bytes, and so on. The
+            changes begin from zeros and are ordered by frame, number of the pose (ten) and node; the sign is the
+            lowest bit.
     """
 
     frames: int
@@ -42,7 +43,7 @@ def pack(motion: Motion) -> Packed:
     """Compress the poses of a motion.
 
     Raises:
-        ValueError: for motions too long or too wide for whole numbers.
+        ValueError: if a value is too large for the range of the integers.
     """
     steps = _steps(motion)
     frames, nodes = motion.translation.shape[:2]
@@ -64,8 +65,9 @@ def pack(motion: Motion) -> Packed:
 def _steps(motion: Motion) -> tuple[float, float, float]:
     """Step sizes of translation, rotation and scale that keep the tolerance.
 
-    Errors of half a step in each number move a centre by sqrt(3)/2 steps; they turn by at most 2 |dq|, two steps, and
-    move what is r away by 2 r steps; they move a corner of a solid with the half diagonal d by d/2 steps, at scale 1.
+    Errors of half a step in each number have these effects: they move a centre by sqrt(3)/2 steps; they rotate by at
+    most 2 |dq|, two steps, which moves a point at distance r by 2 r steps; and at scale 1 they move a corner of a
+    solid with half diagonal d by d/2 steps.
     """
     halves = np.array([diameter(node.solid) for node in motion.nodes]) / 2
     reach = float((halves * np.abs(motion.scale).max(axis=(0, 2))).max())

@@ -1,4 +1,4 @@
-"""HTML page of the player: motions, three.js and the program that plays them."""
+"""Build the HTML page of the player: motions, three.js and the program that plays them."""
 
 import base64
 import gzip
@@ -22,7 +22,7 @@ from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
 
 MOST_MOTIONS = 4
 PROGRAM = ("decode.js", "poses.js", "solids.js", "skin.js", "relief.js", "stage.js", "timeline.js", "player.js")
-FAR = 5.0  # lengths of a robot: those that go farther are followed
+FAR = 5.0  # lengths of the robot; the camera follows robots that travel farther
 MOST_VALUES = 2000  # of a channel in the chart
 
 
@@ -69,7 +69,7 @@ def _file(name: str) -> str:
 
 
 def _about(motion: Motion, packed: Packed) -> dict[str, Any]:
-    """Describe a motion, apart from its poses, as a dictionary that fits JSON."""
+    """Describe a motion, apart from its poses, as a dictionary for JSON."""
     solids = list(dict.fromkeys(node.solid for node in motion.nodes))
     colours = list(dict.fromkeys(node.colour for node in motion.nodes))
     return {
@@ -129,12 +129,12 @@ def _view(motion: Motion) -> dict[str, Any]:
 
 
 def _relief(ground: Ground, ends: Floats, frame: Floats) -> dict[str, Any]:
-    """Describe uneven ground for JSON, so much of it that it covers what is seen; nothing of a plane.
+    """Describe the visible part of uneven ground for JSON; empty for a plane.
 
     Args:
         ground: the ground.
-        ends: first and last place that is seen, along the rows of ``frame`` [m], shape (2, 2).
-        frame: along the way, and to its left, shape (2, 2).
+        ends: limits of the visible ground along the rows of ``frame`` [m], shape (2, 2).
+        frame: unit vectors along the heading and to its left, shape (2, 2).
     """
     if ground.relief is None:
         return {}
@@ -178,7 +178,7 @@ def _solid(solid: Solid) -> dict[str, Any]:
 def _channel(channel: Channel, start: float) -> dict[str, Any]:
     step = 1 if channel.switch else -(-len(channel.times) // MOST_VALUES)
     times, values = channel.times[::step] - start, channel.values[::step]
-    if channel.switch:  # what stays as it was need not be told again
+    if channel.switch:  # repeated values need not be stored
         told = np.flatnonzero(np.diff(values, prepend=np.nan) != 0) if len(times) > 200 else np.arange(len(times))
         times, values = times[told], values[told]
     digits = 6 - int(np.floor(np.log10(max(np.abs(values).max(), 1e-9))))
