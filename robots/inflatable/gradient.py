@@ -33,16 +33,18 @@ from robots.inflatable.simulation import (
     travel_directions,
 )
 from robots.inflatable.timing import WHOLE, Counting
-from robots.world import Terrain, one_each
+from robots.inflatable.turning import by_turn_of_robots, rise_by_turn, turned_quaternions, turned_vectors
+from robots.world import Medium, Terrain, medium_of, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.arrays import Array, trace
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number
 from taichi_sim.base.compute import Compute, ComputeOptions
-from taichi_sim.lattice import LatticeBody, LatticeResult, ProgramBuilder
+from taichi_sim.lattice import LatticeBody, LatticeGradient, LatticeResult, LatticeState, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
 
+DEGREE = np.pi / 180  # [rad]
 RECORDING = 0.3  # part of a differentiation's time that goes before the way back
 
 
@@ -55,7 +57,8 @@ class InflatableGradient:
     Attributes:
         pressure: by the core pressure [m/Pa], shape (B,), or by that of each of N cores, shape (B, N), where designs
             have one for each.
-        orientation: by the heading [m/degree], shape (B,).
+        orientation: by the heading [m/degree], shape (B,). On uneven ground it is that of ground which turns as a whole;
+            what its grid of half an edge does to it is left out.
         levels: by the levels of bladders and feet [m], shape (B, 10, T).
         core_pressure: by the core pressure of the columns [m/Pa], shape (B, T), or (B, N, T).
         result: the distances themselves, speeds and status.
@@ -192,29 +195,54 @@ def _side_by_side(
     begins = program.snapshots[:, -1] if way.counting.window else np.zeros(len(designs), int)
     before, rest = program.split(begins)
     early = engine.run(before) if begins.any() else None
+    began = engine.state()
     tape = engine.record(rest.program, memory=way.memory, progress=lambda f: progress(RECORDING * f))
     run = tape.result if early is None else _joined(early, tape.result, program.snapshots >= begins[:, None])
     result = summarise(run, program, designs, geometry, drives, way.counting)
     headings = np.array([design.orientation for design in designs])
     weights = _window_weights(program.snapshots) if way.counting.window else worst_stages(result)
     *seeds, by_headings = distance_cotangents(geometry.body, run, headings, weights)
+    cotangents: dict[str, Any] = dict(zip(READ_OFF, seeds, strict=True))
+    by_begin = _by_turn_of_window(run, cotangents) if way.counting.window else np.zeros(len(designs))
     if way.counting.window:  # where it begins is constant
         for seed in seeds:
             seed[:, -1] = 0.0
-    cotangents: dict[str, Any] = dict(zip(READ_OFF, seeds, strict=True))
     back = tape.pull_back(**cotangents, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
     values, rates = rest.gather(back.values, back.rates)
+    by_turn = by_turn_of_robots(began, back) + by_begin
+    if not way.counting.window:
+        by_turn += _by_rise(
+            began, back, medium_of(terrains, headings.tolist(), geometry.voxel_size), geometry.voxel_size
+        )
     slopes = []
     for robot, (design, terrain, drive) in enumerate(zip(designs, terrains, drives, strict=True)):
         mine = program.events["robot"] == robot
         each = pull_back(design, terrain, drive, geometry, values[mine], rates[mine])
-        each["orientation"] = each["orientation"] + by_headings[robot]
+        # Ground that turns with the heading is as a robot that turns the other way, which all else follows from.
+        uneven, by_world = terrain.ground is not None, each["orientation"] + by_headings[robot]
+        each["orientation"] = np.asarray(-by_turn[robot] * DEGREE) if uneven else by_world
         if design.materials is not None and design.materials.modulus is not None:
             moduli = [material.youngs_modulus for material in engine.bodies[robot].materials]
             each["modulus"] = back.materials["youngs_modulus"][robot] * moduli / np.array(design.materials.modulus)
         ok = result.status[robot] == "ok"
         slopes.append({name: part if ok else np.full_like(part, np.nan) for name, part in each.items()})
     return result, slopes
+
+
+def _by_rise(began: LatticeState, back: LatticeGradient, medium: Medium, edge: float) -> Floats:
+    """Derivatives of distances by how far robots are raised at the start, where a turn raises them otherwise."""
+    if isinstance(medium["floor"], bool):
+        return np.zeros(len(began.positions))
+    starts = zip(medium["floor"], began.positions, strict=True)
+    rises = np.array([rise_by_turn(relief, centres, edge) for relief, centres in starts])
+    return np.asarray(back.positions[..., 2].sum(axis=1) * rises)
+
+
+def _by_turn_of_window(run: LatticeResult, cotangents: dict[str, Floats]) -> Floats:
+    """Derivatives of distances by a turn of robots where their windows begin, through where that is itself."""
+    turned = {"positions": turned_vectors, "orientations": turned_quaternions}
+    parts = [cotangents[name][:, -1] * turn(getattr(run, name)[:, -1]) for name, turn in turned.items()]
+    return np.asarray(sum(part.sum(axis=(1, 2)) for part in parts))
 
 
 def _joined(early: LatticeResult, late: LatticeResult, is_late: Bools) -> LatticeResult:
