@@ -15,7 +15,7 @@ from robots.inflatable.gradient import differentiate
 from robots.inflatable.robustness import GaitJudgement, harder, judge_gait
 from robots.inflatable.simulation import simulate
 from robots.inflatable.slip import slip_under_load
-from robots.inflatable.timing import Counting, GaitTimeline, cycle_starts, gait_steps, stage_starts
+from robots.inflatable.timing import Counting, GaitTimeline, counted_steps, cycle_starts, gait_steps, stage_starts
 from robots.world import Terrain
 
 ROBOT = {"geometry": TINY, "actuation": QUICK, "precision": "f64"}
@@ -58,6 +58,21 @@ def test_the_steps_of_a_result_are_those_of_the_cycles_that_count():
     warm = cycle_starts(design.schedule, QUICK)[1] + 1
     found = simulate(design, counting=Counting(warm), **ROBOT)
     assert found.steps[0] == gait_steps(design.schedule, QUICK) - cycle_starts(design.schedule, QUICK)[2]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    "design", [gait(repeats=4), dataclasses.replace(INCHING, schedule=INCHING.schedule.cut(2, 4))], ids=["own", "none"]
+)
+def test_what_counts_after_a_warm_up_is_counted_by_its_share_of_the_time(design):
+    """Of gaits with times of their own and without: half of a gait is not half as fast."""
+    warm = cycle_starts(design.schedule, QUICK)[2]
+    whole, later = (simulate(design, counting=Counting(each), **ROBOT) for each in (0, warm))
+    share = (whole.steps[0] - warm) / whole.steps[0]
+    seconds = counted_steps(design.schedule, QUICK) * TINY.time_step
+    assert 0.4 < share < 0.6
+    assert whole.speed[0] == whole.distance[0] / TINY.body_length / seconds
+    assert later.speed[0] == pytest.approx(later.distance[0] / TINY.body_length / (share * seconds), rel=1e-12)
 
 
 @pytest.mark.kernels
