@@ -47,6 +47,7 @@ class InflatableResult(ShortText):
         body: lattice body of the robots.
         displacement: displacement in the plane of the ground, along x (rolling) and y (inching), whatever the heading
             [m], shape (B, 2); NaN unless the status is "ok". It includes drift.
+        terrains: that the robots were simulated on, shape (B,); None is flat ground.
     """
 
     distance: np.ndarray
@@ -59,6 +60,7 @@ class InflatableResult(ShortText):
     frames: Frames | None
     body: LatticeBody
     displacement: np.ndarray
+    terrains: np.ndarray | None = None
 
 
 def simulate(
@@ -108,7 +110,7 @@ def simulate(
     starts = geometry.body.scattered(perturbation, seeds, order) if perturbation > 0 else None
     engine = engine_of(geometry, grounds, drives, Compute.given(compute), sorted_designs, starts)
     run = engine.run(program, progress)
-    found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every)
+    found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every, grounds)
     return reordered(found, np.argsort(order))
 
 
@@ -210,7 +212,9 @@ def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
     if frames is not None:
         per_frame = ("positions", "orientations", "extents", "sizes")
         frames = replace(frames, **{name: getattr(frames, name)[:, order] for name in per_frame})
-    return replace(result, **{name: getattr(result, name)[order] for name in PER_ROBOT}, frames=frames)
+    terrains = None if result.terrains is None else result.terrains[order]
+    found: dict[str, Any] = {name: getattr(result, name)[order] for name in PER_ROBOT}
+    return replace(result, **found, frames=frames, terrains=terrains)
 
 
 Seeds = int | tuple[int, ...]
@@ -255,6 +259,7 @@ def summarise(
     actuation: InflatableActuation | Sequence[InflatableActuation],
     counting: Counting = WHOLE,
     record_every: int | None = None,
+    terrains: Sequence[Terrain] | None = None,
 ) -> InflatableResult:
     """Read distances, speeds and frames off the snapshots of a run of ``build_program``'s program."""
     dt, (begin, end) = geometry.time_step, program.snapshots[:, :2].T
@@ -279,6 +284,7 @@ def summarise(
         frames,
         geometry.body,
         displacement,
+        None if terrains is None else np.array(terrains, dtype=object),
     )
 
 

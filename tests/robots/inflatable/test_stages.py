@@ -13,7 +13,7 @@ from robots.inflatable.body import FOOT_1, FOOT_2
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import differentiate
 from robots.inflatable.robustness import GaitJudgement, harder, judge_gait
-from robots.inflatable.simulation import simulate
+from robots.inflatable.simulation import reordered, simulate
 from robots.inflatable.slip import slip_under_load
 from robots.inflatable.timing import Counting, GaitTimeline, counted_steps, cycle_starts, gait_steps, stage_starts
 from robots.world import Terrain
@@ -125,6 +125,16 @@ def slid(way: np.ndarray, depth: float, feet: tuple[int, ...]) -> InflatableResu
     )
 
 
+def on_ground(result: InflatableResult, ground: str, height: float, degrees: float) -> InflatableResult:
+    """The frames on a plane over the floor that rises along x: as deep in it, and moving as far along it."""
+    nz, rise, places = np.cos(np.deg2rad(degrees)), np.tan(np.deg2rad(degrees)), result.frames.positions.copy()
+    starts = places[:1, ..., 0]
+    places[..., 0] = starts + 0.003 + nz * (places[..., 0] - starts)  # between nodes of the ground
+    places[..., 2] = height + rise * places[..., 0] + places[..., 2] / nz + 0.5 * TINY.voxel_size * (1 / nz - 1)
+    frames = dataclasses.replace(result.frames, positions=places)
+    return dataclasses.replace(result, frames=frames, terrains=np.array([Terrain(ground=ground)], dtype=object))
+
+
 @pytest.fixture
 def tell(monkeypatch):
     """Tells both feet how much to grip for 500 steps, the last of which they settle."""
@@ -143,6 +153,26 @@ def test_slip_counts_as_far_as_a_foot_grips(tell, told, expected):
     tell(told, told)
     slip = slip_under_load(slid(0.01 * np.arange(6), 1e-4, (0,)), INCHING)
     assert slip == pytest.approx([expected, 0.0])
+
+
+@pytest.mark.parametrize(("ground", "height", "degrees"), [("raised.npy:0.1", 0.05, 0.0), ("ramp:20,-2", 0.0, 20.0)])
+def test_feet_slip_along_the_ground_they_are_on(tell, tmp_path, monkeypatch, ground, height, degrees):
+    """A raised plane, and a slope, which they slip along as far as along the floor."""
+    monkeypatch.chdir(tmp_path)
+    np.save("raised.npy", np.full((5, 5), 0.05))
+    tell(1, 1)
+    design, told = dataclasses.replace(INCHING, orientation=0.0), slid(0.01 * np.arange(6), 1e-3, (0,))
+    raised = on_ground(told, ground, height + 2 * np.tan(np.deg2rad(degrees)), degrees)  # ramps begin 2 m behind
+    assert slip_under_load(raised, design) == pytest.approx([0.05, 0.0])
+
+
+@pytest.mark.kernels
+def test_results_of_a_batch_keep_the_ground_of_each_robot():
+    """However they are put in order: the longest gait is first here, and runs last."""
+    grounds = [Terrain(), Terrain(5.0), Terrain(ground="rough:0.01")]
+    found = simulate([gait(repeats=3 - n) for n in range(3)], grounds, **ROBOT)
+    assert [each.name for each in found.terrains] == [each.name for each in grounds]
+    assert [each.name for each in reordered(found, np.array([2, 0])).terrains] == ["rough:0.01", "flat"]
 
 
 def test_a_foot_in_the_air_does_not_slip(tell):
