@@ -200,6 +200,20 @@ class Ground:
         return None if where[0] <= end else float(where[0])
 
     @property
+    def is_level(self) -> bool:
+        """Whether it is the same height everywhere, whatever its friction and what is on it.
+
+        Raises:
+            ValueError: for files that are no heights.
+        """
+        kind, numbers = self._checked()
+        if kind is not None:
+            return kind.is_level(*numbers)
+        self.check_file()
+        heights, _ = _tables(str(self.source))
+        return float(np.ptp(heights)) <= EVEN
+
+    @property
     def start_name(self) -> str | None:
         """The number that says where it begins; None for kinds of ground that begin nowhere."""
         kind, _ = self._checked()

@@ -37,6 +37,7 @@ class Number:
         high: highest value.
         whole: whether it must be a whole number below 2^32.
         start: whether it is the distance ahead of a robot's origin at which the ground begins to differ [m].
+        lifts: whether the ground is raised or lowered by it somewhere, unless it is 0.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Number:
     whole: bool = False
     start: bool = False
     high: float = math.inf
+    lifts: bool = False
 
     def check(self, value: float, text: str) -> None:
         """Check a value of the parameter; ``text`` is the name of the ground, for messages.
@@ -120,6 +122,14 @@ class GroundKind(Numbered):
     def start(self) -> int | None:
         """Index of the parameter that says where it begins; None if there is none."""
         return next((n for n, number in enumerate(self.numbers) if number.start), None)
+
+    def is_level(self, *values: float) -> bool:
+        """Whether the ground of some values of the parameters is the same height everywhere.
+
+        So it is without any height or slope; a kind without such parameters says so by its function of the height.
+        """
+        lifting = [value for number, value in zip(self.numbers, values, strict=True) if number.lifts]
+        return self.height is _level or (bool(lifting) and not any(lifting))
 
 
 @dataclass(frozen=True)
@@ -220,7 +230,7 @@ LEVEL = GroundKind("level", "level ground", (), _level)
 
 
 def _height(name: str, default: float | None = None) -> Number:
-    return Number(name, default, open=False, high=FARTHEST)
+    return Number(name, default, open=False, high=FARTHEST, lifts=True)
 
 
 def _length(name: str, default: float | None = None) -> Number:
@@ -232,7 +242,7 @@ def _factor(name: str, default: float | None = None) -> Number:
 
 
 def _degrees(default: float | None = None) -> Number:
-    return Number("DEGREES", default, -STEEPEST_GROUND, open=False, high=STEEPEST_GROUND)
+    return Number("DEGREES", default, -STEEPEST_GROUND, open=False, high=STEEPEST_GROUND, lifts=True)
 
 
 HEIGHT, SIZE = _height("HEIGHT"), _length("SIZE", 0.05)

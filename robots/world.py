@@ -155,8 +155,12 @@ class Terrain:
 
     @property
     def is_level(self) -> bool:
-        """Whether the ground is the same height everywhere, and not tilted."""
-        return self.slope == 0 and (self.uneven is None or not self.uneven.solid)
+        """Whether the ground is the same height everywhere, and not tilted; reads the file of heights, if it has one.
+
+        Raises:
+            ValueError: for files that are no heights.
+        """
+        return self.slope == 0 and (self.uneven is None or self.uneven.is_level)
 
     @property
     def is_wet(self) -> bool:

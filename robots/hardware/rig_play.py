@@ -147,9 +147,10 @@ def play_tables(
     program = builder.build([end for _, end in spans], np.array(marks))
     copies = [play.copy for play in plays]
     starts = geometry.body.scattered(perturbation, seed, copies) if perturbation > 0 else None
-    engine = engine_of(geometry, [play.terrain for play in plays], actuation, Compute.given(compute), designs, starts)
+    terrains = [play.terrain for play in plays]
+    engine = engine_of(geometry, terrains, actuation, Compute.given(compute), designs, starts)
     run = engine.run(program, progress)
-    return summarise(run, program, designs, geometry, actuation, WHOLE, record_every)
+    return summarise(run, program, designs, geometry, actuation, WHOLE, record_every, terrains)
 
 
 def _write_play(

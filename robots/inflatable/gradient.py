@@ -163,7 +163,8 @@ def differentiate(
         slopes.extend(found)
     joined: dict[str, Any] = {name: np.concatenate([getattr(result, name) for result in results]) for name in PER_ROBOT}
     by: dict[str, Any] = {name: np.stack([each[name] for each in slopes]) for name in slopes[0]}
-    return InflatableGradient(**{"core_pressure": None, **by}, result=replace(results[0], **joined))
+    whole = replace(results[0], **joined, terrains=np.array(terrains, dtype=object))
+    return InflatableGradient(**{"core_pressure": None, **by}, result=whole)
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ from robots.inflatable.body import PUBLISHED, InflatableGeometry, bodies_of
 from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.layout import told_layout
 from robots.inflatable.program import build_program
-from robots.inflatable.timing import WHOLE, Counting, counted_steps, predicted_steps
+from robots.inflatable.timing import WHOLE, Counting, counted_steps, gait_steps, predicted_steps
 from robots.world import Terrain, medium_of, one_each, standing
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 from taichi_sim.base.short_text import ShortText
@@ -36,7 +36,8 @@ class InflatableResult(ShortText):
     Attributes:
         distance: along the direction of travel, positive uphill [m], shape (B,); NaN unless the status is "ok".
         speed: body lengths per second by the published convention: the time is that of a gait in which every column
-            moves (19.7968 s for the published robot), whatever the number of steps; shape (B,).
+            moves (19.7968 s for the published robot), whatever the number of steps; of what counts after a warm-up,
+            as large a share of that time as its steps have of the gait's; shape (B,).
         speed_simulated: body lengths per second of the time simulated, shape (B,).
         status: "ok" or "diverged", shape (B,).
         stages: distances of equally long parts of the gait [m], shape (B, N), N 1 unless more were asked for.
@@ -46,6 +47,7 @@ class InflatableResult(ShortText):
         body: lattice body of the robots.
         displacement: displacement in the plane of the ground, along x (rolling) and y (inching), whatever the heading
             [m], shape (B, 2); NaN unless the status is "ok". It includes drift.
+        terrains: that the robots were simulated on, shape (B,); None is flat ground.
     """
 
     distance: np.ndarray
@@ -58,6 +60,7 @@ class InflatableResult(ShortText):
     frames: Frames | None
     body: LatticeBody
     displacement: np.ndarray
+    terrains: np.ndarray | None = None
 
 
 def simulate(
@@ -80,7 +83,7 @@ def simulate(
         terrain: one for all designs, flat ground by default; or one for each.
         geometry: shape and materials of the robot.
         actuation: timing, friction and rates; one for all designs, or one for each.
-        counting: which part of a gait counts; all of it by default. The speeds divide by the time of all of it.
+        counting: which part of a gait counts; all of it by default. The speeds divide by the time of that part.
         record_every: record the poses every so many time steps from the end of the initialisation on.
         perturbation: standard deviation of noise on the start positions [m]; contact makes long runs chaotic, so a
             few perturbed copies show how far a speed can be trusted.
@@ -107,7 +110,7 @@ def simulate(
     starts = geometry.body.scattered(perturbation, seeds, order) if perturbation > 0 else None
     engine = engine_of(geometry, grounds, drives, Compute.given(compute), sorted_designs, starts)
     run = engine.run(program, progress)
-    found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every)
+    found = summarise(run, program, sorted_designs, geometry, drives, counting, record_every, grounds)
     return reordered(found, np.argsort(order))
 
 
@@ -209,7 +212,9 @@ def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
     if frames is not None:
         per_frame = ("positions", "orientations", "extents", "sizes")
         frames = replace(frames, **{name: getattr(frames, name)[:, order] for name in per_frame})
-    return replace(result, **{name: getattr(result, name)[order] for name in PER_ROBOT}, frames=frames)
+    terrains = None if result.terrains is None else result.terrains[order]
+    found: dict[str, Any] = {name: getattr(result, name)[order] for name in PER_ROBOT}
+    return replace(result, **found, frames=frames, terrains=terrains)
 
 
 Seeds = int | tuple[int, ...]
@@ -254,13 +259,14 @@ def summarise(
     actuation: InflatableActuation | Sequence[InflatableActuation],
     counting: Counting = WHOLE,
     record_every: int | None = None,
+    terrains: Sequence[Terrain] | None = None,
 ) -> InflatableResult:
     """Read distances, speeds and frames off the snapshots of a run of ``build_program``'s program."""
     dt, (begin, end) = geometry.time_step, program.snapshots[:, :2].T
     middle, frames = read_poses(run, geometry, counting.stages + 1 + (counting.window > 0), record_every)
     headings = travel_directions(np.array([d.orientation for d in designs]))
     drives = each_actuation(actuation, len(designs))
-    nominal = np.array([counted_steps(d.schedule, drive) for d, drive in zip(designs, drives, strict=True)])
+    nominal = _nominal_steps(designs, drives, end - begin, counting)
     way = (middle[..., :2] * headings[:, None]).sum(axis=-1)
     ok = run.status == "ok"
     parts = np.where(ok[:, None], np.diff(way[:, stage_order(counting.stages)], axis=1), np.nan)
@@ -278,7 +284,19 @@ def summarise(
         frames,
         geometry.body,
         displacement,
+        None if terrains is None else np.array(terrains, dtype=object),
     )
+
+
+def _nominal_steps(
+    designs: Sequence[InflatableDesign], drives: Sequence[InflatableActuation], steps: Ints, counting: Counting
+) -> Floats | Ints:
+    """Time steps by which speeds divide, shape (B,): of whole gaits, or of parts that count and last ``steps``."""
+    pairs = list(zip([design.schedule for design in designs], drives, strict=True))
+    nominal = np.array([counted_steps(*each) for each in pairs])
+    if not counting.warm_up:
+        return nominal
+    return nominal * (steps / np.array([gait_steps(*each) for each in pairs]))
 
 
 def read_poses(

@@ -21,9 +21,9 @@ def slip_under_load(
 ) -> Floats:
     """The way that each foot slips, as far as it grips and as its load feels it [m], shape (2,).
 
-    Between two frames a foot slips by the mean way of its voxels in the plane, each weighted by its load: the depth
-    at which it is in the floor, to which the floor's force is proportional. Voxels that are not on the floor at both
-    frames do not count. A foot told half of its grip counts half. While the robot settles both feet grip.
+    Between two frames a foot slips by the mean way of its voxels along the ground, each weighted by its load: the depth
+    at which it is in the ground, to which its force is proportional. Voxels that are not on the ground at both frames
+    do not count. A foot told half of its grip counts half. While the robot settles both feet grip.
 
     Args:
         result: with frames; slip shorter than the way between two frames and back is not seen.
@@ -34,7 +34,7 @@ def slip_under_load(
     Raises:
         ValueError: for a result without frames.
     """
-    contact = Contact.of(result, robot)
+    contact = Contact.of(result, design, robot)
     load, way = contact.load, contact.way
     gripping = _gripping(design, actuation, contact.times / result.time_step)
     slip = np.zeros(FEET)

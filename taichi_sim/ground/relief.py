@@ -123,18 +123,23 @@ class Relief:
 
     def factor(self, x: Any, y: Any) -> np.ndarray:
         """Return the factor of friction at places (x, y) [m], as the simulation has it."""
-        factor: np.ndarray = self._below(np.asarray(x, float), np.asarray(y, float))[2]
+        factor: np.ndarray = self._below(np.asarray(x, float), np.asarray(y, float))[4]
         return factor
 
     def below(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the height over the floor [m] and third component of the unit normal at places (x, y) [m]."""
-        height, nz, _ = self._below(x, y)
-        return height, nz
+        height, normals = self.planes(x, y)
+        return height, normals[..., 2]
 
-    def _below(self, x: np.ndarray, y: np.ndarray) -> tuple[Any, Any, Any]:
-        """Height, third component of the normal and factor of friction at places."""
-        height, _, _, nz, friction = ground(x, y, *self.cells_under(x, y), 1 / self.spacing)
-        return height, nz, friction
+    def planes(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the height over the floor [m] and the unit normal, shape (..., 3), at places (x, y) [m]."""
+        height, *normal, _ = self._below(x, y)
+        return height, np.stack(normal, axis=-1)
+
+    def _below(self, x: np.ndarray, y: np.ndarray) -> tuple[Any, Any, Any, Any, Any]:
+        """Height, normal (3) and factor of friction at places."""
+        found: tuple[Any, Any, Any, Any, Any] = ground(x, y, *self.cells_under(x, y), 1 / self.spacing)
+        return found
 
     def cells_under(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """First corner (2) and table (10) of the cells under places (x, y) [m], shape (12, ...)."""

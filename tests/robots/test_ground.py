@@ -226,6 +226,19 @@ def test_how_far_ground_is_level_ahead_of_a_robot(tmp_path):
     assert Ground("rough:0.01").beginning_at(0.13) is None and Ground("sand:1").beginning_at(0.13) is None
 
 
+def test_ground_of_one_height_is_level_whatever_else_it_is(tmp_path):
+    """Friction, sand, water, how high a file raises it; a hill is not, nor is ground with any height."""
+    np.save(tmp_path / "raised.npy", np.full((3, 3), 0.05))
+    np.save(tmp_path / "patches.npy", np.stack([np.zeros((3, 3)), np.arange(9.0).reshape(3, 3)]))
+    np.save(tmp_path / "uneven.npy", np.diag([0.0, 0.0, 1e-3]))
+    files = [f"{tmp_path / name}.npy:0.1" for name in ("raised", "patches")]
+    for text in ("flat", "sand:2e5", "patches:0.5,1", "patches:0.5,1+sand:2e5", "rough:0", "gap:0.1,0", *files):
+        assert Terrain.parse(text).is_level
+    made = ("rough:0.01", "ramp:-5", "stairs:0.01,0.1", "wave:0.01,0.1", "course:1", "course:1,0.2,0", "hill:5")
+    for text in (*made, "hill:5+patches:0.5,1", f"{tmp_path / 'uneven.npy'}:0.1"):
+        assert not Terrain.parse(text).is_level
+
+
 def test_what_tells_of_a_ground_needs_no_file(tmp_path):
     """Records of runs are read after their file is gone; who names it, or stands on it, needs it."""
     text = f"{tmp_path / 'gone.npy'}:0.1+water:0.01"

@@ -39,6 +39,8 @@ class Hill:
             orientation=np.zeros(count),
             pressure=np.zeros(count),
             levels=np.repeat([[[0.01]] * 8 + [[0.0]] * 2], count, axis=0) * np.ones(columns),
+            core_pressure=np.zeros((count, columns)),
+            pace=np.zeros((count, 8, columns)),
         )
 
 

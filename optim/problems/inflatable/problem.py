@@ -223,7 +223,9 @@ class GaitProblem(GaitPoints):
         for row, (_, by_level), point in zip(slopes, each, () if points is None else points, strict=False):
             genes = self._genes(point)
             levels = np.concatenate([by_level, np.zeros((FEET, by_level.shape[1]))])
-            row[len(point) - len(genes) :] = self._control_of(point).slopes(genes, sharpness, levels)
+            # Strokes follow from levels alone; a pace changes only whole numbers of steps, core pressures nothing.
+            others = dict.fromkeys(self._control.more_tables, np.zeros(1))
+            row[len(point) - len(genes) :] = self._control_of(point).slopes(genes, sharpness, levels, **others)
         return np.array([used for used, _ in each]), slopes
 
     def _simulated(

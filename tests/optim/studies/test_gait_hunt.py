@@ -462,3 +462,18 @@ def test_effort_is_subtracted_from_speed_and_its_slope_from_that_of_speed(hill):
     np.testing.assert_array_equal(paid.objectives, dear.evaluate(points).objectives)
     with pytest.raises(ValueError, match=r"^effort: 0.1 is not allowed with objectives, terrains; choose mean$"):
         GaitProblem((*HILL, Terrain()), objectives="terrains", effort=0.1)
+
+
+@pytest.mark.parametrize("more", [("core",), ("pace",), ("core", "pace")])
+@pytest.mark.parametrize("steps", [2_000, 62_240])
+def test_slopes_of_effort_agree_with_differences_where_core_pressures_and_paces_are_free(hill, more, steps):
+    """In every variable, of gaits that take longer than the steps given, and of those that do not."""
+    settings = {"encoding": "graded", "columns": 2, "steps": steps, "more": more, "pressure": 2e3, "orientation": 60.0}
+    plain, dear = (GaitProblem(HILL, **settings, effort=cost) for cost in (0.0, 0.1))
+    span = dear.space.high - dear.space.low
+    point = dear.space.low + np.random.default_rng(5).uniform(0.05, 0.95, dear.space.size) * span
+    free, paid = (p.evaluate_relaxed(point, 1.0, gradients=True).gradients[0] for p in (plain, dear))
+    moved = 1e-7 * span * np.eye(dear.space.size)
+    sides = [dear.evaluate_relaxed(point + h, 1.0, gradients=False).details["effort"] for h in (moved, -moved)]
+    wanted = (sides[0] - sides[1]) / (2 * np.diag(moved))
+    assert (free - paid) / 0.1 == pytest.approx(wanted, rel=1e-6, abs=1e-9) and wanted.any()

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from graded import QUICK, TINY, settling
+from graded import GRIPPING, LOW, QUICK, TINY, settling
 
 from robots.inflatable import INCHING
 from robots.inflatable import robustness as judgement
@@ -16,6 +16,7 @@ from robots.inflatable.materials import RegionMaterials
 from robots.inflatable.robustness import judge_gait
 from robots.inflatable.scrutiny import Scrutiny
 from robots.inflatable.simulation import sideways, simulate
+from robots.inflatable.slip import slip_under_load
 from robots.inflatable.timing import gait_steps
 from robots.inflatable.variations import HALF_STEP, WEIGHT, Conditions, at_half_step, on_floor, variations_of
 from robots.world import FLOORS, Terrain
@@ -40,9 +41,12 @@ def contact(shifts, depth=1e-4, turns=0.0) -> Contact:
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize(("friction", "slides"), [(0.05, True), (2.0, False)])
-def test_a_block_that_slides_down_an_incline_slips_its_whole_path_and_one_that_holds_nothing(friction, slides):
-    ground = Terrain(-15.0, low_friction=friction, high_friction=3 * friction)  # bladders have a third
+@pytest.mark.parametrize(
+    ("incline", "friction", "slides"), [("hill:-15", 0.05, True), ("hill:-15", 2.0, False), ("ramp:-15,-3", 0.05, True)]
+)
+def test_a_block_that_slides_down_an_incline_slips_its_whole_path_and_one_that_holds_nothing(incline, friction, slides):
+    floor = {"low_friction": friction, "high_friction": 3 * friction}  # bladders have a third
+    ground = dataclasses.replace(Terrain.parse(incline), **floor)
     idle = dataclasses.replace(QUICK, deflated=0.9, inflated=1.0)
     drive = dataclasses.replace(idle, weight="physical", moving_damping=0.0, settling_damping=0.0)
     found = simulate(IDLE, ground, geometry=TINY, actuation=drive, record_every=20)
@@ -53,6 +57,19 @@ def test_a_block_that_slides_down_an_incline_slips_its_whole_path_and_one_that_h
     assert abs(footing.turning) < 1.0
 
 
+@pytest.mark.kernels
+def test_contact_with_a_raised_plane_is_that_with_the_floor(tmp_path):
+    np.save(tmp_path / "raised.npy", np.full((61, 61), 0.05))
+    design, found = dataclasses.replace(INCHING, schedule=INCHING.schedule.cut(2, 2)), []
+    for ground in (None, f"{tmp_path / 'raised.npy'}:0.05"):
+        options = {"geometry": GRIPPING, "actuation": LOW, "record_every": 20, "precision": "f64"}
+        result = simulate(design, Terrain(ground=ground), **options)
+        footing = footing_of(result, design, GRIPPING.body_length)
+        slip = slip_under_load(result, design, LOW)
+        found.append([*slip, *footing.slips.values(), *footing.loads.values(), footing.chatter, footing.turning])
+    assert found[1] == pytest.approx(found[0], rel=1e-6, nan_ok=True) and found[0][0] > 0
+
+
 def robot_of(way: Contact):
     """What is left of a result when its contact is known."""
     return type("Result", (), {"body": TINY.body, "contact": way})()
@@ -60,7 +77,7 @@ def robot_of(way: Contact):
 
 @pytest.fixture
 def footing(monkeypatch):
-    monkeypatch.setattr(Contact, "of", classmethod(lambda cls, result, robot=0: result.contact))
+    monkeypatch.setattr(Contact, "of", classmethod(lambda cls, result, design, robot=0: result.contact))
     return lambda way, design=INCHING: footing_of(robot_of(way), design, LENGTH)
 
 

@@ -13,9 +13,9 @@ from robots.inflatable.body import FOOT_1, FOOT_2
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.gradient import differentiate
 from robots.inflatable.robustness import GaitJudgement, harder, judge_gait
-from robots.inflatable.simulation import simulate
+from robots.inflatable.simulation import reordered, simulate
 from robots.inflatable.slip import slip_under_load
-from robots.inflatable.timing import Counting, GaitTimeline, cycle_starts, gait_steps, stage_starts
+from robots.inflatable.timing import Counting, GaitTimeline, counted_steps, cycle_starts, gait_steps, stage_starts
 from robots.world import Terrain
 
 ROBOT = {"geometry": TINY, "actuation": QUICK, "precision": "f64"}
@@ -58,6 +58,21 @@ def test_the_steps_of_a_result_are_those_of_the_cycles_that_count():
     warm = cycle_starts(design.schedule, QUICK)[1] + 1
     found = simulate(design, counting=Counting(warm), **ROBOT)
     assert found.steps[0] == gait_steps(design.schedule, QUICK) - cycle_starts(design.schedule, QUICK)[2]
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize(
+    "design", [gait(repeats=4), dataclasses.replace(INCHING, schedule=INCHING.schedule.cut(2, 4))], ids=["own", "none"]
+)
+def test_what_counts_after_a_warm_up_is_counted_by_its_share_of_the_time(design):
+    """Of gaits with times of their own and without: half of a gait is not half as fast."""
+    warm = cycle_starts(design.schedule, QUICK)[2]
+    whole, later = (simulate(design, counting=Counting(each), **ROBOT) for each in (0, warm))
+    share = (whole.steps[0] - warm) / whole.steps[0]
+    seconds = counted_steps(design.schedule, QUICK) * TINY.time_step
+    assert 0.4 < share < 0.6
+    assert whole.speed[0] == whole.distance[0] / TINY.body_length / seconds
+    assert later.speed[0] == pytest.approx(later.distance[0] / TINY.body_length / (share * seconds), rel=1e-12)
 
 
 @pytest.mark.kernels
@@ -110,6 +125,16 @@ def slid(way: np.ndarray, depth: float, feet: tuple[int, ...]) -> InflatableResu
     )
 
 
+def on_ground(result: InflatableResult, ground: str, height: float, degrees: float) -> InflatableResult:
+    """The frames on a plane over the floor that rises along x: as deep in it, and moving as far along it."""
+    nz, rise, places = np.cos(np.deg2rad(degrees)), np.tan(np.deg2rad(degrees)), result.frames.positions.copy()
+    starts = places[:1, ..., 0]
+    places[..., 0] = starts + 0.003 + nz * (places[..., 0] - starts)  # between nodes of the ground
+    places[..., 2] = height + rise * places[..., 0] + places[..., 2] / nz + 0.5 * TINY.voxel_size * (1 / nz - 1)
+    frames = dataclasses.replace(result.frames, positions=places)
+    return dataclasses.replace(result, frames=frames, terrains=np.array([Terrain(ground=ground)], dtype=object))
+
+
 @pytest.fixture
 def tell(monkeypatch):
     """Tells both feet how much to grip for 500 steps, the last of which they settle."""
@@ -128,6 +153,26 @@ def test_slip_counts_as_far_as_a_foot_grips(tell, told, expected):
     tell(told, told)
     slip = slip_under_load(slid(0.01 * np.arange(6), 1e-4, (0,)), INCHING)
     assert slip == pytest.approx([expected, 0.0])
+
+
+@pytest.mark.parametrize(("ground", "height", "degrees"), [("raised.npy:0.1", 0.05, 0.0), ("ramp:20,-2", 0.0, 20.0)])
+def test_feet_slip_along_the_ground_they_are_on(tell, tmp_path, monkeypatch, ground, height, degrees):
+    """A raised plane, and a slope, which they slip along as far as along the floor."""
+    monkeypatch.chdir(tmp_path)
+    np.save("raised.npy", np.full((5, 5), 0.05))
+    tell(1, 1)
+    design, told = dataclasses.replace(INCHING, orientation=0.0), slid(0.01 * np.arange(6), 1e-3, (0,))
+    raised = on_ground(told, ground, height + 2 * np.tan(np.deg2rad(degrees)), degrees)  # ramps begin 2 m behind
+    assert slip_under_load(raised, design) == pytest.approx([0.05, 0.0])
+
+
+@pytest.mark.kernels
+def test_results_of_a_batch_keep_the_ground_of_each_robot():
+    """However they are put in order: the longest gait is first here, and runs last."""
+    grounds = [Terrain(), Terrain(5.0), Terrain(ground="rough:0.01")]
+    found = simulate([gait(repeats=3 - n) for n in range(3)], grounds, **ROBOT)
+    assert [each.name for each in found.terrains] == [each.name for each in grounds]
+    assert [each.name for each in reordered(found, np.array([2, 0])).terrains] == ["rough:0.01", "flat"]
 
 
 def test_a_foot_in_the_air_does_not_slip(tell):
