@@ -57,8 +57,8 @@ class InflatableGradient:
     Attributes:
         pressure: by the core pressure [m/Pa], shape (B,), or by that of each of N cores, shape (B, N), where designs
             have one for each.
-        orientation: by the heading [m/degree], shape (B,). On uneven ground it is that of ground which turns as a whole;
-            what its grid of half an edge does to it is left out.
+        orientation: by the heading [m/degree], shape (B,). Uneven ground turns with it as a whole:
+            what sampling it on a grid of half an edge does is left out.
         levels: by the levels of bladders and feet [m], shape (B, 10, T).
         core_pressure: by the core pressure of the columns [m/Pa], shape (B, T), or (B, N, T).
         result: the distances themselves, speeds and status.
