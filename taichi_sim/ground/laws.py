@@ -14,6 +14,9 @@ from taichi_sim.autodiff.rotations import rotate_back
 from taichi_sim.autodiff.tracing import law, select, sqrt
 
 DRAGGED = 0.37
+NEAR = (
+    1e-3  # cells: so near a side a place is of the cell, whose corner and width round otherwise than the search for it
+)
 FIRM = 1e30  # N/m^3: stress per depth of ground that does not yield
 LEAST = 1e-36  # (N s)^2: squares of momenta below have no direction
 
@@ -27,7 +30,7 @@ def ground(x, y, x0, y0, h, h_low, h_right, h_top, h_left, f, f_low, f_right, f_
     triangles. Beyond the grid they go on as at its edge. ``per_cell`` is the inverse width of a cell [1/m].
     """
     u, v = (x - x0) * per_cell, (y - y0) * per_cell
-    along, across = (u >= 0.0) & (u <= 1.0), (v >= 0.0) & (v <= 1.0)
+    along, across = (u >= -NEAR) & (u <= 1.0 + NEAR), (v >= -NEAR) & (v <= 1.0 + NEAR)
     u, v = smaller(larger(u, 0.0 * u), 1.0 + 0.0 * u), smaller(larger(v, 0.0 * v), 1.0 + 0.0 * v)
     below = u >= v
     hu, hv = select(below, h_low, h_top), select(below, h_right, h_left)

@@ -133,6 +133,19 @@ def test_resting_bodies_gain_no_energy_on_rough_ground():
     assert np.abs(engine.state().velocities).max() < 5e-3
 
 
+def test_a_plane_has_one_normal_beside_nodes_too():
+    """Where a place is a rounding error before the node that it is found to be at, or behind it."""
+    spacing, nodes = 0.01, 300
+    heights = 0.3 * spacing * np.arange(nodes)[:, None] * np.ones((1, nodes))
+    plane = Relief(heights, spacing, (-1.0 / 3, -0.7))
+    at = -1.0 / 3 + spacing * np.arange(1, nodes - 1)
+    for beside in (at, np.nextafter(at, -9), np.nextafter(at, 9), at - 3e-17, at - 2e-16):
+        _, normals = plane.planes(beside, np.zeros_like(at))
+        np.testing.assert_allclose(normals, np.tile(normals[5], (len(at), 1)), atol=1e-12)
+    _, beyond = plane.planes(np.array([-1.0]), np.array([0.0]))
+    assert beyond[0].tolist() == [0.0, 0.0, 1.0]
+
+
 def test_the_normal_is_that_of_the_surface():
     """Against central differences of the height, and against nodes."""
     rng = np.random.default_rng(1)
