@@ -155,8 +155,9 @@ class LatticeBody(ShortText):
     def recommended_time_step(self) -> float:
         """Largest stable time step [s]: 1 / (2 pi sqrt(max a1 / min(m-, m+))) of links, less for what else needs less.
 
-        That is damping ratios of links above 1; and, of parts that no links join, their contact with each other and
-        that of single voxels with the floor. See ``time_steps``; blocks of many voxels need 1 / 1.3 of it.
+        That is damping ratios of links above 1, and against the world; contact with the floor, of voxels that are much
+        stiffer than those they are linked to or damped much more; and contact of parts that no links join with each
+        other. See ``time_steps``; blocks of many voxels need 1 / 1.3 of it.
         """
         ends = self.material_index[self.topology.links] if len(self.topology.links) else np.zeros((0, 2), int)
         pairs = [(self.materials[minus], self.materials[plus]) for minus, plus in np.unique(ends, axis=0)]
@@ -185,16 +186,16 @@ class LatticeBody(ShortText):
 
     @property
     def _contact_step(self) -> float:
-        """Largest step for contact of parts that no links join, and of single voxels with the floor [s]."""
+        """Largest step for contact of voxels with the floor, and of parts that no links join with each other [s]."""
         part = self.topology.parts
         sizes, found = np.bincount(part), math.inf
+        held = np.asarray(self.fixed)[:, :3].all(axis=1)
+        for index in np.unique(self.material_index[~held]):
+            found = min(found, time_steps.floor_step(self.materials[index], self.voxel_size))
         if len(sizes) == 1 < self.voxel_count:
             return found
-        held = np.asarray(self.fixed)[:, :3].all(axis=1)
         kinds, members = np.unique(np.stack([self.material_index, held], axis=1), axis=0, return_inverse=True)
         members = members.reshape(-1)
-        for index in np.unique(self.material_index[(sizes[part] == 1) & ~held]):
-            found = min(found, time_steps.floor_step(self.materials[index], self.voxel_size))
         owners = [np.unique(part[members == kind]) for kind in range(len(kinds))]
         for one, two in itertools.combinations_with_replacement(range(len(kinds)), 2):
             if len(owners[one]) == len(owners[two]) == 1 and owners[one][0] == owners[two][0]:

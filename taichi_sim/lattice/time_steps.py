@@ -13,6 +13,7 @@ from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxe
 # Largest eigenvalue of all links around a voxel, in stiffnesses of one link over its mass, for which the published step
 # 1 / (2 pi w) is stable at damping ratio 1; divided into 4. A block needs up to 15: hence the safety of 1.3 of robots.
 _QUARTER = (1 + 1 / (2 * math.pi)) ** 2 - 1
+_TURNING = math.sqrt(6) / 2  # of 2 sqrt(I a1) h / I over 4 sqrt(a1 / m), with the inertia I = m h^2 / 6 of a voxel
 # Sum of the squared cosines to the vertical of the four voxels between which another one rests, as spheres do.
 _PIT = 4 * (1 - 0.5 / (2 * contact.SPHERE_RADIUS) ** 2)
 
@@ -22,13 +23,17 @@ def link_step(minus: Material, plus: Material, edge: float) -> float:
 
     With w = sqrt(a1 / m), a link's stiffness over the mass of an end, a mode of the lattice has k = L w^2 and, as that
     end is damped by zeta sqrt(a1 m) at most, c = L zeta w: it is stable for w dt <= sqrt(zeta^2 + 4 / L) - zeta. Up to
-    zeta = 1 the step is the published 1 / (2 pi w); beyond, that for the same L.
+    zeta = 1 the step is the published 1 / (2 pi w); beyond, that for the same L. Damping against the world, of ratio
+    zeta_0, adds 2 sqrt(6) zeta_0 w to c where voxels turn; up to a ratio of 1 safety factors allow for it.
     """
     stiffness = axial_stiffness_modulus(minus, plus) * edge
     found = math.inf
     for end in (minus, plus):
         step = 1 / (2 * math.pi * math.sqrt(stiffness / voxel_mass(end, edge)))
-        if (zeta := end.internal_damping) > 1:
+        zeta = end.internal_damping
+        if end.global_damping > 1:
+            zeta = max(zeta, 1.0) + end.global_damping * _TURNING * _QUARTER
+        if zeta > 1:
             step *= 2 * math.pi * _QUARTER / (zeta + math.sqrt(zeta * zeta + _QUARTER))
         found = min(found, step)
     return found
@@ -49,7 +54,7 @@ def afloat(size: float) -> float:
 
 
 def floor_step(material: Material, edge: float) -> float:
-    """Largest time step in which the floor throws no voxel without links back faster than it came [s]."""
+    """Largest time step in which the floor throws no voxel back faster than it came, links left out [s]."""
     row = voxel_constants(material, edge)
     damping = row[materials.CONTACT_DAMPING] + material.global_damping * row[materials.CRITICAL_TRANSLATION]
     return _bounce_step(row[materials.STIFFNESS] * row[materials.INVERSE_MASS], damping * row[materials.INVERSE_MASS])

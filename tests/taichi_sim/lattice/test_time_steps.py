@@ -86,6 +86,42 @@ def test_damped_blocks_come_to_rest(zeta, side):
         assert energies[-1] < (1e-3 if floor else 0.2) * energies[0]
 
 
+def dropped(body: LatticeBody) -> tuple[float, float]:
+    """How high a body that falls by 2 mm is in the end above where it stands [m], and its fastest voxel then [m/s]."""
+    engine = LatticeEngine(body, floor=True, gravity=GRAVITY, time_step=body.recommended_time_step / 1.3)
+    engine.set_positions(body.start_positions[None] + [0.0, 0.0, 0.002])
+    engine.run(ProgramBuilder(1).build(round(0.4 / engine.time_step)))
+    end = engine.state()
+    return float((end.positions - body.start_positions)[..., 2].max()), float(np.abs(end.velocities).max())
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("modulus", [1e5, 1e7, 3e7])
+def test_a_stiff_foot_of_a_soft_column_comes_to_rest(modulus):
+    """Its contact with the floor is stiffer than any link."""
+    foot = dataclasses.replace(RUBBER, youngs_modulus=modulus)
+    column = LatticeBody([(0, 0, z) for z in range(3)], (RUBBER, foot), [1, 0, 0], EDGE)
+    height, speed = dropped(column)
+    assert height < 1e-4 and speed < 1e-9
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("damping", [1.0, 8.0, 20.0])
+def test_much_damped_contact_throws_nothing_back(damping):
+    height, speed = dropped(block(dataclasses.replace(RUBBER, collision_damping=damping), 2, 2, 2))
+    assert height < 1e-4 and speed < 1e-5
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("ratio", [1.0, 2.5, 5.0])
+def test_blocks_damped_against_the_world_come_to_rest(ratio):
+    body = block(dataclasses.replace(RUBBER, global_damping=ratio), 4, 4, 4)
+    engine = LatticeEngine(body, time_step=body.recommended_time_step / 1.3)
+    engine.set_positions(body.scattered(1e-7, 1, [0]))
+    engine.run(ProgramBuilder(1).build(2000))
+    assert np.abs(engine.state().velocities).max() < 1e-6
+
+
 @pytest.mark.kernels
 @pytest.mark.parametrize("density", [10.0, 100.0])
 def test_a_light_voxel_in_a_pit_gains_nothing(density):
