@@ -19,6 +19,7 @@ LATER = (
     "seed",
     "highest_moduli",
     "highest_size",
+    "lowest_size",
     "origin",
 )
 

@@ -76,7 +76,8 @@ class Episodes:
         self._lights = None if lights[0] is None else np.array(lights, float)
         self._aimed = plain.target is None
         if plain.reflexes is not None:  # without them it keeps its time steps
-            plain = replace(plain, reflexes=None, highest_size=plain.largest_size)
+            least, most = plain.size_range
+            plain = replace(plain, reflexes=None, lowest_size=least, highest_size=most)
         pairs = zip(self.worlds, lights, strict=True)
         self._robots = [
             replace(plain, target=light if self._aimed else plain.target).on(world) for world, light in pairs

@@ -66,8 +66,8 @@ class LatticeRobot(OutOfTheLab):
         placed: the robot among the props of a terrain, see :meth:`on`; ``body`` is then that of all.
         highest_moduli: Young's moduli [Pa] of its first materials with which time steps are stable; by default its own.
             Designs of a search have the highest of the search, whose time steps they keep so.
-        highest_size: largest rest size of voxels [edges] for which time steps in water are stable; by default what its
-            own drives reach. Designs of a search have that of the search.
+        lowest_size, highest_size: smallest rest size of voxels [edges] for which time steps are stable, and largest
+            for which those in water are; by default what its own drives reach. Designs have those of their search.
         is_afloat: whether it is in water, whose time steps are shorter, see :meth:`on`.
         origin: place (x, y, z) that the first place of the body's grid had in the file that it was made of [m]: what is
             exported for printers lies there again. Motions are counted from the grid.
@@ -94,6 +94,7 @@ class LatticeRobot(OutOfTheLab):
     placed: Placed | None = None
     highest_moduli: tuple[float, ...] = ()
     highest_size: float | None = None
+    lowest_size: float | None = None
     is_afloat: bool = False
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     own_measures: tuple[OwnMeasure, ...] = ()
@@ -111,7 +112,7 @@ class LatticeRobot(OutOfTheLab):
         number("time_step_safety", self.time_step_safety, 1e-3)
         number("perturbation", self.perturbation, 0.0, self.body.voxel_size, "m")
         whole_number("seed", self.seed, 0)
-        for name, most in (("reference_length", 1e6), ("highest_size", 1e3)):
+        for name, most in (("reference_length", 1e6), ("highest_size", 1e3), ("lowest_size", 1e3)):
             if getattr(self, name) is not None:
                 positive(name, getattr(self, name), most)
         if self.target is not None:
@@ -176,23 +177,27 @@ class LatticeRobot(OutOfTheLab):
             weights = tuple(self.weights_of(points)[0].tolist())
             own["reflexes"] = dataclasses.replace(self.reflexes, weights=weights)
         found = dataclasses.replace(self, **own)
-        if found.largest_size == self.largest_size:
-            return found
-        return dataclasses.replace(found, highest_size=self.largest_size)
+        for name, size, one in zip(("lowest_size", "highest_size"), self.size_range, found.size_range, strict=True):
+            if one != size:
+                own[name] = size
+        return dataclasses.replace(self, **own)
 
     def design(self, point: ArrayLike) -> "LatticeRobot":
         """Return the robot of a point with nothing free."""
         return self.filled(point)
 
     @cached_property
-    def largest_size(self) -> float:
-        """Largest rest size of a voxel for which its time steps in water are stable [edges]."""
-        return reach.largest_size(self) if self.highest_size is None else self.highest_size
+    def size_range(self) -> tuple[float, float]:
+        """Smallest and largest rest size of a voxel for which its time steps are stable [edges]."""
+        if self.lowest_size is not None and self.highest_size is not None:
+            return self.lowest_size, self.highest_size
+        least, most = reach.size_range(self)
+        return self.lowest_size or least, self.highest_size or most
 
     @cached_property
     def cycle(self) -> Cycle:
         """Timing of the cycles in the robot's surroundings; all points have the same time step."""
-        stable = self._space.stiffest.stable_time_step(self.is_afloat, self.largest_size)
+        stable = self._space.stiffest.stable_time_step(self.is_afloat, self.size_range)
         largest = stable / self.time_step_safety
         return Cycle(self.frequency, self.settling, self.cycles, Cycle.fit(self.frequency, largest))
 

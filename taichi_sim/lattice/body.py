@@ -167,22 +167,23 @@ class LatticeBody(ShortText):
             steps = [float(1 / (2 * np.pi * np.sqrt(stiffest)))]
         return min(*steps, self._contact_step)
 
-    def stable_time_step(self, is_afloat: bool, size: float | None = None) -> float:
-        """Return the largest stable time step [s], in water less than :attr:`recommended_time_step`.
+    def stable_time_step(self, is_afloat: bool, sizes: tuple[float, float] | None = None) -> float:
+        """Return the largest stable time step [s], :attr:`recommended_time_step` on dry ground at usual sizes.
 
         Args:
-            is_afloat: whether it is in water, or in any fluid.
-            size: largest rest size that its voxels may reach [edges]; None is that of their materials.
+            is_afloat: whether it is in water, or in any fluid, where large voxels take shorter steps.
+            sizes: smallest and largest rest size that its voxels may reach [edges]; None is those of their materials.
         """
-        if not is_afloat:
-            return self.recommended_time_step
-        return self.recommended_time_step / time_steps.afloat(self.largest_size if size is None else size)
+        least, most = self.sizes if sizes is None else sizes
+        step = self.recommended_time_step / time_steps.shrunk(least)
+        return step / time_steps.afloat(most) if is_afloat else step
 
     @property
-    def largest_size(self) -> float:
-        """Largest rest size of a voxel before anything is driven [edges], by scale and temperature of the materials."""
-        used = (self.materials[number] for number in np.unique(self.material_index))
-        return max(max(m.scale) * (1 + m.thermal_expansion * m.temperature) for m in used)
+    def sizes(self) -> tuple[float, float]:
+        """Smallest and largest rest size of a voxel before anything is driven [edges], by its material."""
+        used = [self.materials[number] for number in np.unique(self.material_index)]
+        warmed = [(m.scale, 1 + m.thermal_expansion * m.temperature) for m in used]
+        return min(min(size) * by for size, by in warmed), max(max(size) * by for size, by in warmed)
 
     @property
     def _contact_step(self) -> float:

@@ -45,12 +45,24 @@ def afloat(size: float) -> float:
     A balanced link turns its voxels by its force times its length, where the published law has the edge of the lattice:
     so damping turns a voxel as much more as its links are longer, and is what limits the step. Of periodic blocks in
     which all voxels have one rest size, this is 5 % more than what their largest eigenvalue needs, for sizes of 1 to
-    1.5, any damping ratio of 0.5 to 2 and any Poisson's ratio. Voxels smaller than the lattice's need no less.
+    1.5, any damping ratio of 0.5 to 2 and any Poisson's ratio.
 
     Args:
         size: largest rest size of voxels [edges].
     """
     return 0.2 + max(size, 1.0) ** 2
+
+
+def shrunk(size: float) -> float:
+    """Factor by which time steps shrink where voxels do, whose links get stiffer as they get shorter.
+
+    Beside voxels of other sizes those below half an edge would gain energy. By measurement sizes of 0.4, 0.3 and 0.2
+    take steps shorter by 1.15, 1.5 and 1.75; this is 1.25, 1.67 and 2.5.
+
+    Args:
+        size: smallest rest size of voxels [edges].
+    """
+    return max(0.5 / size, 1.0)
 
 
 def floor_step(material: Material, edge: float) -> float:

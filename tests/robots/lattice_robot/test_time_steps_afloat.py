@@ -24,7 +24,7 @@ def block(size, *drives, material=LIGHT, **fields):
 
 
 def size_of(*drives, material=LIGHT, **fields):
-    return block((2, 1, 1), *drives, material=material, **fields).largest_size
+    return block((2, 1, 1), *drives, material=material, **fields).size_range[1]
 
 
 @pytest.mark.kernels
@@ -87,3 +87,26 @@ def test_designs_of_freeform_robots_keep_the_steps_of_all():
     assert share == pytest.approx(1.64, abs=0.03)
     built = robot.design(robot.start)
     assert built.on(WATER).cycle == robot.cycle_on(WATER) and built.cycle == robot.cycle
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("least", [0.3, 0.2])
+def test_robots_whose_voxels_shrink_much_gain_no_energy(least):
+    robot = block(
+        (6, 3, 2), Drive("all", (0, 1), mean=least + 0.2, amplitude=0.2, phase=(0.1, 0.35)), cycles=2, frequency=1.0
+    )
+    both = (robot, dataclasses.replace(robot, time_step_safety=2.6))
+    found = [simulate(each).measures for each in both]
+    assert found[0]["energy"] == pytest.approx(found[1]["energy"], rel=0.02)
+
+
+def test_the_smallest_sizes_are_those_that_drives_and_answers_reach():
+    wide = block((2, 1, 1), Drive("a", (0,), amplitude=(Free(0.1, 0.7),)))
+    assert wide.size_range == (pytest.approx(0.3), 1.7)
+    assert block((2, 1, 1), Drive("a", (0,), amplitude=0.95)).size_range[0] == 0.1  # smaller ones are refused
+    small = dataclasses.replace(LIGHT, scale=(1.0, 0.4, 1.0))
+    assert block((2, 1, 1), Drive("a", (0,), "friction", mean=0.5), material=small).size_range[0] == 0.4
+    design = wide.design([0.2])
+    assert design.size_range == wide.size_range and design.cycle.time_step == wide.cycle.time_step
+    usual = block((2, 1, 1), Drive("a", (0,), amplitude=0.5))
+    assert usual.cycle.time_step == block((2, 1, 1), Drive("a", (0,), amplitude=0.1)).cycle.time_step
