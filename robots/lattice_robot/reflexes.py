@@ -166,7 +166,7 @@ class ReflexLoop(AnsweringLoop):
 
     def seeds_of_noise(self, number: int) -> tuple[int, ...]:
         """What the noise of a reading is drawn from."""
-        return self.seed, number
+        return self.seed, number, 1  # start positions are drawn from pairs
 
     def answer(self, number: int, weights: Any, felt: Any, given: Sequence[Any], state: Sequence[Any]) -> Sequence[Any]:
         """Value and rate of the channels, given what waves add to them, and where they go at a node of the cycle."""
