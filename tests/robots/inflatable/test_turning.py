@@ -7,11 +7,13 @@ import pytest
 
 from robots.inflatable import GaitSchedule, InflatableActuation, InflatableDesign, InflatableGeometry
 from robots.inflatable.gradient import differentiate
-from robots.inflatable.simulation import simulate
+from robots.inflatable.program import build_program
+from robots.inflatable.simulation import engine_of, simulate, summarise
 from robots.inflatable.timing import Counting
 from robots.inflatable.turning import rise_by_turn, turned_quaternions, turned_vectors
 from robots.world import Terrain
-from taichi_sim.lattice import Relief
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice import LatticeState, Relief
 
 HEADING = 37.0
 GEOMETRY = InflatableGeometry(bladder_columns=1, rows=8, foot_rows=2)
@@ -46,6 +48,34 @@ def test_a_ramp_that_turns_moves_the_robot_as_differences_say():
     assert by == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
     plane = differentiate(design(), replace(ramp, ground=None), **WHERE).orientation[0]
     assert abs(by - plane) > abs(by) / 10  # what the ground's turn adds
+
+
+def distances_of_turned(terrain, turns):
+    """Distances along the heading of robots that are turned [rad] on the same ground [m]."""
+    count, positions, quaternions = len(turns), [], []
+    each = [design()] * count, [terrain] * count, [WHERE["actuation"]] * count
+    engine = engine_of(GEOMETRY, *each[1:], Compute("cpu", "f64"), each[0])
+    relief = terrain.uneven.relief(HEADING, GEOMETRY.voxel_size)
+    x, y, z = GEOMETRY.body.start_positions.T
+    for turn in turns:
+        cosine, sine = np.cos(turn), np.sin(turn)
+        centres = np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=1)
+        centres[:, 2] += relief.rise(centres, GEOMETRY.voxel_size)
+        positions.append(centres)
+        quaternions.append(np.tile([np.cos(turn / 2), 0, 0, np.sin(turn / 2)], (len(x), 1)))
+    still = np.zeros((count, len(x), 3))
+    engine.set_state(LatticeState(np.array(positions), np.array(quaternions), still, still))
+    program = build_program(*each, None, GEOMETRY)
+    return summarise(engine.run(program), program, each[0], GEOMETRY, each[2]).distance
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("ground", ["wave:0.02,1", "rough:0.01,0.1", "patches:0.3,1,0.03", "blocks:0.002,0.03"])
+def test_on_any_ground_it_is_that_of_a_robot_turned_the_other_way(ground):
+    terrain, step = Terrain.parse(ground), 1e-6
+    by = differentiate(design(), terrain, **WHERE).orientation[0]
+    ends = distances_of_turned(terrain, np.radians([-step, step]))
+    assert by == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
 
 
 def test_vectors_and_quaternions_turn_about_the_vertical():
