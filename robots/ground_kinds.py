@@ -126,7 +126,7 @@ class GroundKind(Numbered):
     def is_level(self, *values: float) -> bool:
         """Whether the ground of some values of the parameters is the same height everywhere.
 
-        So it is without any height or slope; a kind without such parameters says so by its function of the height.
+        True if all parameters that lift the ground are 0, or if the kind has no heights at all.
         """
         lifting = [value for number, value in zip(self.numbers, values, strict=True) if number.lifts]
         return self.height is _level or (bool(lifting) and not any(lifting))

@@ -70,6 +70,7 @@ class Laboratory:
         engine = LatticeEngine(
             bodies,
             time_step=self.time_step,
+            substeps=self.geometry.substeps(terrain.is_wet, self.actuation.largest_size),
             **medium_of([terrain], [0.0], self.geometry.voxel_size),
             precision=self.precision,
             threads=self.threads,

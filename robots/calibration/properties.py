@@ -9,6 +9,7 @@ from typing import Annotated, Any, Self
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
+from robots.inflatable.materials import LEAST_SAFETY
 from taichi_sim.base.checks import check_fields, choice, positive
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.base.records import checked
@@ -19,8 +20,6 @@ BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {"friction": (0.1, 4.0), "low_friction": (1e-3, 1.0), "modulus": (200e3, 800e3), "inflation_rate": (0.7, 12.0)}
 )
 Property = Annotated[float, partial(positive, high=1e12)]
-# Least ratio of the largest stable time step to that in which gaits count; stiffer skin needs a shorter time step.
-LEAST_SAFETY = 1.08
 UNITS: Mapping[str, str] = MappingProxyType(
     {"friction": "", "low_friction": "", "modulus": "Pa", "inflation_rate": "1/s"}
 )

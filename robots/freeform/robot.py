@@ -282,7 +282,7 @@ class FreeformRobot(Robot):
             perturbation=self.perturbation,
             seed=self.seed,
             highest_size=self.largest_size,
-            lowest_size=1.0,  # its muscles shrink by half an edge at most
+            lowest_size=0.5,  # its muscles shrink by half an edge at most
             own_measures=self.own_measures,
         )
 

@@ -96,6 +96,12 @@ class InflatableActuation:
         """Coulomb coefficient of the bladders."""
         return self.high_friction / 3 if self.bladder_friction is None else self.bladder_friction
 
+    @property
+    def largest_size(self) -> float:
+        """Largest rest size that an inflated bladder has along any of its axes [edges]."""
+        across, through = max(self.widening, 1 / self.lengthening_flat, 1 / self.lengthening_round), self.inflated
+        return max(through, 1 + (through - self.deflated) * across)
+
     def growth(self, pressure: Any) -> tuple[float, Any, float]:
         """Return a bladder's growth across, along and through the pouch per growth in thickness, at a pressure [Pa]."""
         along = (

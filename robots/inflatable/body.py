@@ -186,7 +186,7 @@ class InflatableGeometry:
         """Time step of the simulation [s]."""
         return self.body.recommended_time_step / self.time_step_safety
 
-    def substeps(self, is_wet: bool, inflated: float) -> int:
+    def substeps(self, is_wet: bool, largest: float) -> int:
         """Into how many parts a time step must be divided to be stable: 1 on dry ground, more in water.
 
         Gaits are written in time steps, whose length is that of dry ground. In water links are balanced, and the more
@@ -195,11 +195,11 @@ class InflatableGeometry:
 
         Args:
             is_wet: whether the robot is in water or any fluid.
-            inflated: thickness of the thickest bladders [edges].
+            largest: size of the bladders when they are largest [edges], see ``InflatableActuation.largest_size``.
         """
         if not is_wet:
             return 1
-        return math.ceil(afloat(inflated) / LEAST_SAFETY)
+        return math.ceil(afloat(largest) / min(LEAST_SAFETY, self.time_step_safety))
 
     def relative_time_step(self, modulus: float) -> float:
         """Return the largest stable time step for skin of another modulus [Pa], relative to that of this skin.

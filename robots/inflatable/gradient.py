@@ -58,7 +58,7 @@ class InflatableGradient:
         pressure: by the core pressure [m/Pa], shape (B,), or by that of each of N cores, shape (B, N), where designs
             have one for each.
         orientation: by the heading [m/degree], shape (B,). Uneven ground turns with it as a whole:
-            what sampling it on a grid of half an edge does is left out.
+            the change of its sampled heights with the heading is not included.
         levels: by the levels of bladders and feet [m], shape (B, 10, T).
         core_pressure: by the core pressure of the columns [m/Pa], shape (B, T), or (B, N, T).
         result: the distances themselves, speeds and status.
@@ -219,9 +219,9 @@ def _side_by_side(
     for robot, (design, terrain, drive) in enumerate(zip(designs, terrains, drives, strict=True)):
         mine = program.events["robot"] == robot
         each = pull_back(design, terrain, drive, geometry, values[mine], rates[mine])
-        # Ground that turns with the heading is as a robot that turns the other way, which all else follows from.
-        uneven, by_world = terrain.ground is not None, each["orientation"] + by_headings[robot]
-        each["orientation"] = np.asarray(-by_turn[robot] * DEGREE) if uneven else by_world
+        # Ground that turns with the heading is as a robot that turns the other way, gravity and direction included.
+        by_world = each["orientation"] + by_headings[robot]
+        each["orientation"] = by_world if terrain.ground is None else np.asarray(-by_turn[robot] * DEGREE)
         if design.materials is not None and design.materials.modulus is not None:
             moduli = [material.youngs_modulus for material in engine.bodies[robot].materials]
             each["modulus"] = back.materials["youngs_modulus"][robot] * moduli / np.array(design.materials.modulus)

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 LEAST_MODULUS, MOST_MODULUS = 0.5, 1.4  # of that of the geometry
 LEAST_SIZE, MOST_SIZE = 0.85, 1.15  # of the rest size of the geometry, across and along the pouch
 MOST_FRICTION = 4.0
-LEAST_SAFETY = 1.08  # of the largest stable time step to that of the simulation
+LEAST_SAFETY = (
+    1.08  # least ratio of the largest stable time step to that of the simulation; stiffer skin takes shorter ones
+)
 
 Row = tuple[float, ...]
 

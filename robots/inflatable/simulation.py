@@ -47,7 +47,7 @@ class InflatableResult(ShortText):
         body: lattice body of the robots.
         displacement: displacement in the plane of the ground, along x (rolling) and y (inching), whatever the heading
             [m], shape (B, 2); NaN unless the status is "ok". It includes drift.
-        terrains: that the robots were simulated on, shape (B,); None is flat ground.
+        terrains: terrain of each robot, shape (B,); None if all are on flat ground.
     """
 
     distance: np.ndarray
@@ -185,19 +185,24 @@ def engine_of(
     Args:
         geometry: of all.
         terrains: B of them.
-        actuation: how far bladders are inflated, of which the substeps in water depend; of all robots, or of each.
+        actuation: tells how large bladders get, on which substeps in water depend; of all robots, or of each.
         compute: device, precision and threads.
         designs: B robots, whose moduli and headings they have; without, they have those of the geometry, and head
             along x.
         starts: voxel centres [m], shape (B, V, 3), as on a plane; None is at rest. On uneven ground robots are raised.
+
+    Raises:
+        ValueError: if the robots of a batch in water need different substeps.
     """
     moduli = [design.materials.modulus if design.materials else None for design in designs]
     headings = [design.orientation for design in designs] or [0.0] * len(terrains)
     medium, edge = medium_of(terrains, headings, geometry.voxel_size), geometry.voxel_size
     bodies, batch, steps = bodies_of(geometry, moduli), len(terrains), geometry.time_step
-    inflated = max(drive.inflated for drive in each_actuation(actuation, batch))
-    parts = geometry.substeps(terrains[0].is_wet, inflated)
-    alike: dict[str, Any] = {"time_step": steps, "substeps": parts, "self_contact": "published"}
+    drives, is_wet = {*each_actuation(actuation, batch)}, terrains[0].is_wet
+    if len(parts := {geometry.substeps(is_wet, drive.largest_size) for drive in drives}) > 1:
+        given = " and ".join(f"{size:g}" for size in sorted({drive.inflated for drive in drives}))
+        raise ValueError(f"inflated: {given} are not allowed in one batch in water, where they take other time steps")
+    alike: dict[str, Any] = {"time_step": steps, "substeps": parts.pop(), "self_contact": "published"}
     engine = LatticeEngine(bodies, batch, **alike, **medium, compute=compute)
     if starts is None and medium["floor"] not in (True, False):
         starts = np.tile(geometry.body.start_positions, (len(terrains), 1, 1))

@@ -1,8 +1,8 @@
 """Derivatives of a robot's distance by its heading on uneven ground, which turns under the robot.
 
-A robot heads somewhere by the world turning about it: the ground, its slope and the direction of travel. By the laws,
-which know no direction but down, this is the same as the robot turning the other way in a world that stays. So the
-derivative by the heading follows from those by the state that the robot began with.
+In a simulation the world turns with the heading: the ground, its slope and the direction of travel. The laws are
+symmetric under rotation about the vertical, so this is the same as the robot, and the noise of its start, turning the
+other way in a world that stays. The derivative by the heading follows from those by the state at the start.
 """
 
 import numpy as np

@@ -116,4 +116,6 @@ def played_robot(robot: "LatticeRobot", table: ChannelTable) -> "LatticeRobot":
             "proportions": own.proportions,
         }
         drives.append(Drive(wave.name, tuple(about["regions"]), about["quantity"], **given))
-    return dataclasses.replace(robot, drives=tuple(drives), frequency=table.played_frequency)
+    least, most = robot.size_range  # so that both have the same time step
+    played = dataclasses.replace(robot, drives=tuple(drives), frequency=table.played_frequency)
+    return dataclasses.replace(played, lowest_size=least, highest_size=most)

@@ -14,12 +14,14 @@ if TYPE_CHECKING:
 
 # A bound of the sum of the harmonics of a wave, which oscillators shift, over the largest value of its knots.
 HARMONICS = 4.0
+LARGE = 0.5  # edges: voxels that do not get smaller need no shorter time steps
 
 
 def size_range(robot: "LatticeRobot") -> tuple[float, float]:
     """Smallest and largest rest size that a voxel of a robot can reach [edges], whatever is free of it.
 
-    What reflexes answer is counted. Sizes below ``SMALLEST`` are refused when they come, so none is smaller.
+    What reflexes answer is counted. A smallest size above half an edge is told as that: it changes no time step. Sizes
+    below ``SMALLEST`` are refused when they come, so none is smaller.
 
     Gains of drives, of which uncertain ones have some, are not counted: robots that differ in them share time steps,
     whose safety factor is more than what they add.
@@ -43,7 +45,7 @@ def size_range(robot: "LatticeRobot") -> tuple[float, float]:
     warm = [1 + expansion * heat for heat in heats]
     least = scales[0] * np.minimum(np.minimum(*warm), 1.0)
     most = scales[1] * np.maximum(np.maximum(*warm), 1.0)
-    return max(float(least.min()), SMALLEST), float(most.max())
+    return min(max(float(least.min()), SMALLEST), LARGE), float(most.max())
 
 
 def _range(robot: "LatticeRobot", drive: Drive) -> tuple[Floats, Floats]:

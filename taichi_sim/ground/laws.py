@@ -14,9 +14,8 @@ from taichi_sim.autodiff.rotations import rotate_back
 from taichi_sim.autodiff.tracing import law, select, sqrt
 
 DRAGGED = 0.37
-NEAR = (
-    1e-3  # cells: so near a side a place is of the cell, whose corner and width round otherwise than the search for it
-)
+# Tolerance at the sides of a cell [cells]: rounding may put a place just outside the cell that was found for it.
+NEAR = 1e-3
 FIRM = 1e30  # N/m^3: stress per depth of ground that does not yield
 LEAST = 1e-36  # (N s)^2: squares of momenta below have no direction
 

@@ -303,7 +303,7 @@ class LatticeEngine:
         return Tape(self, self.in_substeps(program, feedback), memory, progress, feedback)
 
     def in_substeps(self, program: LatticeProgram, feedback: Feedback | None) -> LatticeProgram:
-        """Return the program as the engine computes it, in its substeps."""
+        """Divide the steps of a program into the engine's substeps; a feedback is refused if there are several."""
         if feedback is not None and self.substeps > 1:
             allowed = "give 1 and a shorter time_step"
             raise ValueError(f"substeps: {self.substeps} is not allowed with a feedback; {allowed}")
@@ -317,7 +317,7 @@ class LatticeEngine:
 
     @runtime.exclusive
     def begin(self, program: LatticeProgram) -> Run:
-        """Start a program, in substeps, at its step 0; for :meth:`run` and for gradients."""
+        """Start a program that :meth:`in_substeps` returned at its step 0; for :meth:`run` and for gradients."""
         if program.robot_count != self.batch:
             raise ValueError(f"program: made for {program.robot_count} robots, the engine has {self.batch}")
         packed = pack_program(program, self.tables.group_region)
@@ -340,7 +340,7 @@ class LatticeEngine:
         for recorded in (poses, strains, sizes):
             recorded[lost] = np.nan
         status = np.where(self._diverged, "diverged", "ok")
-        return LatticeResult(status, steps // self.substeps, poses[..., :3], poses[..., 3:], strains, sizes)
+        return LatticeResult(status, -(-steps // self.substeps), poses[..., :3], poses[..., 3:], strains, sizes)
 
     def _note_events(self, program: PackedProgram, steps: np.ndarray) -> None:
         """Remember which channels no longer hold what the materials say."""

@@ -97,11 +97,17 @@ class LatticeProgram:
         return len(self.lengths)
 
     def refined(self, substeps: int) -> "LatticeProgram":
-        """Return the program that does the same in shorter time steps, so many to each of its own."""
+        """Return the program that does the same in shorter time steps, so many to each of its own.
+
+        Raises:
+            ValueError: if it has too many steps then.
+        """
         if substeps == 1:
             return self
+        if self.lengths.max() * substeps > 2**30:
+            raise ValueError(f"lengths: {self.lengths.max()} steps are not allowed in {substeps} substeps each")
         events = self.events.copy()
-        events["step"] *= substeps
+        events["step"] = np.minimum(self.events["step"].astype(np.int64) * substeps, 2**30 - 1)  # which none reaches
         events["rate"] /= substeps
         snapshots = np.where(self.snapshots < 0, -1, self.snapshots * substeps)
         return LatticeProgram(self.lengths * substeps, events, snapshots)

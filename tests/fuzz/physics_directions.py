@@ -11,7 +11,7 @@ AGREES = 1e-4  # relative
 STEPS = (1e-5, 1e-6, 1e-7)  # of central differences, in units of what a variable may change by
 MORE_STEPS = (1e-3, 1e-4, 1e-8, 1e-9)  # tried where none of those agrees
 ROUGH = 1e-10  # costs, which are about 1, that differ by less from smooth ones do so by rounding
-NEARLY = 0.01  # a difference must agree as well as this, however large its own error may be
+NEARLY = 1e-3  # a difference must agree as well as this, however large its own error may be
 SAFETY = 4.0  # a difference may be off by so many times its estimated error
 LATTICE = 1e-12 * np.arange(-8, 9)  # moves at which the noise of a cost is measured
 ORDERS = (4, 5, 6)  # of the differences that measure it
@@ -94,6 +94,8 @@ def within_own_error(direction: Direction, costs: Costs) -> float | None:
     steps = np.array([step for decade in (*STEPS, *MORE_STEPS) for step in (decade, decade / 2)])
     found, coarser = (central([direction], tuple(by * steps), costs) for by in (1.0, 2.0))
     own = noise_of(direction, costs) / steps + np.abs(coarser - found)[0] / 3
+    if np.isnan(own).all():
+        return None
     surest = int(np.nanargmin(own))
     off, relative = abs(float(found[0, surest]) - direction.slope), float(errors_of([direction], found)[0, surest])
     return relative if off <= SAFETY * own[surest] and relative <= NEARLY else None

@@ -129,6 +129,16 @@ def test_a_softer_pouch_is_rounder():
 
 
 @pytest.mark.kernels
+def test_a_gait_swims_as_simulate_says():
+    """With the same substeps."""
+    robot = Laboratory(TINY, QUICK, stiffest=TINY.youngs_modulus, perturbation=0.0, precision="f64", threads=1)
+    water = Terrain.water()
+    (said,) = simulate(STEP, water, geometry=TINY, actuation=QUICK, threads=1).distance
+    gait = Gait(np.array([np.inf]), np.ones(1), STEP, terrain=water)
+    assert gait.predict([Trial(Properties.of(TINY, QUICK))], robot)[0, 0] == pytest.approx(said, rel=1e-2)
+
+
+@pytest.mark.kernels
 def test_a_gait_goes_as_simulate_says():
     """The same distance, of the whole gait and of its last second."""
     robot = Laboratory(TINY, QUICK, stiffest=TINY.youngs_modulus, perturbation=0.0, precision="f64", threads=1)

@@ -230,8 +230,18 @@ def test_in_water_steps_are_short_enough_for_bladders_that_swell():
         for pressure in (2e3, 2e3 * (1 + 1e-12))
     ]
     np.testing.assert_allclose(moved[1].displacement, moved[0].displacement, rtol=0, atol=1e-11)
-    assert TINY.substeps(is_wet=False, inflated=drive.inflated) == 1
-    assert TINY.substeps(is_wet=True, inflated=2.5) == 6 and TINY.substeps(is_wet=True, inflated=1.0) == 2
+    assert TINY.substeps(is_wet=False, largest=drive.largest_size) == 1 and drive.largest_size == 2.5
+    assert TINY.substeps(is_wet=True, largest=2.5) == 6 and TINY.substeps(is_wet=True, largest=1.0) == 2
+    thin = dataclasses.replace(drive, inflated=1.0)
+    with pytest.raises(
+        ValueError, match=r"^inflated: 1 and 2.5 are not allowed in one batch in water, where they take"
+    ):
+        simulate([design] * 2, Terrain.water(), geometry=TINY, actuation=[drive, thin])
+
+
+def test_bladders_are_largest_through_the_pouch_or_along_it():
+    assert ACTUATION.largest_size == 2.5
+    assert dataclasses.replace(ACTUATION, lengthening_flat=0.5).largest_size == pytest.approx(1 + 2.3 / 0.5)
 
 
 def test_columns_too_long_for_half_the_time_step_are_not_tried_with_it():

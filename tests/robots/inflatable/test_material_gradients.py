@@ -99,7 +99,7 @@ def test_the_last_cycle_is_differentiated_from_the_state_in_which_it_begins(part
         design = dataclasses.replace(design, schedule=dataclasses.replace(design.schedule, core_pressure=None))
     found = differentiate(design, HILL, geometry=GRIPPING, actuation=STEADY, counting=window)
     assert found.result.distance == simulate(design, HILL, geometry=GRIPPING, actuation=STEADY).distance
-    engine, state, start = engine_of(GRIPPING, [HILL], Compute(), [design]), None, None
+    engine, state, start = engine_of(GRIPPING, [HILL], STEADY, Compute(), [design]), None, None
     unit = {"pressure": 1e4, "orientation": 1e3, "levels": 1.0, **UNITS}[part]
     direction = unit * np.random.default_rng(0).normal(size=getattr(found, part).shape[1:])
 

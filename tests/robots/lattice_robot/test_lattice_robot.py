@@ -189,7 +189,7 @@ def test_points_that_are_no_robots_are_told_apart():
     assert np.isnan(found.gradient[1]).all() and np.isfinite(found.gradient[0]).all()
     none = differentiate(robot, [[1.5]], threads=1)
     assert none.status.tolist() == ["invalid"] and none.gradient.shape == (1, 1)
-    unstable = dataclasses.replace(robot, time_step_safety=0.2)
+    unstable = dataclasses.replace(robot, time_step_safety=0.05)
     burst = differentiate(unstable, [[0.3]], threads=1)
     assert burst.status.tolist() == ["diverged"] and np.isnan(burst.distance[0]) and np.isnan(burst.gradient).all()
 

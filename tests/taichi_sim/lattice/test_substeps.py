@@ -37,6 +37,23 @@ def test_a_refined_program_says_the_same():
     assert late.snapshots.tolist() == [[-1, 15], [10, 20]] and late.lengths.tolist() == [15, 20]
 
 
+def test_what_never_comes_stays_so_and_too_many_steps_are_refused():
+    builder = ProgramBuilder(1)
+    builder.set(Quantity.SCALE, 1.0, regions=[0], step=2**30 - 1)
+    assert builder.build(10).refined(6).events["step"].tolist() == [2**30 - 1]
+    with pytest.raises(ValueError, match=r"^lengths: 536870912 steps are not allowed in 6 substeps each$"):
+        ProgramBuilder(1).build(2**29).refined(6)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("parts", [1, 6])
+def test_the_step_of_a_divergence_is_that_of_the_program(parts):
+    builder = ProgramBuilder(1)
+    builder.set(Quantity.FORCE, 1e12, regions=[1], step=3)
+    found = made(parts).run(builder.build(STEPS))
+    assert found.status.tolist() == ["diverged"] and 3 < found.steps[0] <= 6
+
+
 @pytest.mark.kernels
 def test_substeps_are_shorter_steps_to_the_bit():
     whole = made(4).run(program())
