@@ -32,7 +32,7 @@ from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import built, choice, number, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import counted
-from taichi_sim.lattice.time_steps import afloat
+from taichi_sim.lattice.time_steps import HALF, afloat
 
 LARGEST_AMPLITUDE = 0.5
 DETAILS = {"filtered": "radius", "blobs": "balls", "network": "hidden", "pattern": "hidden"}
@@ -282,7 +282,7 @@ class FreeformRobot(Robot):
             perturbation=self.perturbation,
             seed=self.seed,
             highest_size=self.largest_size,
-            lowest_size=0.5,  # its muscles shrink by half an edge at most
+            lowest_size=HALF,  # its muscles shrink by half an edge at most
             own_measures=self.own_measures,
         )
 

@@ -34,12 +34,13 @@ from robots.inflatable.simulation import (
 )
 from robots.inflatable.timing import WHOLE, Counting
 from robots.inflatable.turning import by_turn_of_robots, rise_by_turn, turned_quaternions, turned_vectors
-from robots.world import Medium, Terrain, medium_of, one_each
+from robots.world import Terrain, medium_of, one_each
 from taichi_sim import runtime
 from taichi_sim.autodiff.arrays import Array, trace
 from taichi_sim.base.arrays import Bools, Floats, Ints
 from taichi_sim.base.checks import number
 from taichi_sim.base.compute import Compute, ComputeOptions
+from taichi_sim.ground.relief import Relief
 from taichi_sim.lattice import LatticeBody, LatticeGradient, LatticeResult, LatticeState, ProgramBuilder
 from taichi_sim.lattice.faces import half_extents, mean_of_face_corners
 from taichi_sim.lattice.gradient import ROBOTS_PER_THREAD
@@ -196,7 +197,7 @@ def _side_by_side(
     begins = program.snapshots[:, -1] if way.counting.window else np.zeros(len(designs), int)
     before, rest = program.split(begins)
     early = engine.run(before) if begins.any() else None
-    began = engine.state()
+    began, medium = engine.state(), medium_of(terrains, [one.orientation for one in designs], geometry.voxel_size)
     tape = engine.record(rest.program, memory=way.memory, progress=lambda f: progress(RECORDING * f))
     run = tape.result if early is None else _joined(early, tape.result, program.snapshots >= begins[:, None])
     result = summarise(run, program, designs, geometry, drives, way.counting)
@@ -210,11 +211,11 @@ def _side_by_side(
             seed[:, -1] = 0.0
     back = tape.pull_back(**cotangents, progress=lambda f: progress(RECORDING + (1 - RECORDING) * f))
     values, rates = rest.gather(back.values, back.rates)
-    by_turn = by_turn_of_robots(began, back) + by_begin
-    if not way.counting.window:
-        by_turn += _by_rise(
-            began, back, medium_of(terrains, headings.tolist(), geometry.voxel_size), geometry.voxel_size
-        )
+    by_turn = by_begin
+    if not isinstance(reliefs := medium["floor"], bool):
+        by_turn = by_turn + by_turn_of_robots(began, back)
+        if not way.counting.window:
+            by_turn = by_turn + _by_rise(began, back, reliefs, geometry.voxel_size)
     slopes = []
     for robot, (design, terrain, drive) in enumerate(zip(designs, terrains, drives, strict=True)):
         mine = program.events["robot"] == robot
@@ -230,17 +231,15 @@ def _side_by_side(
     return result, slopes
 
 
-def _by_rise(began: LatticeState, back: LatticeGradient, medium: Medium, edge: float) -> Floats:
-    """Derivatives of distances by how far robots are raised at the start, where a turn raises them otherwise."""
-    if isinstance(medium["floor"], bool):
-        return np.zeros(len(began.positions))
-    starts = zip(medium["floor"], began.positions, strict=True)
+def _by_rise(began: LatticeState, back: LatticeGradient, reliefs: Sequence[Relief], edge: float) -> Floats:
+    """Derivatives of distances by a turn of robots at the start, which changes how far they are raised there."""
+    starts = zip(reliefs, began.positions, strict=True)
     rises = np.array([rise_by_turn(relief, centres, edge) for relief, centres in starts])
     return np.asarray(back.positions[..., 2].sum(axis=1) * rises)
 
 
 def _by_turn_of_window(run: LatticeResult, cotangents: dict[str, Floats]) -> Floats:
-    """Derivatives of distances by a turn of robots where their windows begin, through where that is itself."""
+    """Derivatives of distances by a turn of robots when their windows begin, as it moves the place they count from."""
     turned = {"positions": turned_vectors, "orientations": turned_quaternions}
     parts = [cotangents[name][:, -1] * turn(getattr(run, name)[:, -1]) for name, turn in turned.items()]
     return np.asarray(sum(part.sum(axis=(1, 2)) for part in parts))

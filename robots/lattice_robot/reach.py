@@ -8,13 +8,13 @@ import numpy as np
 from robots.lattice_robot.drive import Drive, Free, Value, Values, driven_voxels
 from robots.lattice_robot.faults import SMALLEST
 from taichi_sim.base.arrays import Floats
+from taichi_sim.lattice.time_steps import HALF
 
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
 # A bound of the sum of the harmonics of a wave, which oscillators shift, over the largest value of its knots.
 HARMONICS = 4.0
-LARGE = 0.5  # edges: voxels that do not get smaller need no shorter time steps
 
 
 def size_range(robot: "LatticeRobot") -> tuple[float, float]:
@@ -45,7 +45,7 @@ def size_range(robot: "LatticeRobot") -> tuple[float, float]:
     warm = [1 + expansion * heat for heat in heats]
     least = scales[0] * np.minimum(np.minimum(*warm), 1.0)
     most = scales[1] * np.maximum(np.maximum(*warm), 1.0)
-    return min(max(float(least.min()), SMALLEST), LARGE), float(most.max())
+    return min(max(float(least.min()), SMALLEST), HALF), float(most.max())
 
 
 def _range(robot: "LatticeRobot", drive: Drive) -> tuple[Floats, Floats]:

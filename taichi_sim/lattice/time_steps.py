@@ -13,6 +13,7 @@ from taichi_sim.lattice.materials import Material, axial_stiffness_modulus, voxe
 # Largest eigenvalue of all links around a voxel, in stiffnesses of one link over its mass, for which the published step
 # 1 / (2 pi w) is stable at damping ratio 1; divided into 4. A block needs up to 15: hence the safety of 1.3 of robots.
 _QUARTER = (1 + 1 / (2 * math.pi)) ** 2 - 1
+HALF = 0.5  # edges: voxels that do not get smaller need no shorter time steps
 _TURNING = math.sqrt(6) / 2  # of 2 sqrt(I a1) h / I over 4 sqrt(a1 / m), with the inertia I = m h^2 / 6 of a voxel
 # Sum of the squared cosines to the vertical of the four voxels between which another one rests, as spheres do.
 _PIT = 4 * (1 - 0.5 / (2 * contact.SPHERE_RADIUS) ** 2)
@@ -62,7 +63,7 @@ def shrunk(size: float) -> float:
     Args:
         size: smallest rest size of voxels [edges].
     """
-    return max(0.5 / size, 1.0)
+    return max(HALF / size, 1.0)
 
 
 def floor_step(material: Material, edge: float) -> float:

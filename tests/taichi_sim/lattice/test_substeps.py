@@ -98,3 +98,18 @@ def test_a_feedback_is_refused_with_substeps():
             ValueError, match=r"^substeps: 2 is not allowed with a feedback; give 1 and a shorter time_"
         ):
             way(program(), feedback=feedback)
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("horizon", [None, 0.005])
+def test_derivatives_are_those_of_shorter_steps_with_a_horizon_too(horizon):
+    engines = made(4), LatticeEngine(BEAM, time_step=STEP / 4, gravity=9.8, floor=True)
+    found = []
+    for engine, parts in zip(engines, (1, 4), strict=True):
+        tape = engine.record(program(parts))
+        cotangent = np.zeros_like(tape.result.positions)
+        cotangent[:, -1, 3, 0] = 1.0
+        found.append(tape.pull_back(positions=cotangent, horizon=horizon))
+    assert found[0].positions.any()
+    for name in ("values", "positions", "orientations", "velocities"):
+        assert getattr(found[0], name).tobytes() == getattr(found[1], name).tobytes()
