@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from optim.commands import FAILED, Report, options
 from optim.commands.codesign_plan import SEARCH_BY_GRADIENTS, SEARCH_OPTIONS, Plan, check_said_once, named_kinds, plan
-from optim.commands.codesign_seeds import check_single, search_each
+from optim.commands.codesign_seeds import check_single, note_new, search_each
 from optim.commands.evaluation import WORKERS, opened_workers, settle_workers, with_options
 from optim.commands.far_ground import note_far_ground
 from optim.commands.options import QUIET, Command, flag, path_to
@@ -65,6 +65,7 @@ def run(args: argparse.Namespace) -> Report:
     check_said_once(args)  # a task may say the same again, and counts less
     take_task(args)
     settle_workers(args)
+    note_new(args)
     if args.seeds:
         return search_each(args, _run_one)
     check_single(args)

@@ -9,6 +9,7 @@ from typing import Any
 from optim.commands import Report
 from optim.commands.options import Option, checked, setting
 from optim.interrupts import STOPPED
+from optim.notes import note
 from optim.runs.config import folder_of_seed, folders_of_seeds, has_run
 
 MOST_SEEDS = 10_000
@@ -58,6 +59,15 @@ def check_single(args: argparse.Namespace) -> None:
     names = [path.name.removeprefix("seed-") for path in folders_of_seeds(args.out) if has_run(path)]
     if seeds := _spelled(sorted(int(name) for name in names if name.isascii() and name.isdigit())):
         raise ValueError(f"out: {args.out} holds runs of seeds; give --seeds {seeds} to go on with them")
+
+
+def note_new(args: argparse.Namespace) -> None:
+    """Say that a search begins anew where one was to be continued, since the folder's name may be mistyped.
+
+    It is no error: scripts on clusters give --resume always, as a kill may come before the folder exists.
+    """
+    if args.resume and not has_run(args.out) and not (args.seeds and run_of_any_seed(args.out)):
+        note(f"{args.out} holds no run to go on with; a new search begins there")
 
 
 def _spelled(seeds: list[int]) -> str:

@@ -82,7 +82,9 @@ def test_interrupted_runs_continue_exactly(morpholab, simulator, tmp_path, metho
 
 def test_resume_starts_a_run_that_is_not_there_yet(morpholab, tmp_path):
     assert morpholab(f"codesign --terrain flat --out a {SHORT}")[0] == 0
-    assert morpholab(f"codesign --terrain flat --out b --resume {SHORT}")[0] == 0
+    code, _, error = morpholab(f"codesign --terrain flat --out b --resume {SHORT}")
+    assert code == 0 and "note: b holds no run to go on with; a new search begins there" in error  # mistyped, perhaps
+    assert "new search" not in morpholab("codesign --resume --out b --generations 3")[2]
     assert products(tmp_path / "a") == products(tmp_path / "b")
 
 
