@@ -1,6 +1,7 @@
 """Simulate, differentiate and view a robot in one call: the functions behind ``import morpholab as ml``."""
 
 import html
+import warnings
 from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ import numpy as np
 from optim.interrupts import CTRL_C, EndedBySignals
 from optim.named import Designs, of_run, points_of, robot, run_in, world
 from optim.progress import Update, shown_progress
-from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World
+from robots.robot import KINDS, OK, Measure, Outcome, Replay, Robot, World, warn_of_doubts
 from taichi_sim.base.arrays import Floats, copied, fixed
 from taichi_sim.base.checks import nearest, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 MOST_ROWS = 12  # of a table in a notebook
 POSES = 100  # recorded of a single design, so that its picture costs no second run
 DOTS_PER_INCH = 110
+SMALL_CHANGE = 0.01  # of a parameter's range
+MANY_TIMES = 10.0  # a measure's size, by which such a change hardly changes it
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -249,21 +252,48 @@ def differentiate(
     where: "str | int | World | None" = None,
     *,
     measures: Sequence[str] | str | None = None,
+    gradient_horizon: float | None = None,
     **how: Unpack[ComputeOptions],
 ) -> Trials:
     """Simulate designs like :func:`simulate`, and compute exact derivatives of measures by the robot's parameters.
 
+    Exact derivatives of a long motion with many contacts may say nothing of changes of a useful size. A warning tells
+    where they are that large; ``morpholab gradient-check`` measures what they are worth.
+
     Args:
         source, designs, where, how: see :func:`simulate`.
         measures: names of the measures to differentiate; the robot's first one by default.
+        gradient_horizon: time [s] over which they see what a change of shape or speed does, of robots that can tell;
+            by default all the time, as exact derivatives do.
 
     Raises:
         ValueError: if robots of this kind have no gradients, or for a value that is not allowed.
     """
     tried, points, place, compute = _given(source, designs, where, how)
     with EndedBySignals(CTRL_C), shown_progress(f"gradient of {tried.name}", 1.0) as update:
-        outcome = tried.differentiate(points, place, measures=measures, compute=compute, progress=update)
+        outcome = tried.differentiate(
+            points, place, measures=measures, compute=compute, progress=update, gradient_horizon=gradient_horizon
+        )
+    _warn_of_chaos(tried, outcome)
     return Trials(tried, points, place, outcome, compute)
+
+
+def _warn_of_chaos(tried: Robot, outcome: Outcome) -> None:
+    """Warn of derivatives by which a small change of a parameter would change a measure by many times its size."""
+    ranges = np.array([parameter.high - parameter.low for parameter in tried.parameters])
+    for name, slopes in outcome.gradients.items():
+        size, steps = np.abs(outcome.measures[name]), np.abs(slopes) * ranges * SMALL_CHANGE
+        if not (usable := np.isfinite(size) & (size > 0)).any():
+            continue
+        times = np.median(steps[usable], axis=0) / size[usable].max()  # some designs of many lie beside a switch
+        if times.size and times.max() > MANY_TIMES:
+            of = tried.parameters[int(times.argmax())].name
+            warnings.warn(
+                f"{name}: by its derivative, {100 * SMALL_CHANGE:g} % of the range of {of} would change it by "
+                f"{times.max():.2g} times its size, so changes that are not tiny do something else; gradient-check "
+                "measures what derivatives are worth here (docs/gradients.md)",
+                stacklevel=3,
+            )
 
 
 def view(
@@ -297,6 +327,8 @@ def _given(
     source: str | PathLike[str] | Robot, designs: Designs, where: "str | int | World | None", how: ComputeOptions
 ) -> tuple[Robot, Floats, World, Compute]:
     """The robot, points, world and computation that a call asks for."""
+    if isinstance(source, Robot):  # others are looked at when they are made
+        warn_of_doubts(source)
     run = run_in(source)
     tried, place = (robot(source), None) if run is None else of_run(run, elsewhere=where is not None)
     for name in how:

@@ -16,6 +16,7 @@ from optim.runs.generation import Generation, record
 from optim.search import MethodName, build_method, check_objectives
 from optim.search.method import SearchResult, check_fit, next_request
 from optim.space import Space
+from robots.robot import Robot, warn_of_doubts
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.short_text import counted
@@ -98,6 +99,8 @@ def maximise(
         0.3
     """
     designed = _problem(problem, bounds)
+    if isinstance(robot := getattr(designed, "offered", None), Robot):
+        warn_of_doubts(robot)
     objectives = objectives_of(designed)
     generations = whole_number("generations", generations, 0)
     check_objectives(method, [objective.name for objective in objectives])

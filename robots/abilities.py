@@ -108,6 +108,10 @@ class Abilities:
         """Reason why gradients or differences at a point, shape (P,), may mislead; empty if none is known."""
         return ""
 
+    def doubts(self) -> tuple[str, ...]:
+        """Settings that are allowed but likely mistakes, one line each that names the field."""
+        return ()
+
     def save_picture(self, world: World, path: Path) -> None:
         """Write a picture special to this kind, if ``pictured``, of a robot without free variables (PNG, SVG or PDF).
 

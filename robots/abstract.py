@@ -187,11 +187,15 @@ class Robot(Abilities, ShortText):
         compute: Compute = HERE,
         progress: Progress | None = None,
         sharpness: float = math.inf,
+        gradient_horizon: float | None = None,
     ) -> Outcome:
         """Simulate N designs in a world, with derivatives of measures (by default the first one) by the parameters.
 
+        ``sharpness`` and ``gradient_horizon`` are those of :class:`Trial`.
+
         Raises:
-            ValueError: if the robot has no gradients, and for measures that are unknown or have none.
+            ValueError: if the robot has no gradients or these no horizon, and for measures that are unknown or have no
+                derivatives.
         """
         if not self.differentiable:
             told = "choose a method that needs none" if self.parameters else "nothing of it is free"
@@ -201,7 +205,10 @@ class Robot(Abilities, ShortText):
         known = [measure.name for measure in self.measures_in([world])]
         if unknown := [name for name in names if name not in known]:
             raise ValueError(f"measures: {unknown[0]!r} is unknown; there are {', '.join(known)}")
-        outcome = self._tried(self.points(points), Trial(world, compute, None, progress, names, sharpness))
+        if gradient_horizon is not None:
+            KINDS.of(self).check_gradient_horizon(gradient_horizon)
+        trial = Trial(world, compute, None, progress, names, sharpness, gradient_horizon)
+        outcome = self._tried(self.points(points), trial)
         if without := [name for name in names if name not in outcome.gradients]:
             raise ValueError(f"measures: {without[0]} has no derivatives; there are {', '.join(outcome.gradients)}")
         return dataclasses.replace(outcome, gradients={name: outcome.gradients[name] for name in names})

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from robots.outcome import World
+from taichi_sim.base.checks import positive
 from taichi_sim.base.options import Option, spelled
 from taichi_sim.base.registry import Registry
 
@@ -81,6 +82,12 @@ class RobotKind(ABC):
         Raises:
             ValueError: for a source or an option that is not allowed.
         """
+
+    def check_gradient_horizon(self, horizon: float) -> None:
+        """Refuse a time [s] over which gradients see what happens, unless those of this kind can have one."""
+        positive("gradient_horizon", horizon)
+        if not self.fading_gradients:
+            raise ValueError(f"gradient_horizon: {self.title} has none; leave it out")
 
     def recognises(self, path: Path, form: str | None) -> bool:
         """Whether a file holds a robot of this kind; ``form`` is the format that a JSON file names, None otherwise."""

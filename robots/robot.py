@@ -5,6 +5,7 @@ worlds in which it is tried; a trial gives an :class:`Outcome`: measures, by whi
 """
 
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -133,7 +134,14 @@ def make_robot(kind: RobotKind, source: str | None, options: Mapping[str, Any]) 
         raise ValueError(f"{built} returns a value of type {type(robot).__name__}; return a Robot")
     if not getattr(robot, "measures", ()):
         raise ValueError(f"{built} returns a robot without measures; name one at least, by which it is judged")
+    warn_of_doubts(robot)
     return robot
+
+
+def warn_of_doubts(robot: Robot) -> None:
+    """Warn of what is allowed but likely a mistake, when a user gives a robot; copies of it are not looked at again."""
+    for doubt in robot.doubts():
+        warnings.warn(doubt, stacklevel=3)
 
 
 def robot_to_try(kind: RobotKind, source: str | None, values: Mapping[str, Any]) -> tuple[Robot, tuple[World, ...]]:

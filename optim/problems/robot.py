@@ -32,7 +32,6 @@ from optim.space import Space
 from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World
 from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.checks import positive
 from taichi_sim.base.parsing import parse_json
 
 OVER = {"mean": ", the mean over the worlds", "each": " in each world", "worst": " in the worst world"}  # in reports
@@ -349,9 +348,7 @@ class RobotProblem(JudgedRobot):
         object.__setattr__(self, "uncertain", checked_uncertain(self.uncertain, self.risk, self.draws))
         check_drawn(self.robot, self.worlds, self.uncertain, self.draws)
         if self.gradient_horizon is not None:
-            positive("gradient_horizon", self.gradient_horizon)
-            if not (kind := KINDS.of(self.robot)).fading_gradients:
-                raise ValueError(f"gradient_horizon: {kind.title} has none; leave it out")
+            KINDS.of(self.robot).check_gradient_horizon(self.gradient_horizon)
         _ = self.space, self.compute, self.objective_names
         if self.measure and isinstance(self._objective, Goals) and self._objective.names_all:
             raise ValueError(f"measure: {self.measure!r} is not used; each objective names its own, so leave it out")

@@ -33,7 +33,11 @@ def fault_of(robot: "LatticeRobot", point: ArrayLike) -> str:
 
 
 def settles_at_rest(robot: "LatticeRobot", points: Floats) -> Bools:
-    """At which points, shape (N, P), nothing moves while the robot settles, because waves begin at rest."""
+    """At which points, shape (N, P), nothing moves while the robot settles, because waves begin at rest.
+
+    Waves of phase 0 or 0.5 do. Such a robot settles to a tie: which voxel slips first is decided by rounding, and the
+    derivatives of its settling grow without bound.
+    """
     tied, moved = np.full(len(points), robot.settling > 0), np.zeros(len(points), bool)
     for drive, nodes in zip(robot.drives, robot.nodes(points), strict=True):
         if drive.quantity != "friction":

@@ -1,7 +1,6 @@
 """A lattice robot of meshes: one for the body, and others that mark its materials and muscles."""
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 
 MILLIMETRE = 1e-3  # unit of files of meshes, unless told otherwise [m]
 METRE = 1.0  # the other unit that files are in
-SMALLEST, LARGEST = 1e-3, 10.0  # robots whose longest side is beyond these are likely of another unit [m]
 SLIDING = 0.8  # kinetic friction, part of the static one
 AMPLITUDE = Free(0.0, 0.2)  # of muscles, unless told otherwise
 _MATERIAL, _WAVE = ("modulus", "density", "friction"), ("amplitude", "phase")
@@ -96,8 +94,7 @@ def robot_of_mesh(
 ) -> "LatticeRobot":
     """Make a lattice robot whose body fills a mesh with voxels; exported surfaces and moulds lie where the mesh does.
 
-    Where regions overlap, the last one counts, of materials and of muscles apart. A warning tells of a body below 1 mm
-    or above 10 m, whose file is likely in another unit.
+    Where regions overlap, the last one counts, of materials and of muscles apart.
 
     Args:
         path: a file of a mesh that trimesh reads.
@@ -125,7 +122,6 @@ def robot_of_mesh(
         name="body",
     )
     found = voxelise(path, pitch, scale=scale)
-    _note_size(path, max(found.filled.shape) * found.pitch, scale)
     materials, kinds, labels = _marks(regions, found, scale, base)
     rest = int((labels[found.filled] == 0).any())  # voxels of no muscle are region 0
     muscles = [region for region in regions if region.is_muscle]
@@ -167,16 +163,6 @@ def _marks(
         if not (labels == label).any():
             raise ValueError(f"region: later regions mark all voxels of {region.name}; leave it out, or give it last")
     return materials, kinds, labels
-
-
-def _note_size(path: str | PathLike[str], longest: float, scale: float) -> None:
-    """Warn of a robot so small, or so large, that its mesh is likely in metres, or in millimetres, instead."""
-    if SMALLEST <= longest <= LARGEST:
-        return
-    unit, usual = ("metres", METRE) if longest < SMALLEST else ("millimetres", MILLIMETRE)
-    size = f"{1e3 * longest:.3g} mm" if longest < SMALLEST else f"{longest:.4g} m"
-    hint = "check the file" if scale == usual else f"if the file is in {unit}, give {usual:g}"
-    warnings.warn(f"scale: with {scale:g}, the robot of {path} is {size} long; {hint}", stacklevel=3)
 
 
 def _marked(region: MarkedRegion, body: "VoxelisedMesh", scale: float) -> Any:

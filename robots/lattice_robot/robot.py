@@ -14,8 +14,9 @@ from robots.control.cyclic import LEAST_FREQUENCY, MOST_FREQUENCY, Cycle
 from robots.lattice_robot import reach
 from robots.lattice_robot.description import description_of
 from robots.lattice_robot.design_space import DesignSpace
+from robots.lattice_robot.doubts import doubts_of
 from robots.lattice_robot.drive import Drive, Free, check_drives
-from robots.lattice_robot.faults import caution_of, fault_of, settles_at_rest
+from robots.lattice_robot.faults import caution_of, fault_of
 from robots.lattice_robot.formats import ROBOT_FORMAT
 from robots.lattice_robot.ground import material_friction
 from robots.lattice_robot.measures import OF_PROPS, checked_target, measures_among, measures_of
@@ -30,7 +31,7 @@ from robots.own_measures import OwnMeasure, checked_own_measures
 from robots.robot import Facts, Measure, Outcome, Parameter, Trial, World
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
-from taichi_sim.base.arrays import Bools, Floats, Ints
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, numbers, positive, whole_number
 from taichi_sim.base.compute import Compute
 from taichi_sim.base.files import write_record
@@ -312,17 +313,13 @@ class LatticeRobot(OutOfTheLab):
         each = zip(self.drives, self._space.shares(points), strict=True)
         return [drive.nodes(share, self.rest_of(drive), later) for drive, share in each]
 
-    def settles_at_rest(self, points: Floats) -> Bools:
-        """Mask of the points, shape (N, P), at which nothing moves while the robot settles, as waves begin at rest.
-
-        Waves of phase 0 or 0.5 do. Such a robot settles to a tie: which voxel slips first is decided by rounding, and
-        the derivatives of its settling grow without bound.
-        """
-        return settles_at_rest(self, points)
-
     def caution(self, point: ArrayLike) -> str:
         """Warn if finite differences mislead at a point, shape (P,), as nothing moves while it settles; else empty."""
         return caution_of(self, point)
+
+    def doubts(self) -> tuple[str, ...]:
+        """Settings that are allowed but likely mistakes, such as phases in degrees, a line each."""
+        return doubts_of(self)
 
     def fault(self, point: ArrayLike) -> str:
         """Explain why a point, shape (P,), is not a valid robot; empty if it is one."""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from robots.batches import in_groups, of_each, runs_of
 from robots.control.cyclic import SEGMENTS
 from robots.frames import Frames
+from robots.lattice_robot.faults import settles_at_rest
 from robots.lattice_robot.reflexes import Feeling
 from robots.lattice_robot.rollout import Channels, Moved, Rollout
 from robots.lattice_robot.scenes import Scenes, sharing
@@ -122,7 +123,7 @@ def differentiate(
 ) -> LatticeRobotResult:
     """Simulate a robot at many points, with derivatives of the distances by its free parameters.
 
-    Where nothing moves while the robot settles, see ``LatticeRobot.settles_at_rest``, derivatives are those of waves
+    Where nothing moves while the robot settles, see ``faults.settles_at_rest``, derivatives are those of waves
     that are ``BESIDE`` of a cycle later.
 
     Args:
@@ -188,7 +189,7 @@ def _try_scenes(scenes: Scenes, points: Floats, trial: Trial, memory: float) -> 
 
 def _try_group(scenes: Scenes, points: Floats, trial: Trial, memory: float) -> LatticeRobotResult:
     """What robots do at points that all are robots; gradients at points that settle to a tie come from beside it."""
-    tied = of_each(scenes.robots, lambda robot, own: robot.settles_at_rest(own), points)
+    tied = of_each(scenes.robots, settles_at_rest, points)
     if not trial.gradients or not tied.any():
         return _moved(scenes, points, trial, memory)
     told = trial.progress or (lambda _: None)

@@ -1,11 +1,13 @@
 """Gradients with a horizon: where they lead, what a problem says of them, and robots that have none."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
 
 from optim import maximise
+from optim.lab import differentiate
 from optim.problem import Request, judge
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotProblem
@@ -33,6 +35,21 @@ def test_what_grows_without_bound_is_bounded_by_a_horizon():
     short = [length(problem(0.03, cycles)) for cycles in (1, 5)]
     assert exact[1] > 100 * exact[0]
     assert short[1] / short[0] < exact[1] / exact[0] / 100 and short[1] < exact[1] / 100
+
+
+@pytest.mark.kernels
+def test_a_call_that_differentiates_tells_of_chaos_and_takes_a_horizon():
+    given = problem(cycles=5)
+    point, where = given.space.sample(np.random.default_rng(0), 1), given.worlds[0]
+    with pytest.warns(UserWarning, match=r"^speed: by its derivative, 1 % of the range of .* gradient-check measures"):
+        exact = differentiate(given.robot, point, where, measures="speed", threads=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it may still be large
+        short = differentiate(given.robot, point, where, measures="speed", gradient_horizon=1e-3, threads=1)
+    sizes = [np.abs(found.outcome.gradients["speed"]).max() for found in (exact, short)]
+    assert sizes[1] < sizes[0] / 100 and exact["speed"] == short["speed"]
+    with pytest.raises(ValueError, match=r"^gradient_horizon: Braitenberg vehicle has none; leave it out$"):
+        differentiate("vehicle", gradient_horizon=0.1)
 
 
 @pytest.mark.kernels

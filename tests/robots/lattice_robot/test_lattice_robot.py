@@ -17,6 +17,7 @@ from robots.lattice_robot import (
     save_robot,
     simulate,
 )
+from robots.lattice_robot.faults import settles_at_rest
 from robots.lattice_robot.motion import lattice_robot_motion
 from robots.lattice_robot.presets import soft_quadruped
 from robots.lattice_robot.record import robot_of_record
@@ -99,7 +100,7 @@ def test_gradients_of_robots_that_settle_at_rest_are_those_just_beside(precision
     drive = Drive("legs", (0, 1), amplitude=Free(0, 0.3, 0.15), phase=(Free(-1, 1, 0.0), Free(-1, 1, 0.5)))
     robot = LatticeRobot(body, (drive,), cycles=1, settling=0.1)
     point, moves = robot.start, np.array([[0, 0, 0], [0, 1e-3, 0], [0, 0, 0.5], [0, 1e-4, 1e-4]])
-    assert robot.settles_at_rest(point + moves).tolist() == [True, False, True, False]
+    assert settles_at_rest(robot, point + moves).tolist() == [True, False, True, False]
     assert "phases: all are 0 or 0.5 (legs_phase_1, legs_phase_2)" in robot.caution(point)
     assert not robot.caution(point + moves[1])
     assert not dataclasses.replace(robot, settling=0.0).caution(point)

@@ -277,25 +277,23 @@ def test_region_meshes_mark_muscles_and_materials(meshes):
 @pytest.mark.parametrize(
     ("side", "settings", "told"),
     [
-        (0.04, {}, "is 0.04 mm long; if the file is in metres, give 1"),
-        (40.0, {"scale": 1.0}, "is 40 m long; if the file is in millimetres, give 0.001"),
-        (0.0004, {"scale": 1.0}, "is 0.4 mm long; check the file"),
+        (0.04, {}, "is 0.04 mm long"),
+        (40.0, {"scale": 1.0}, "is 40 m long"),
+        (0.0004, {"scale": 1.0}, "is 0.4 mm long"),
     ],
 )
 def test_robots_whose_mesh_is_likely_of_another_unit_are_told_of(tmp_path, side, settings, told):
     trimesh.creation.box((side, side / 2, side / 2)).export(tmp_path / "box.stl")
     region = [MarkedRegion("all", tmp_path / "box.stl", phase=0.0)]
-    with pytest.warns(UserWarning, match="^scale: with ") as noted:
-        robot_of_mesh(tmp_path / "box.stl", side / 4, region, **settings)
-    (note,) = noted
-    assert str(note.message) == f"scale: with {settings.get('scale', 1e-3):g}, the robot of {tmp_path}/box.stl {told}"
+    (doubt,) = robot_of_mesh(tmp_path / "box.stl", side / 4, region, **settings).doubts()
+    assert doubt.startswith(f"voxel_size: box {told}; lengths are metres (scale 0.001 is of meshes in millimetres)")
 
 
 @pytest.mark.parametrize(("side", "scale"), [(4.0, 1e-3), (40.0, 1e-3), (9.0, 1.0), (0.04, 1.0)])
 def test_robots_of_usual_sizes_are_not_noted(tmp_path, side, scale):
     trimesh.creation.box((side, side / 2, side / 2)).export(tmp_path / "box.stl")
     made = robot_of_mesh(tmp_path / "box.stl", side / 4, [MarkedRegion("all", tmp_path / "box.stl")], scale=scale)
-    assert made.length == pytest.approx(side * scale)  # and warnings are errors in tests
+    assert made.length == pytest.approx(side * scale) and made.doubts() == ()
 
 
 def bounds(path):

@@ -1,0 +1,57 @@
+"""What of a lattice robot is allowed, but likely a mistake: lengths in other units, phases in degrees, loose parts."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from robots.lattice_robot.drive import Free
+
+if TYPE_CHECKING:
+    from robots.lattice_robot.robot import LatticeRobot
+
+SMALLEST, LARGEST = 1e-3, 10.0  # longest side of robots [m]
+SOFTEST, STIFFEST = 100.0, 1e12  # Young's moduli [Pa]; jelly has some 1000, diamond 1e12
+LEAST_SCALE, MOST_SCALE = 0.7, 1.4  # rest sizes of materials [edges], whose voxels all start with an edge of 1
+MANY_CYCLES = 10.0  # phases grow along a body that waves travel through, but hardly to this
+
+
+def doubts_of(robot: "LatticeRobot") -> tuple[str, ...]:
+    """Likely mistakes of a robot, one line each that names the field and its unit."""
+    return (*_of_size(robot), *_of_parts(robot), *_of_materials(robot), *_of_phases(robot))
+
+
+def _of_size(robot: "LatticeRobot") -> Iterator[str]:
+    if robot.placed is not None:  # props are as large as a course is
+        return
+    longest = float((np.ptp(robot.body.voxels, axis=0) + 1).max()) * robot.body.voxel_size
+    if not SMALLEST <= longest <= LARGEST:
+        size = f"{1e3 * longest:.3g} mm" if longest < SMALLEST else f"{longest:.4g} m"
+        yield f"voxel_size: {robot.name} is {size} long; lengths are metres (scale 0.001 is of meshes in millimetres)"
+
+
+def _of_parts(robot: "LatticeRobot") -> Iterator[str]:
+    count = int(robot.body.topology.parts.max(initial=0)) + 1
+    if count > 1 and robot.placed is None:
+        yield f"body: {robot.name} is {count} parts that no links join; voxels are joined where they share a face"
+
+
+def _of_materials(robot: "LatticeRobot") -> Iterator[str]:
+    for number, material in enumerate(robot.body.materials):
+        name = material.name or f"material {number}"
+        if not SOFTEST <= material.youngs_modulus <= STIFFEST:
+            yield f"youngs_modulus: {name} has {material.youngs_modulus:g} Pa; it is in pascals, rubber has some 1e6"
+        if not all(LEAST_SCALE <= each <= MOST_SCALE for each in material.scale):
+            sizes = ", ".join(f"{each:g}" for each in material.scale)
+            yield f"scale: {name} has {sizes}, but voxels start with an edge of 1: they spring to their size at once"
+        if material.kinetic_friction > material.static_friction:
+            pair = f"{material.kinetic_friction:g} of {name} is above its static friction, {material.static_friction:g}"
+            yield f"kinetic_friction: {pair}; what slides is then held more than what rests"
+
+
+def _of_phases(robot: "LatticeRobot") -> Iterator[str]:
+    for drive in robot.drives:
+        given = drive.phase if isinstance(drive.phase, tuple) else (drive.phase,)
+        sizes = [max(abs(v.low), abs(v.high)) if isinstance(v, Free) else abs(v) for v in given]
+        if max(sizes) >= MANY_CYCLES:
+            yield f"phase: {max(sizes):g} of {drive.name} is likely in degrees; phases are in cycles, 90 is 0.25"

@@ -1,0 +1,70 @@
+"""What is allowed but likely a mistake is told once, when a user gives a robot."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import morpholab as ml
+from robots.lattice_robot import Drive, Free, LatticeRobot
+from robots.lattice_robot.presets import soft_quadruped
+from taichi_sim.lattice import Material, body_from_array
+
+RUBBER = Material(1e6, 1000.0, static_friction=0.8, kinetic_friction=0.5, name="rubber")
+
+
+def robot_of(cells=(2, 1, 1), material=RUBBER, voxel_size=0.01, phase=0.0):
+    body = body_from_array(np.ones(cells, int) if isinstance(cells, tuple) else cells, [material], voxel_size)
+    return LatticeRobot(body, (Drive("legs", (0,), amplitude=0.1, phase=phase),), cycles=1, name="worm")
+
+
+@pytest.mark.parametrize(
+    ("robot", "told"),
+    [
+        (robot_of(voxel_size=10.0), "voxel_size: worm is 20 m long; lengths are metres"),
+        (robot_of(voxel_size=1e-4), "voxel_size: worm is 0.2 mm long; lengths are metres"),
+        (
+            robot_of(np.array([[[1]], [[0]], [[1]]])),
+            "body: worm is 2 parts that no links join; voxels are joined where",
+        ),
+        (robot_of(material=Material(0.1, 1000.0)), "youngs_modulus: material 0 has 0.1 Pa; it is in pascals"),
+        (
+            robot_of(material=dataclasses.replace(RUBBER, scale=(2.0, 1.0, 1.0))),
+            "scale: rubber has 2, 1, 1, but voxels start with an edge of 1: they spring to their size at once",
+        ),
+        (
+            robot_of(material=dataclasses.replace(RUBBER, kinetic_friction=0.9)),
+            "kinetic_friction: 0.9 of rubber is above its static friction, 0.8; what slides is then held more",
+        ),
+        (robot_of(phase=90.0), "phase: 90 of legs is likely in degrees; phases are in cycles, 90 is 0.25"),
+        (robot_of(phase=Free(0.0, 360.0)), "phase: 360 of legs is likely in degrees; phases are in cycles"),
+    ],
+)
+def test_likely_mistakes_are_named_with_their_unit(robot, told):
+    (doubt,) = robot.doubts()
+    assert doubt.startswith(told)
+    with (
+        pytest.warns(UserWarning, match=told.replace("(", ".")),
+        pytest.raises(ValueError, match=r"^nothing: is unknown"),
+    ):
+        ml.simulate(robot, nothing=0)  # robots are looked at before anything is simulated
+
+
+def test_a_search_in_one_call_looks_at_its_robot():
+    with pytest.warns(UserWarning, match=r"^phase: 360 of legs"), pytest.raises(ValueError, match=r"^method"):
+        ml.maximise(ml.RobotProblem(robot_of(phase=Free(0.0, 360.0))), "nothing", generations=1)
+
+
+@pytest.mark.kernels
+def test_commands_note_the_doubts_of_a_file(morpholab, tmp_path):
+    (tmp_path / "worm.py").write_text(
+        "import numpy as np\nimport morpholab as ml\n"
+        "body = ml.body_from_array(np.array([[[1]], [[0]], [[1]]]), [ml.Material(1e6, 1e3)], 0.01)\n"
+        "robot = ml.LatticeRobot(body, (ml.Drive('legs', (0,), amplitude=0.1),), cycles=1, settling=0)\n"
+    )
+    code, _, error = morpholab("simulate --robot worm.py")
+    assert code == 0 and error.count("note: body: robot is 2 parts that no links join") == 1
+
+
+def test_usual_robots_raise_no_doubts():
+    assert soft_quadruped().doubts() == () == robot_of(phase=2.5).doubts()
