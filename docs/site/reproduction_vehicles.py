@@ -97,7 +97,7 @@ def placement() -> list[Row]:
     one = int((sweep.resistance == 1).sum())
     bodies = f"{len(sweep.designs)} bodies"
     text = (
-        "at 500 s in all; at 10,000 s, which the text states, 2504 ([settings](vehicle.md#the-settings-of-the-texts))"
+        "at 500 s in all; at 10,000 s, which the text states, 2504 ([settings](vehicle-measured.md#the-settings-of-the-texts))"
     )
     return [
         Row("controllers of the canonical body that solve all", "57", str(every), differs=text, **fixed),
@@ -113,7 +113,7 @@ def placement() -> list[Row]:
             "2255",
             str(_solving(sweep, 241)[0]),
             differs="steps of 0.1 s jump over the light: 2245 with 0.0005 s, "
-            "[see the settings](vehicle.md#the-settings-of-the-texts)",
+            "[see the settings](vehicle-measured.md#the-settings-of-the-texts)",
             **fixed,
         ),
         Row(
@@ -190,7 +190,7 @@ def metrics() -> list[Row]:
     order, bodies = "morpholab sweep --designs all", f"{len(sweep.designs)} bodies"
     fixed = {"share": "100 %", "command": order, "seeds": "none: a grid"}
     both = correlation_of_metrics(sweep)
-    texts = "the text is of other settings ([which](vehicle.md#the-settings-of-the-texts)): there it is"
+    texts = "the text is of other settings ([which](vehicle-measured.md#the-settings-of-the-texts)): there it is"
     wide = read_sweep_table(data().path("vehicle-sweep-radius-0.2.csv"))
     rows = [
         Row(
