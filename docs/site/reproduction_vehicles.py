@@ -47,7 +47,7 @@ def interference() -> list[Row]:
     others = [row for row in means["two"] if row["measure"] != "M1"]
     inside = sum(row["low"] <= row["published"] <= row["high"] for row in others)
     what, here = "M2, M3, M4, two lights: published means in our intervals", f"{inside} of {len(others)}"
-    differs = "five runs make wide intervals; [which lie outside](quadrupeds.md#two-environments)"
+    differs = "five runs make wide intervals; [which lie outside](quadrupeds-measured.md#two-environments)"
     rows.append(Row(what, "27 means", here, f"{runs['two']} runs", share["two"], order, "0 to 4", differs))
     names: dict[str, Kind] = dict.fromkeys(("definition", "measure", "first", "second"), str)
     tests = data("interference", "two").records("tests.csv", names)
