@@ -92,14 +92,20 @@ def test_robots_with_moduli_of_their_own_leave_others_to_the_bit():
     assert alone == beside == simulate([built, design_of(2, TINY)], HILL, **options).distance[0]
 
 
-@pytest.mark.parametrize("part", ["pressure", "orientation", "levels", "core_pressure", "pace", "friction", "size"])
-def test_the_last_cycle_is_differentiated_from_the_state_in_which_it_begins(part):
+@pytest.mark.parametrize(
+    ("part", "terrain"),
+    [
+        *((part, HILL) for part in ("pressure", "orientation", "levels", "core_pressure", "pace", "friction", "size")),
+        *((part, Terrain.water()) for part in ("pressure", "pace", "size")),  # where each step is computed in several
+    ],
+)
+def test_the_last_cycle_is_differentiated_from_the_state_in_which_it_begins(part, terrain):
     design, window = design_of(3, repeats=3), Counting(window=1)
     if part == "pressure":
         design = dataclasses.replace(design, schedule=dataclasses.replace(design.schedule, core_pressure=None))
-    found = differentiate(design, HILL, geometry=GRIPPING, actuation=STEADY, counting=window)
-    assert found.result.distance == simulate(design, HILL, geometry=GRIPPING, actuation=STEADY).distance
-    engine, state, start = engine_of(GRIPPING, [HILL], STEADY, Compute(), [design]), None, None
+    found = differentiate(design, terrain, geometry=GRIPPING, actuation=STEADY, counting=window)
+    assert found.result.distance == simulate(design, terrain, geometry=GRIPPING, actuation=STEADY).distance
+    engine, state, start = engine_of(GRIPPING, [terrain], STEADY, Compute(), [design]), None, None
     unit = {"pressure": 1e4, "orientation": 1e3, "levels": 1.0, **UNITS}[part]
     direction = unit * np.random.default_rng(0).normal(size=getattr(found, part).shape[1:])
 
@@ -112,7 +118,7 @@ def test_the_last_cycle_is_differentiated_from_the_state_in_which_it_begins(part
             changed = dataclasses.replace(design, **{part: getattr(design, part) + step * float(direction)})
         else:
             changed = moved(design, part, step * direction)
-        program = build_program([changed], HILL, STEADY, None, GRIPPING, window)
+        program = build_program([changed], terrain, STEADY, None, GRIPPING, window)
         before, rest = program.split(program.snapshots[:, -1])
         if state is None:
             engine.run(before)
