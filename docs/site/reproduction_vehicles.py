@@ -96,7 +96,8 @@ def placement() -> list[Row]:
     designs = " and ".join(map(str, sweep.designs[sweep.learnability == best]))
     one = int((sweep.resistance == 1).sum())
     bodies = f"{len(sweep.designs)} bodies"
-    text = "at 500 s in all; at 10,000 s, which the text states, 2504 ([settings](vehicle-measured.md#the-settings-of-the-texts))"
+    settings = "[settings](vehicle-measured.md#the-settings-of-the-texts)"
+    text = f"at 500 s in all; at 10,000 s, which the text states, 2504 ({settings})"
     return [
         Row("controllers of the canonical body that solve all", "57", str(every), differs=text, **fixed),
         Row(
