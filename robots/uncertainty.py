@@ -65,21 +65,22 @@ class Perturbation:
         rubbed: dict[str, Any] = {name: value * self.gripping for name, value in own.items() if value is not None}
         return dataclasses.replace(terrain, slope=self.tilted(terrain), **rubbed)
 
-    def on(self, terrain: Terrain, high: float, low: float) -> Terrain:
+    def on(self, terrain: Terrain, own: Any) -> Terrain:
         """The terrain of this draw for robots with feet that grip or slide; a fluid is returned unchanged.
 
-        ``high`` and ``low`` are the friction coefficients of gripping and sliding feet, used if the terrain has none.
+        ``own`` has the robot's friction by the names of a terrain's, which counts where the terrain has none.
         """
         if terrain.is_fluid:
             return terrain
-        high = (high if terrain.high_friction is None else terrain.high_friction) * self.gripping
-        low = low if terrain.low_friction is None else terrain.low_friction
+        high = (own.high_friction if terrain.high_friction is None else terrain.high_friction) * self.gripping
+        low = own.low_friction if terrain.low_friction is None else terrain.low_friction
+        parts = {**friction_of_parts(own, self.gripping), **friction_of_parts(terrain, self.gripping)}
         return dataclasses.replace(
             terrain,
             slope=self.tilted(terrain),
             high_friction=high,
             low_friction=min(low * self.sliding, high),  # sliding feet never have more friction than gripping ones
-            **friction_of_parts(terrain, self.gripping),
+            **parts,
         )
 
 

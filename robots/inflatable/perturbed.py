@@ -1,4 +1,4 @@
-"""Inflatable robots whose bladders do not do exactly what they are told: they inflate less or more, slower or faster.
+"""Inflatable robots whose bladders inflate less or more, slower or faster than told, and whose feet rub otherwise.
 
 What is drawn of that, see ``robots.uncertainty``, is put into designs and actuations.
 """
@@ -9,17 +9,24 @@ import numpy as np
 
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.rubbing import Rubbing
 from robots.inflatable.schedule import BLADDERS, LONGEST_COLUMN
 from robots.uncertainty import Perturbation
 from taichi_sim.base.arrays import Floats
 
 
-def perturbed_design(design: InflatableDesign, drawn: Perturbation) -> InflatableDesign:
-    """The design with the levels of its bladders, and the times that it has of its own, multiplied as drawn.
+def rubbing_of(drawn: Perturbation, least: float = 0.0) -> Rubbing:
+    """How feet with friction of their own rub as drawn; ``least`` is the smallest friction of sliding ones before."""
+    return Rubbing(drawn.gripping, drawn.sliding, least)
+
+
+def perturbed_design(design: InflatableDesign, drawn: Perturbation, least: float = 0.0) -> InflatableDesign:
+    """The design with the levels of its bladders, its feet's friction and its own times multiplied as drawn.
 
     Bladders fill at most. Where levels are drawn, columns in which no bladder moves are not skipped: other levels would
-    move some.
+    move some. ``least`` is the smallest friction of sliding feet before the draw.
     """
+    design = rubbing_of(drawn, least).of(design)
     schedule = design.schedule
     if drawn.levels:
         inflation = np.minimum(schedule.inflation * np.reshape(drawn.levels, (-1, 1)), 1.0)

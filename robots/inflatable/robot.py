@@ -155,7 +155,7 @@ class InflatableRobot(Robot):
 
     def drawn_terrain(self, terrain: Terrain, drawn: "Perturbation") -> Terrain:
         """The terrain of a draw, with the friction of this robot's feet where it gives none."""
-        return drawn.on(terrain, self.parts[1].high_friction, self.parts[1].low_friction)
+        return drawn.on(terrain, self.parts[1])
 
     def run_in(
         self, points: Floats, worlds: Sequence[World], trial: Trial, variants: "Sequence[InflatableRobot]" = ()

@@ -20,6 +20,7 @@ from robots.inflatable import simulation
 from robots.inflatable.actuation import ACTUATION, PUBLISHED_COLUMNS, PUBLISHED_STEPS, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.rubbing import Rubbing
 from robots.inflatable.scrutiny import Scrutiny, scrutinise
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.slip import slip_under_load
@@ -34,6 +35,7 @@ from taichi_sim.base.short_text import decimal
 RUNS = 8
 NOISE = 1e-8  # standard deviation of the start positions [m]
 HARD_FRICTION = 0.2  # coefficient of sliding feet
+_RUBBING = Rubbing(least=HARD_FRICTION)  # of feet with friction of their own
 USUAL_SHARE = 0.3  # approximate share of the usual and harder runs in the time of a closer look: 16 of 52 runs
 RECORD_EVERY = 200  # time steps; a thousandth of a gait
 # Limits between walking and sliding; inching and rolling, each on its own terrain, keep to them.
@@ -223,7 +225,7 @@ def judge_gait(
         gait_steps(design.schedule, actuation),
         given.terrain.is_level,
         nominal_steps(PUBLISHED_COLUMNS, actuation),
-        actuation.on(harder(given.terrain, actuation)[0]).low_friction,
+        _hardened(given).friction[0],
         scrutiny,
     )
 
@@ -251,6 +253,12 @@ def harder(terrain: Terrain, actuation: InflatableActuation = ACTUATION) -> tupl
             f"sliding feet have {friction:g}"
         )
     return hard, replace(actuation, weight="physical")
+
+
+def _hardened(given: Conditions) -> Conditions:
+    """The harder conditions of a gait, of whose feet with friction of their own, too, sliding ones rub."""
+    terrain, actuation = harder(given.terrain, given.actuation)
+    return replace(given, design=_RUBBING.of(given.design), terrain=terrain, actuation=actuation)
 
 
 def play_with_noise(
@@ -297,13 +305,15 @@ def _both_ways(
 ) -> tuple[InflatableResult, InflatableResult]:
     """Results of designs with noise, under the usual and the harder conditions; only the former record frames."""
     report, found = progress or (lambda fraction: None), []
-    for number, (ground, drive) in enumerate(((terrain, actuation), harder(terrain, actuation))):
+    hard = [_RUBBING.of(design) for design in designs]
+    ways = ((designs, terrain, actuation), (hard, *harder(terrain, actuation)))
+    for number, (played, ground, drive) in enumerate(ways):
 
         def part(fraction: float, number: int = number) -> None:
             report((number + fraction) / 2)
 
         result = simulation.simulate(
-            designs,
+            played,
             ground,
             geometry=geometry,
             actuation=drive,

@@ -12,9 +12,9 @@ import numpy as np
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.body import InflatableGeometry
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.materials import MOST_FRICTION
+from robots.inflatable.rubbing import Rubbing
 from robots.inflatable.schedule import LONGEST_COLUMN
-from robots.world import FLOORS, Terrain
+from robots.world import FLOORS, Terrain, friction_of_parts
 
 HALF_STEP = "half the time step"
 WEIGHT = "bladders that keep their weight"
@@ -39,9 +39,12 @@ class Conditions:
 
     @property
     def friction(self) -> tuple[float, float]:
-        """Friction coefficients of sliding and of gripping feet."""
-        own = self.actuation.on(self.terrain)
-        return own.low_friction, own.high_friction
+        """Friction coefficients of sliding and of gripping feet; means of the two, where they have their own."""
+        made, own = self.design.materials, self.actuation.on(self.terrain)
+        if made is None or made.friction is None:
+            return own.low_friction, own.high_friction
+        grip, slide = np.mean(made.friction, axis=1).tolist()
+        return slide, grip
 
 
 def with_weight(conditions: Conditions) -> Conditions:
@@ -50,31 +53,23 @@ def with_weight(conditions: Conditions) -> Conditions:
 
 
 def on_floor(conditions: Conditions, floor: str) -> Conditions:
-    """The conditions on a floor on which friction was measured."""
+    """The conditions on a floor on which friction was measured, which feet have instead of their own."""
     low, high = FLOORS[floor]
-    terrain = replace(conditions.terrain, low_friction=low, high_friction=high)
-    return replace(conditions, design=_with_feet(conditions.design, None), terrain=terrain)
+    terrain, design = replace(conditions.terrain, low_friction=low, high_friction=high), conditions.design
+    if design.materials is not None:
+        design = replace(design, materials=replace(design.materials, friction=None))
+    return replace(conditions, design=design, terrain=terrain)
 
 
 def with_friction(conditions: Conditions, part: float) -> Conditions:
     """The conditions with all coefficients of friction multiplied by ``part``."""
-    low, high = conditions.friction
+    own = conditions.actuation.on(conditions.terrain)
+    feet: dict[str, Any] = {"low_friction": part * own.low_friction, "high_friction": part * own.high_friction}
     return replace(
         conditions,
-        design=_with_feet(conditions.design, part),
-        terrain=replace(conditions.terrain, low_friction=part * low, high_friction=part * high),
+        design=Rubbing(part, part).of(conditions.design),
+        terrain=replace(conditions.terrain, **feet, **friction_of_parts(own, part)),
     )
-
-
-def _with_feet(design: InflatableDesign, part: float | None) -> InflatableDesign:
-    """A design whose feet have ``part`` of their own friction, if they have any; None takes it away."""
-    made = design.materials
-    if made is None or made.friction is None:
-        return design
-    rows: Any = None
-    if part is not None:
-        rows = np.minimum(part * np.array(made.friction), MOST_FRICTION).tolist()
-    return replace(design, materials=replace(made, friction=rows))
 
 
 def at_half_step(conditions: Conditions) -> Conditions:

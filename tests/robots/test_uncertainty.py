@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from robots.inflatable.actuation import InflatableActuation
 from robots.lattice_robot.presets import soft_quadruped
 from robots.uncertainty import HELD_OUT, Perturbation, Risk, Uncertainty, spoken, summary
 from robots.world import Terrain
+
+FEET = InflatableActuation(high_friction=0.7, low_friction=0.5)
 
 
 @pytest.mark.parametrize(
@@ -43,7 +46,7 @@ def test_only_what_needs_ground_is_refused_in_a_fluid():
     drive = Uncertainty(levels=0.05, timing=0.05)
     drive.check(robot, water)
     (one,) = drive.draw(1, actuators=robot.actuators)
-    assert robot.drawn_terrain(water, one) == one.on(water, 0.7, 0.5) == water
+    assert robot.drawn_terrain(water, one) == one.on(water, FEET) == water
 
 
 @pytest.mark.parametrize("text", ["cvar:0", "cvar:1.5", "cvar:x", "median", "cvar"])
@@ -79,16 +82,20 @@ def test_actuators_are_drawn_each_and_leave_the_ground_as_it_was():
 
 def test_a_terrain_takes_what_is_drawn():
     (one,) = Uncertainty(friction=0.2, slope=1.0).draw(1)
-    found = one.on(Terrain(9.0), 0.7, 0.5)
+    found = one.on(Terrain(9.0), FEET)
     assert found == Terrain(9.0 + one.slope, 0.7 * one.gripping, 0.5 * one.sliding)
-    parts = one.on(Terrain(bladder_friction=0.3, seam_friction=0.9), 0.7, 0.5)
+    parts = one.on(Terrain(bladder_friction=0.3, seam_friction=0.9), FEET)
     assert (parts.bladder_friction, parts.seam_friction) == (0.3 * one.gripping, 0.9 * one.gripping)
     assert parts.skin_friction is None
 
 
 def test_friction_of_parts_goes_with_that_of_gripping_feet():
-    drawn = Perturbation(sliding=0.5, gripping=1.2).on(Terrain(bladder_friction=0.5), 2.0, 0.1)
+    drawn = Perturbation(sliding=0.5, gripping=1.2).on(Terrain(bladder_friction=0.5), InflatableActuation(2.0, 0.1))
     assert drawn == Terrain(0.0, 2.4, 0.05, bladder_friction=0.6)
+    own = Perturbation(gripping=0.5).on(
+        Terrain(seam_friction=0.8), InflatableActuation(skin_friction=0.6, seam_friction=0.2)
+    )
+    assert (own.skin_friction, own.seam_friction) == (0.3, 0.4)  # a robot's own parts are drawn, too
 
 
 def test_risk_is_that_of_numpy():

@@ -137,19 +137,20 @@ class MaterialGenes:
         wanted = [value for part in MATERIAL_PARTS if part in self.parts for value in np.ravel(given[part]).tolist()]
         return [min(max(value, v.low), v.high) for v, value in zip(self.variables(), wanted, strict=True)]
 
-    def slopes(self, run: "InflatableGradient", friction: ArrayLike) -> Floats:
+    def slopes(self, run: "InflatableGradient", by_friction: Floats) -> Floats:
         """d distance / d variable, shape (N, M).
 
         Args:
             run: the derivatives of N robots.
-            friction: by which that of each robot's feet was multiplied, shape (N,).
+            by_friction: derivatives of the friction of their feet by that of the designs, shape (N, 2, 2, 2), see
+                ``Rubbing.slopes``.
         """
         found = []
         for part in MATERIAL_PARTS:
             if part in self.parts:
                 by = getattr(run, part)
-                by = by.reshape(len(by), -1)
-                found.append(by * np.asarray(friction)[:, None] if part == "friction" else by)
+                by = np.einsum("nrsf,nrf->nsf", by_friction, by) if part == "friction" else by
+                found.append(by.reshape(len(by), -1))
         return np.concatenate(found, axis=1) if found else np.zeros((len(run.levels), 0))
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from optim.problem import OK
 from robots.inflatable.actuation import InflatableActuation
 from robots.inflatable.design import InflatableDesign
-from robots.inflatable.materials import MOST_FRICTION
-from robots.inflatable.perturbed import level_slopes, perturbed_design, perturbed_drive
+from robots.inflatable.perturbed import level_slopes, perturbed_design, perturbed_drive, rubbing_of
+from robots.inflatable.rubbing import Rubbing
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.timing import predicted_steps
 from robots.uncertainty import Perturbation, Risk, Uncertainty
@@ -32,14 +32,15 @@ class Copies:
         designs: one for each copy.
         terrains: of all, or of each.
         drives: how all are driven, or each is.
-        friction: by which that of each design was multiplied, shape (N K,).
+        by_friction: derivatives of the friction of the copies' own feet by that of the designs, shape (N K, 2, 2, 2),
+            see ``Rubbing.slopes``.
         by_level: derivatives of the levels of the copies by those of the designs, shape (N K, 10, T), or of all.
     """
 
     designs: list[InflatableDesign]
     terrains: Terrain | list[Terrain]
     drives: InflatableActuation | list[InflatableActuation]
-    friction: Floats
+    by_friction: Floats
     by_level: Floats | float = 1.0
 
     def some(self, rows: Indices) -> "Copies":
@@ -48,7 +49,7 @@ class Copies:
             [self.designs[row] for row in rows],
             self.terrains if isinstance(self.terrains, Terrain) else [self.terrains[row] for row in rows],
             self.drives if isinstance(self.drives, InflatableActuation) else [self.drives[row] for row in rows],
-            self.friction[rows],
+            self.by_friction[rows],
             self.by_level if isinstance(self.by_level, float) else self.by_level[rows],
         )
 
@@ -72,19 +73,23 @@ class Draws:
         """Friction factor of each copy, shape (K,)."""
         return np.asarray((1.0 + self.spread) ** np.linspace(-1, 1, self.count) if self.count > 1 else np.ones(1))
 
-    def copies(self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation) -> Copies:
-        """The copies of N designs on a terrain."""
-        factors = np.tile(self.frictions, len(designs))
+    def copies(
+        self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation, least: float = 0.0
+    ) -> Copies:
+        """The copies of N designs on a terrain; ``least`` is the smallest friction of feet that slide."""
+        factors = np.tile(self.frictions, len(designs)).tolist()
         copies = [design for design in designs for _ in range(self.count)]
+        rubbed = [Rubbing(factor, factor, least) for factor in factors]
+        made = [each.of(design) for each, design in zip(rubbed, copies, strict=True)]
+        by_friction = np.array([each.slopes(design) for each, design in zip(rubbed, copies, strict=True)])
         if not self.spread or terrain.is_fluid:
-            return Copies(copies, terrain, actuation, factors)
-        own, made, terrains = actuation.on(terrain), [], []
-        for design, factor in zip(copies, factors.tolist(), strict=True):
+            return Copies(made, terrain, actuation, by_friction)
+        own, terrains = actuation.on(terrain), []
+        for factor in factors:
             high, low = own.high_friction * factor, own.low_friction * factor
             feet = {"high_friction": high, "low_friction": low}
             terrains.append(dataclasses.replace(terrain, **feet, **friction_of_parts(own, factor)))
-            made.append(_with_friction(design, factor))
-        return Copies(made, terrains, actuation, factors)
+        return Copies(made, terrains, actuation, by_friction)
 
     def noise_of(self, count: int) -> dict[str, Any]:
         """The noise of the copies of so many designs, as options of a simulation."""
@@ -141,14 +146,16 @@ class UncertainDraws(Draws):
         object.__setattr__(some, "drawn", [self.drawn[row] for row in rows])
         return some
 
-    def copies(self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation) -> Copies:
-        """The copies of N designs on a terrain, as drawn."""
-        own, count = (actuation.high_friction, actuation.low_friction), len(designs)
+    def copies(
+        self, designs: Sequence[InflatableDesign], terrain: Terrain, actuation: InflatableActuation, least: float = 0.0
+    ) -> Copies:
+        """The copies of N designs on a terrain, as drawn; ``least`` is the smallest friction of feet that slide."""
+        count = len(designs)
         return Copies(
-            [perturbed_design(design, one) for design in designs for one in self.drawn],
-            [one.on(terrain, *own) for one in self.drawn] * count,
+            [perturbed_design(design, one, least) for design in designs for one in self.drawn],
+            [one.on(terrain, actuation) for one in self.drawn] * count,
             [perturbed_drive(actuation, one) for one in self.drawn] * count if self.uncertainty.timing else actuation,
-            np.ones(count * self.count),
+            np.array([rubbing_of(one, least).slopes(design) for design in designs for one in self.drawn]),
             np.array([level_slopes(design, one) for design in designs for one in self.drawn]),
         )
 
@@ -165,14 +172,6 @@ class UncertainDraws(Draws):
         each = speeds.reshape(-1, self.count)
         weights = self.risk.weights(each)[:, :, None]
         return self.risk.of(each), np.asarray((weights * slopes.reshape(*each.shape, -1)).sum(axis=1))
-
-
-def _with_friction(design: InflatableDesign, factor: float) -> InflatableDesign:
-    """The design whose feet have another friction, if it has one of its own."""
-    if design.materials is None or design.materials.friction is None:
-        return design
-    friction: Any = np.minimum(np.array(design.materials.friction) * factor, MOST_FRICTION)
-    return dataclasses.replace(design, materials=dataclasses.replace(design.materials, friction=friction))
 
 
 def eased(terrain: Terrain, sharpness: float, gentle: float) -> Terrain:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 from optim.problem import OK
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation
 from robots.inflatable.design import InflatableDesign
+from robots.inflatable.robustness import HARD_FRICTION, harder
 from robots.inflatable.schedule import BLADDERS
 from robots.inflatable.timing import gait_timeline, nominal_steps
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats, Indices
 
 NEXT = 0.02  # body lengths/s: faster gaits on a ladder are tried on its next terrain
+HARD = "_hard"  # how details end that are of the harder conditions
 AHEAD = 1e-3  # body lengths/s: gaits that are faster get ahead; about every other gait that trembles is above zero
 
 
@@ -30,6 +32,7 @@ class Condition:
         follows: name of the condition under which a gait has to get ahead to be simulated here.
         carries: whether one that does not counts here as it did there; else it counts nothing, a speed of 0.
         least: speed there that is getting ahead, if exceeded [body lengths/s].
+        least_friction: smallest friction here of sliding feet that have their own; the terrain says that of others.
     """
 
     name: str
@@ -38,10 +41,17 @@ class Condition:
     follows: str | None = None
     carries: bool = True
     least: float = AHEAD
+    least_friction: float = 0.0
 
     def simulated(self, speeds: Mapping[str, Floats]) -> Bools:
         """Which gaits are simulated here, by their speeds under all conditions, shape (N,)."""
         return np.full(len(speeds[self.name]), True) if self.follows is None else speeds[self.follows] > self.least
+
+
+def hardened(usual: Condition) -> Condition:
+    """The harder conditions beside usual ones, under which gaits are tried that get ahead there."""
+    terrain, actuation = harder(usual.terrain, usual.actuation)
+    return Condition(usual.name + HARD, terrain, actuation, usual.name, least_friction=HARD_FRICTION)
 
 
 # Simulates some gaits, by their places, under the condition of a number: speeds, status and slopes.

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from optim.problem import OK, Evaluation, Minibatch
 from optim.problems.inflatable.draws import Copies, Draws, UncertainDraws, eased
-from optim.problems.inflatable.outcomes import Condition, Outcomes, effort
+from optim.problems.inflatable.outcomes import Condition, Outcomes, effort, hardened
 from optim.problems.inflatable.points import GaitPoints
 from optim.problems.inflatable.settings import GRADED_OPTIONS, RIG_FILE
 from optim.problems.robot_designing import subject_of
@@ -26,11 +26,10 @@ from optim.problems.uncertain import check_part, held_out_products
 from robots.batches import grouped, in_groups
 from robots.calibration import save_properties
 from robots.inflatable import gradient, simulation
-from robots.inflatable.actuation import InflatableActuation, each_actuation
+from robots.inflatable.actuation import PUBLISHED_COLUMNS, InflatableActuation, each_actuation
 from robots.inflatable.design import InflatableDesign, save_design
 from robots.inflatable.layout import told_layout
 from robots.inflatable.robot import InflatableRobot, core_pressure_rows
-from robots.inflatable.robustness import harder
 from robots.inflatable.schedule import FEET
 from robots.inflatable.simulation import InflatableResult
 from robots.inflatable.timing import Counting, counted_steps, gait_steps, nominal_steps
@@ -38,7 +37,6 @@ from robots.robot import Robot, part_of
 from robots.uncertainty import Risk, Score, Uncertainty
 from taichi_sim.base.arrays import Floats, Indices, Ints
 
-HARD = "_hard"  # how details end that are of the harder conditions
 RAMP_STEPS = 6000  # half as long as 6 kPa take as published
 
 
@@ -83,7 +81,7 @@ class GaitProblem(GaitPoints):
             usual = Condition(f"speed_{terrain.name}", terrain, self.actuation, below, False, self.ahead)
             found.append(usual)
             if self.hard:
-                found.append(Condition(usual.name + HARD, *harder(terrain, self.actuation), usual.name))
+                found.append(hardened(usual))
             below = usual.name if self.ladder else None
         return tuple(found)
 
@@ -145,7 +143,7 @@ class GaitProblem(GaitPoints):
             own = {name: np.reshape(table[robot], (-1, table.shape[-1])) for name, table in tables.items()}
             genes.append(self._control_of(point).slopes(self._genes(point), sharpness, slope, **own))
         # Which bladders there are has no slopes: a body has a bladder or not.
-        made = [self.shape.slopes(run, points), self.made_of.slopes(run, copies.friction)]
+        made = [self.shape.slopes(run, points), self.made_of.slopes(run, copies.by_friction)]
         slopes = [*made, np.zeros((len(points), self.laid.size)), np.array(genes)]
         seconds = self._counted(run.result, copies.drives)[:, None] * self.body.time_step
         return np.concatenate(slopes, axis=1) / (self.body.body_length * seconds)
@@ -156,10 +154,12 @@ class GaitProblem(GaitPoints):
         """Time steps by which the speeds of a batch are counted, shape (N,); see :meth:`counted_steps`."""
         if self.warm_up:  # whole cycles that follow it
             return result.steps
-        if self._timed:
-            return np.maximum(result.steps, self.most_steps)
         each = each_actuation(self.actuation if drives is None else drives, len(result.status))
-        return np.array([nominal_steps(self.columns * self.repeats, drive) for drive in each])
+        if not self._timed:
+            return np.array([nominal_steps(self.columns * self.repeats, drive) for drive in each])
+        if not self._set.isdisjoint(GRADED_OPTIONS):
+            return np.maximum(result.steps, self.most_steps)
+        return np.maximum(result.steps, [nominal_steps(PUBLISHED_COLUMNS, drive) for drive in each])
 
     def speeds(self, result: InflatableResult) -> Floats:
         """Speeds of a batch [body lengths/s], shape (N,): the result's, or by what counts of a free graded gait."""
@@ -249,7 +249,8 @@ class GaitProblem(GaitPoints):
             "progress": progress,
         }
         drawn = self._draws(relaxed)
-        copies = drawn.copies(designs, eased(condition.terrain, sharpness, self.gentle), actuation)
+        ground = eased(condition.terrain, sharpness, self.gentle)
+        copies = drawn.copies(designs, ground, actuation, condition.least_friction)
         settings |= {"actuation": copies.drives, **drawn.noise_of(len(designs))}
         if points is None:
             result = simulation.simulate(copies.designs, copies.terrains, **settings)

@@ -1,6 +1,7 @@
 """Inflatable gaits judged under uncertainty: common draws, risk, its gradient, descriptions and bad input."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from linear_robot import Linear
 
 from optim.problems.inflatable.problem import GaitProblem
 from robots.inflatable.perturbed import perturbed_design, perturbed_drive
-from robots.uncertainty import Uncertainty
+from robots.inflatable.timing import counted_steps, gait_steps
+from robots.uncertainty import Perturbation, Uncertainty
 from robots.world import Terrain
 
 HILL = Terrain(9.0, high_friction=0.7, low_friction=0.5)
@@ -35,7 +37,7 @@ def test_all_gaits_share_the_draws_in_one_batch(linear):
     (call,) = linear.calls
     assert len(call.designs) == 15 and call.terrain[:5] == call.terrain[5:10] == call.terrain[10:]
     drawn = Uncertainty.parse(UNKNOWN).draw(5)
-    assert call.terrain[:5] == [one.on(HILL, 0.7, 0.5) for one in drawn]
+    assert call.terrain[:5] == [one.on(HILL, made.actuation) for one in drawn]
     assert np.array_equal(made.evaluate(points[1:]).objectives, together.objectives[1:])
 
 
@@ -95,6 +97,16 @@ def test_levels_and_timing_of_all_gaits_are_drawn(linear, monkeypatch, settings)
     drawn = Uncertainty.parse("levels=5%,timing=5%").draw(5, actuators=8)
     assert call.designs == [perturbed_design(made.design(point), one) for point in points for one in drawn]
     assert call.actuation == [perturbed_drive(made.actuation, one) for _ in points for one in drawn]
+
+
+@pytest.mark.parametrize("timing", [0.6, 1.0, 1.4])
+def test_slopes_count_the_time_by_which_speeds_of_drawn_timing_are_counted(timing):
+    """A slope is of the distance over a time, which has to be that of the speed."""
+    made = problem(steps=None, uncertain="timing=40%")
+    drawn, design = Perturbation(timing=timing), made.design(made.space.sample(np.random.default_rng(0), 1)[0])
+    schedule, drive = perturbed_design(design, drawn).schedule, perturbed_drive(made.actuation, drawn)
+    result = SimpleNamespace(steps=np.array([gait_steps(schedule, drive)]), status=np.array(["ok"]))
+    assert made._counted(result, [drive])[0] == counted_steps(schedule, drive)
 
 
 def test_the_worst_counts_no_more_than_cvar_and_the_mean(linear):

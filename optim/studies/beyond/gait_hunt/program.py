@@ -35,7 +35,8 @@ from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.experiments.study import Count, Settings, Several, Whole
 from optim.problem import Request
-from optim.problems.inflatable.problem import HARD, GaitProblem
+from optim.problems.inflatable.outcomes import HARD
+from optim.problems.inflatable.problem import GaitProblem
 from optim.runs.generation import Generation
 from optim.runs.history import History, read_result
 from optim.studies.beyond.gait_hunt.searches import CYCLE, SHORT, STEPPED, cost, first_of, read_spent, search_within
