@@ -19,11 +19,12 @@ from taichi_sim.base.compute import Compute
 from taichi_sim.base.short_text import decimal
 
 if TYPE_CHECKING:
+    from robots.lattice_robot.drive import Drive
     from robots.lattice_robot.robot import LatticeRobot
 
 STARTS = 8
 NOISE = 1e-3  # of an edge: standard deviation of the start positions, unless the robot has its own
-FRICTIONS = (0.5, 0.625, 0.75, 0.875)  # parts of the coefficients of all materials
+FRICTIONS = (0.5, 0.625, 0.75, 0.875)  # parts of the coefficients of all materials and drives
 ENOUGH = 0.5  # part of the speed that shall remain in the median
 
 
@@ -95,9 +96,18 @@ def trust_in(
 
 
 def _slippery(robot: "LatticeRobot", part: float) -> "LatticeRobot":
-    """The robot with a part of the friction of each of its materials."""
+    """The robot with a part of the friction of each of its materials, and of that to which drives bring its regions."""
     materials = (Perturbation(part, part).rubbed(material) for material in robot.body.materials)
-    return replace(robot, body=robot.body.with_materials(materials))
+    drives = tuple(_with_part(drive, part) if drive.quantity == "friction" else drive for drive in robot.drives)
+    return replace(robot, body=robot.body.with_materials(materials), drives=drives)
+
+
+def _with_part(drive: "Drive", part: float) -> "Drive":
+    """A drive of which nothing is free, to a part of its values."""
+    values = {name: getattr(drive, name) for name in ("mean", "amplitude")}
+    times = {name: tuple((part * np.ravel(value)).tolist()) for name, value in values.items() if value is not None}
+    changed: dict[str, Any] = {name: given if len(given) > 1 else given[0] for name, given in times.items()}
+    return replace(drive, **changed)
 
 
 def perturbed_robot(robot: "LatticeRobot", drawn: Perturbation) -> "LatticeRobot":
@@ -107,4 +117,5 @@ def perturbed_robot(robot: "LatticeRobot", drawn: Perturbation) -> "LatticeRobot
         moves = drawn.levels and drive.quantity != "friction"
         drives.append(replace(drive, gains=tuple(next(levels) for _ in drive.regions) if moves else ()))
     frequency = min(max(robot.frequency / drawn.timing, LEAST_FREQUENCY), MOST_FREQUENCY)
-    return replace(_slippery(robot, drawn.gripping), drives=tuple(drives), frequency=frequency)
+    robot = replace(robot, drives=tuple(drives), frequency=frequency)
+    return robot if drawn.gripping == 1 else _slippery(robot, drawn.gripping)

@@ -172,6 +172,23 @@ def test_trust_is_told_for_people_and_machines():
     assert list(water.changed) == ["half the time step"]
 
 
+@pytest.mark.kernels
+def test_a_part_of_the_friction_is_that_of_driven_friction_too():
+    labels = np.arange(6).repeat(4).reshape(6, 2, 2) // 2
+    waves = {"regions": (0, 1, 2), "quantity": "friction", "phase": (0.25, 0.0, 0.75)}
+
+    def inchworm(part):
+        static, kinetic = part * RUBBER.static_friction, part * RUBBER.kinetic_friction
+        rubber = dataclasses.replace(RUBBER, static_friction=static, kinetic_friction=kinetic)
+        body = body_from_array(np.ones((6, 2, 2), int), rubber, EDGE, regions=labels)
+        feet = Drive("feet", mean=0.6 * part, amplitude=(0.5 * part, 0.1 * part, 0.5 * part), **waves)
+        muscle = Drive("muscle", (1,), amplitude=0.2)
+        return LatticeRobot(body, (muscle, feet), cycles=1, settling=0.1, perturbation=1e-6, seed=1)
+
+    trust = trust_in(inchworm(1.0), Terrain(), seed=1, compute=Compute())
+    assert trust.changed["0.5 of the friction"] == simulate(inchworm(0.5), [[]]).measures["speed"][0] != trust.starts[0]
+
+
 def test_trust_names_what_breaks_a_robot():
     trust = Trust(np.array([1.0, 0.9, 1.1]), {"ice": 0.1, "sand": 0.6, "half the time step": 0.8})
     assert trust.kept == pytest.approx(0.6) and trust.broken_by == ("ice",)
