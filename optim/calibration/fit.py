@@ -56,6 +56,9 @@ def calibrate(
 ) -> Calibration:
     """Fit properties to experiments, starting from those of the laboratory's robot.
 
+    All are simulated at the time step that the stiffest robot within the bounds needs, and fitted once more from there
+    at that of the robot found, if it is another.
+
     Raises:
         ValueError: for unknown names, too few points, or properties that the data do not determine.
         RuntimeError: if the robot diverges at the start of the joint fit.
@@ -64,7 +67,13 @@ def calibrate(
     before = Properties.of(laboratory.geometry, laboratory.actuation)
     told = progress or (lambda fraction, text: None)
     misfit = Misfit(experiments, laboratory, tuple(names), before, bounds)
-    return _descend(replace(misfit, start=_look_around(misfit, told)), before, told)
+    found = _descend(replace(misfit, start=_look_around(misfit, told)), before, told, (0.6, 0.8))
+    played = laboratory.as_played(found.after)
+    if played.time_step == laboratory.time_step:
+        return found
+    low, high = bounds["modulus"]
+    within = {**bounds, "modulus": (low, played.stiffest if found.after.modulus < played.stiffest else high)}
+    return _descend(replace(misfit, laboratory=played, start=found.after, bounds=within), before, told, (0.8, 1.0))
 
 
 def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None:
@@ -157,8 +166,12 @@ def _checked_homes(misfit: Misfit) -> dict[str, type]:
     return homes
 
 
-def _descend(misfit: Misfit, before: Properties, told: Told) -> Calibration:
-    """Fit all properties jointly; the scatter of the simulator counts as additional noise."""
+def _descend(misfit: Misfit, before: Properties, told: Told, share: tuple[float, float]) -> Calibration:
+    """Fit all properties jointly; the scatter of the simulator counts as additional noise.
+
+    ``share`` is where its progress begins and ends.
+    """
+    begin, finish = share
     low, high = misfit.limits
     point = np.clip(misfit.of(misfit.start), low + _INSIDE, high - _INSIDE)
     first = _simulated(misfit, point)
@@ -168,7 +181,8 @@ def _descend(misfit: Misfit, before: Properties, told: Told) -> Calibration:
     def around(x: Floats) -> Linearised:
         if x.tobytes() not in seen:
             seen[x.tobytes()] = misfit.linearised(x).weighted(factors)
-            told(0.6 + 0.4 * len(seen) / (_STEPS + 1), f"all: {_listed(misfit.names, misfit.properties(x))}")
+            done = begin + (finish - begin) * len(seen) / (_STEPS + 1)
+            told(done, f"all: {_listed(misfit.names, misfit.properties(x))}")
         return seen[x.tobytes()]
 
     end = least_squares(

@@ -61,7 +61,8 @@ def _write_example(args: argparse.Namespace) -> Report:
 
     path, geometry = args.example, args.geometry or "small"
     args.held.enter_context(claimed_path("path", path))
-    laboratory = Laboratory(NAMED_GEOMETRIES[geometry], precision=args.precision, threads=args.threads)
+    more = {"stiffest": TRUTH.modulus, "precision": args.precision, "threads": args.threads}
+    laboratory = Laboratory(NAMED_GEOMETRIES[geometry], **more)
     with shown_progress("simulating the experiments", 1.0, args.quiet):
         measured = example(laboratory, args.seed)
     with undone_if_it_fails() as made:  # also where the file is written, but not that its folder has it

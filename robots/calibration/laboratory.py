@@ -1,7 +1,7 @@
 """Laboratory in which experiments are simulated: the robot, the common time step, and noise on start positions."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from robots.calibration.properties import BOUNDS, Properties
@@ -32,7 +32,7 @@ class Laboratory:
         geometry: geometry of the robot before its properties are fitted.
         actuation: actuation before the fit; durations that it counts in steps stay the same in seconds.
         stiffest: largest modulus that will be tried [Pa]. It determines the time step of all simulations, so that
-            results change smoothly with the modulus.
+            results change smoothly with the modulus; see :meth:`as_played`.
         perturbation: standard deviation of the noise on start positions [m].
         seed: seed of the noise.
         precision: "f32" or "f64".
@@ -49,8 +49,18 @@ class Laboratory:
 
     @cached_property
     def time_step(self) -> float:
-        """Time step dt [s], which is stable for the stiffest robot, and at most that of the geometry."""
-        return self.geometry.time_step * min(1.0, self.geometry.relative_time_step(self.stiffest))
+        """Time step dt [s]: that of the geometry if it is stable for the stiffest robot, otherwise a shorter one."""
+        if self.stiffest <= self.geometry.most_modulus:
+            return self.geometry.time_step
+        return self.geometry.time_step * self.geometry.relative_time_step(self.stiffest)
+
+    def as_played(self, properties: Properties) -> "Laboratory":
+        """The laboratory with the time step of robots of these properties elsewhere, see ``Properties.robot``.
+
+        Way and height of a robot depend on the step, as time steps are long: what is fitted at another does not hold.
+        """
+        most = self.geometry.most_modulus
+        return replace(self, stiffest=most if properties.modulus <= most else properties.modulus)
 
     def drive(self, properties: Properties) -> InflatableActuation:
         """Actuation of a robot with the given properties."""

@@ -9,7 +9,6 @@ from typing import Annotated, Any, Self
 
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
-from robots.inflatable.materials import LEAST_SAFETY
 from taichi_sim.base.checks import check_fields, choice, positive
 from taichi_sim.base.files import read_record, write_record
 from taichi_sim.base.records import checked
@@ -92,25 +91,20 @@ class Properties:
         tuned = self.body_of(geometry)
         if not self.fits_time_step(geometry):
             return tuned, self.drive_of(actuation, geometry.time_step, tuned.time_step)
-        tuned = replace(tuned, time_step_safety=self._safety(geometry))
+        tuned = replace(tuned, time_step_safety=geometry.time_step_safety * geometry.relative_time_step(self.modulus))
         return tuned, self.drive_of(actuation, geometry.time_step, geometry.time_step)
 
     def fits_time_step(self, geometry: InflatableGeometry = PUBLISHED) -> bool:
         """Whether the robot can be simulated at the time step of the geometry."""
-        return self._safety(geometry) >= LEAST_SAFETY
+        return self.modulus <= geometry.most_modulus
 
     def check_time_step(self, geometry: InflatableGeometry = PUBLISHED) -> None:
         """Raise ValueError unless :meth:`fits_time_step`, which gaits with durations of their own require."""
         if not self.fits_time_step(geometry):
-            most = geometry.youngs_modulus * (geometry.time_step_safety / LEAST_SAFETY) ** 2
             raise ValueError(
                 f"modulus: {self.modulus:g} Pa is not allowed with gaits that have times of their own, which count in "
-                f"time steps that are too long for it; at most {most:.0f} Pa"
+                f"time steps that are too long for it; at most {geometry.most_modulus:.0f} Pa"
             )
-
-    def _safety(self, geometry: InflatableGeometry) -> float:
-        """The largest stable time step of the robot, divided by that of the geometry."""
-        return geometry.time_step_safety * geometry.relative_time_step(self.modulus)
 
 
 NAMES = tuple(field.name for field in fields(Properties))

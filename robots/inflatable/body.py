@@ -201,6 +201,11 @@ class InflatableGeometry:
             return 1
         return math.ceil(afloat(largest) / min(LEAST_SAFETY, self.time_step_safety))
 
+    @property
+    def most_modulus(self) -> float:
+        """Largest Young's modulus of the skin for which the time step is stable, with the least margin [Pa]."""
+        return self.youngs_modulus * (self.time_step_safety / LEAST_SAFETY) ** 2
+
     def relative_time_step(self, modulus: float) -> float:
         """Return the largest stable time step for skin of another modulus [Pa], relative to that of this skin.
 

@@ -55,6 +55,28 @@ def noisy(experiments, seed, noise=0.002):
     return measured
 
 
+@pytest.mark.parametrize("modulus", [300e3, 480e3, 579e3, 700e3])
+def test_the_last_fit_has_the_time_step_of_the_robot_that_is_played(modulus):
+    found = Properties(1.0, 0.1, modulus, 3.0)
+    for geometry in (TINY, PUBLISHED):
+        assert Laboratory(geometry, QUICK).as_played(found).time_step == pytest.approx(
+            found.robot(geometry)[0].time_step
+        )
+
+
+@pytest.mark.kernels
+def test_a_calibrated_robot_goes_as_far_elsewhere_as_in_its_fit():
+    """Ways depend on the time step: one fitted at another step predicts what no command shows."""
+    times = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    track = Gait(times, np.linspace(1e-4, 1e-3, 6), STEP, deviations=np.full(6, 1e-4))
+    found = calibrate([track], BENCH, ("friction",), NEAR)
+    geometry, _ = found.after.robot(TINY, QUICK)
+    assert geometry.time_step > BENCH.time_step
+    there = Laboratory(TINY, QUICK, stiffest=TINY.youngs_modulus, precision="f64", threads=1)
+    again = np.mean(track.predict([Trial(found.after, n) for n in range(8)], there), axis=0)
+    assert there.time_step == geometry.time_step and found.predictions[1] == pytest.approx(again)
+
+
 # properties
 
 
