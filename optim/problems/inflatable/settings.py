@@ -176,8 +176,6 @@ class GaitSettings(RobotDesigning):
                 what = f"encoding {self.encoding!r}" if self.schedule is None else "a fixed gait"
                 raise ValueError(f"free: {part} is not allowed with {what}; it is of a free gait, encoding graded")
         if "friction" in self.more:
-            if self.hard:
-                raise ValueError("free: friction is not allowed with hard conditions, which have their own")
             given = [t.name for t in self.terrains if (t.high_friction, t.low_friction) != (None, None) or t.is_fluid]
             if given:
                 raise ValueError(f"free: friction is not allowed on {given[0]}, which has its own, or no ground")
@@ -200,8 +198,6 @@ class GaitSettings(RobotDesigning):
         for name, given in (("friction_spread", self.friction_spread), ("noise", self.noise), ("ladder", self.ladder)):
             if given:
                 raise ValueError(f"{name}: {given} is not allowed beside uncertain; leave out one of them")
-        if "friction" in self.more:
-            raise ValueError("free: friction is not allowed with uncertain, which draws that of the terrain")
 
     @property
     def _set(self) -> set[str]:

@@ -91,7 +91,15 @@ def test_points_are_designs_and_designs_are_starts(geometry, tmp_path):
         {"more": ("size", "bladders"), "encoding": "graded-wave", "columns": 5, "most_full": 2.5},
     ],
 )
-@pytest.mark.parametrize("draws", [{}, {"draws": 3, "friction_spread": 0.5, "noise": 1e-6}])
+@pytest.mark.parametrize(
+    "draws",
+    [
+        {},
+        {"draws": 3, "friction_spread": 0.5, "noise": 1e-6},
+        {"draws": 3, "uncertain": "sliding=80%,gripping=40%,timing=20%"},
+        {"hard": True},
+    ],
+)
 def test_slopes_by_every_gene_are_those_of_the_speed(linear, settings, draws):
     made = problem(FLAT, HILL, **settings, **draws, warm_up=1000)
     space = made.space.relaxed()
@@ -151,7 +159,6 @@ def test_gentle_slopes_rise_with_the_sharpness(linear):
             {"more": ("core",), "schedule": INCHING.schedule, "steps": None},
             "free: core is not allowed with a fixed gait",
         ),
-        ({"more": ("friction",), "hard": True}, "free: friction is not allowed with hard conditions"),
         ({"terrains": (Terrain(high_friction=1.0),)}, "free: friction is not allowed on flat, which has its own"),
         ({"more": ("colour",)}, "free: 'colour' is unknown; choose one of core, pace, friction, modulus, size"),
         ({"noise": 1e-6}, "noise: 1e-06 is not allowed with a single draw; give draws"),
