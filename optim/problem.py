@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from optim.space import Space
 from taichi_sim.base.arrays import Bools, Floats, Ints, copied
 from taichi_sim.base.files import write_text
-from taichi_sim.base.short_text import decimal
+from taichi_sim.base.short_text import counted, decimal
 
 OK = "ok"
 FAILED = "failed"
@@ -35,12 +35,14 @@ class Evaluation:
         objectives: values to be maximised, shape (N, K), float64; NaN in the row of a point that failed. May
             be given as shape (N,) for a single objective. Infinite values count as failures.
         status: shape (N,), text: ``"ok"``, or why the point failed.
-        details: more about each point, by name, each of shape (N, ...); finite where it did not fail.
+        details: more about each point, by name, each of shape (N, ...): numbers or text. Logs tell what is not finite
+            as null.
         gradients: derivatives of a single objective by the D variables, in the objective's unit per unit of each
             variable, shape (N, D); NaN in the row of a point that failed. None if not asked for.
 
     Raises:
-        ValueError: for arrays of other shapes, or gradients of several objectives.
+        ValueError: for arrays of other shapes, details that are neither numbers nor text, or gradients of several
+            objectives.
     """
 
     objectives: Floats
@@ -54,7 +56,8 @@ class Evaluation:
             objectives = objectives[:, None]
         if objectives.ndim != 2:
             raise ValueError(f"objectives: shape {objectives.shape} is not allowed; give (points, objectives)")
-        for name, values in {"status": self.status, **self.details}.items():
+        details = {name: _detail(name, values) for name, values in dict(self.details).items()}
+        for name, values in {"status": self.status, **details}.items():
             if len(values) not in ((0, len(objectives)) if name == "status" else (len(objectives),)):
                 raise ValueError(f"{name}: {len(values)} given for {len(objectives)} points; give one for each")
         status = np.array(self.status if len(self.status) else [OK] * len(objectives), dtype=object)
@@ -62,6 +65,7 @@ class Evaluation:
         objectives[status != OK] = np.nan
         object.__setattr__(self, "objectives", objectives)
         object.__setattr__(self, "status", status.astype(str))
+        object.__setattr__(self, "details", details)
         if self.gradients is not None:
             gradients = copied(self.gradients, "gradients")
             if objectives.shape[1] != 1 or gradients.ndim != 2 or len(gradients) != len(objectives):
@@ -75,6 +79,22 @@ class Evaluation:
     def failed(self) -> Bools:
         """Mask of the points that failed, shape (N,)."""
         return np.asarray(self.status) != OK
+
+
+def _detail(name: object, values: ArrayLike) -> NDArray[Any]:
+    """A detail as an array of numbers or text that a log and the files of workers can hold; refuse any other."""
+    if not isinstance(name, str):
+        raise ValueError(f"details: the name {name!r} is not allowed; give text")
+    try:
+        found = np.asarray(values)
+        found = np.array(found.tolist()) if found.dtype == object else found  # such as texts from a table
+    except ValueError:
+        raise ValueError(f"details: {name} has rows of different lengths; give equal ones") from None
+    if found.dtype.kind not in "biufU":
+        raise ValueError(f"details: {name} is of type {found.dtype}, which is not allowed; give numbers or text")
+    if not found.ndim:
+        raise ValueError(f"details: {name} is a single value; give one for each point")
+    return found.astype(float) if found.dtype == np.longdouble else found
 
 
 @dataclass(frozen=True)
@@ -222,18 +242,37 @@ def judge(problem: Judging, request: Request) -> Evaluation:
     """Evaluate a request in this process; the problem gets points of its own, which it may change.
 
     Raises:
-        ValueError: if the problem has no relaxation, or no minibatches, but one is wanted.
+        ValueError: if the problem has no relaxation, or no minibatches, but one is wanted, or gives no evaluation of
+            these points.
     """
     if request.minibatch is not None:
         problem = minibatches_of(problem).in_minibatch(request.minibatch)
     if request.wants == "points":
-        return problem.evaluate(request.points.copy())
+        return _checked(problem, problem.evaluate(request.points.copy()), len(request.points))
     evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
     if evaluate_relaxed is None:
         raise ValueError(
             f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
         )
-    return evaluate_relaxed(request.points.copy(), request.sharpness, request.wants == "gradients")
+    found = evaluate_relaxed(request.points.copy(), request.sharpness, request.wants == "gradients")
+    return _checked(problem, found, len(request.points))
+
+
+def _checked(problem: Judging, found: object, count: int) -> Evaluation:
+    """Return what a problem, which may be a user's own, gave for so many points.
+
+    Raises:
+        ValueError: if it is no evaluation of so many points.
+    """
+    if not isinstance(found, Evaluation):
+        raise ValueError(f"evaluate: it gave {type(found).__name__}, which is not allowed; give an optim.Evaluation")
+    names = getattr(problem, "objective_names", None) or ("",) * found.objectives.shape[1]
+    if found.objectives.shape != (count, len(names)):
+        raise ValueError(
+            f"evaluate: it gave objectives of shape {found.objectives.shape} for {counted(count, 'point')}; "
+            f"give {(count, len(names))}"
+        )
+    return found
 
 
 def has_minibatches(problem: object) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from optim.problem import Evaluation, Problem, Request
 from optim.search.method import SearchResult
@@ -25,7 +26,7 @@ class Generation:
         median: median score of what the search keeps.
         scores: scores of independent climbers, shape (C,), for statistics; None for other methods.
         best_point: values of the best point by name.
-        best_details: the problem's details of the best point by name.
+        best_details: the problem's details of the best point by name; None for what is not finite.
         numbers: other numbers that the method reports.
     """
 
@@ -61,7 +62,7 @@ def record(
     scores = mean_of(evaluation.objectives, axis=1)
     here = np.flatnonzero((request.points == result.point).all(axis=1) & (scores == result.score))
     if here.size and request.minibatch is None:
-        best_details = {name: values[here[0]].tolist() for name, values in evaluation.details.items()}
+        best_details = {name: _plain(values[here[0]]) for name, values in evaluation.details.items()}
     return Generation(
         generation=last.generation + 1 if last else 0,
         evaluations=(last.evaluations if last else 0) + len(request.points),
@@ -74,3 +75,11 @@ def record(
         best_details=best_details,
         numbers=dict(result.numbers),
     )
+
+
+def _plain(values: ArrayLike) -> Any:
+    """A detail of one point as JSON has it, with None for what is not finite."""
+    found = np.asarray(values)
+    if found.dtype.kind == "f":
+        found = np.where(np.isfinite(found), found.astype(object), np.array(None, object))
+    return found.tolist()
