@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from optim.experiments.figures import COLOURS
 from optim.runs.comparison import Curve
 from optim.runs.generation import Generation
+from taichi_sim.base.arrays import Floats
 from taichi_sim.base.short_text import printable
 
 if TYPE_CHECKING:
@@ -17,7 +18,17 @@ if TYPE_CHECKING:
 
 END: dict[str, Any] = {"marker": "o", "markersize": 3.5, "markevery": [-1]}  # where a step would not be seen
 LINES: dict[str, Any] = {"linewidth": 1.8, "drawstyle": "steps-post", **END}
+DRAWN = 1e300  # largest number that is drawn: the ends of an axis must have a finite distance
 UNIT_LINES: dict[str, Any] = {"linewidth": 0.5, "alpha": 0.35, "drawstyle": "steps-post"}
+
+
+def drawable(axes: "Axes", values: "ArrayLike | Sequence[Any]") -> Floats:
+    """The values, with NaN for those that are too large to be drawn, which the axes then tell; None is NaN, too."""
+    found = np.array(values, float)
+    vast = abs(found) > DRAWN
+    if vast.any():
+        axes.set_title(f"what is beyond {DRAWN:g} is not drawn", fontsize="small")
+    return np.where(vast, np.nan, found)
 
 
 def draw_run(axes: "Axes", generations: Sequence[Generation]) -> None:
@@ -28,11 +39,11 @@ def draw_run(axes: "Axes", generations: Sequence[Generation]) -> None:
     x = [generation.generation for generation in generations]
     climbers = all(generation.scores is not None for generation in generations)
     if climbers:
-        scores = np.array([generation.scores for generation in generations], float)
+        scores = drawable(axes, [generation.scores for generation in generations])
         axes.plot(x, scores, color=COLOURS[1], **UNIT_LINES)
     kept = "mean of the climbers" if climbers else "mean of what the search keeps"
     for label, colour, name in ((kept, COLOURS[1], "mean"), ("best", COLOURS[0], "best")):
-        values = np.array([getattr(generation, name) for generation in generations], float)
+        values = drawable(axes, [getattr(generation, name) for generation in generations])
         axes.plot(x, values, color=colour, label=label, **LINES)
     _by_generation(axes)
 
@@ -40,7 +51,7 @@ def draw_run(axes: "Axes", generations: Sequence[Generation]) -> None:
 def draw_best(axes: "Axes", generations: Sequence[Generation], details: Mapping[str, str]) -> None:
     """Draw details of the best design so far, such as speeds: names in ``best_details``, and labels in the legend."""
     for (name, label), colour in zip(details.items(), COLOURS[2:] + COLOURS[:2], strict=False):
-        values = np.array([(g.best_details or {}).get(name) for g in generations], float)
+        values = drawable(axes, [(g.best_details or {}).get(name) for g in generations])
         axes.plot([g.generation for g in generations], values, color=colour, label=label, **LINES)
     _by_generation(axes)
 

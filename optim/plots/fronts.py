@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS
 from optim.measures.pareto import non_dominated
+from optim.plots.curves import drawable
 from optim.search.method import Grid
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def draw_front(axes: "Axes", objectives: ArrayLike, names: "Sequence[str]", *, b
     front = non_dominated(values)
     if not front.any():
         raise ValueError("objectives: no design has succeeded; give at least one that did")
+    values = drawable(axes, values)
     axes.scatter(values[~front, 0], values[~front, 1], s=6, color="0.7", linewidths=0)
     shown = None
     if values.shape[1] == 2:
@@ -79,4 +81,4 @@ def draw_elites(axes: "Axes", grid: Grid, scores: ArrayLike) -> Any:
         axes.set_ylabel(names[1].replace("_", " "))
     else:
         axes.set_yticks([])
-    return axes.pcolormesh(*edges, best.T, rasterized=True)
+    return axes.pcolormesh(*edges, drawable(axes, best.T), rasterized=True)

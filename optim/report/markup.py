@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optim.experiments.figures import STYLE
-from taichi_sim.base.short_text import is_hidden, printable
+from taichi_sim.base.short_text import VAST, is_hidden, printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +66,11 @@ def number(value: float | None, digits: int = 4, unit: str = "") -> Html:
     """A number as read by people, and in full for machines; a dash for none."""
     if value is None or not math.isfinite(value):
         return text(None)
-    shown = (f"{value:.3g}" if digits == 4 and is_hidden(value) else f"{value:z,.{digits}f}").replace("-", MINUS)
+    if abs(value) >= VAST:
+        shown = f"{value:.6g}"
+    else:
+        shown = f"{value:.3g}" if digits == 4 and is_hidden(value) else f"{value:z,.{digits}f}"
+    shown = shown.replace("-", MINUS)
     exact = value.item() if isinstance(value, np.generic) else value
     return Html(f'<data value="{exact!r}">{shown}</data>{" " + html.escape(unit) if unit else ""}')
 

@@ -8,6 +8,7 @@ import numpy as np
 
 LONGEST = 80  # characters of a field
 NOTHING = 1e-12  # is told as 0
+VAST = 1e12  # numbers from here on are told in six digits
 FEW = 4  # entries of an array or a sequence that are written out
 
 
@@ -18,7 +19,12 @@ def shortest(number: float) -> str:
 
 
 def decimal(number: float, sign: str = "") -> str:
-    """A number with four decimals, or in three digits where these would not show it; ``sign`` may be ``"+"``."""
+    """A number with four decimals, or in three digits where these would not show it, or six if it is vast.
+
+    ``sign`` may be ``"+"``.
+    """
+    if abs(number) >= VAST:
+        return f"{number:{sign}.6g}"
     return f"{number:{sign}.3g}" if is_hidden(number) else f"{number:{sign}z.4f}"
 
 

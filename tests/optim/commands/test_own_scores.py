@@ -90,3 +90,27 @@ def test_other_details_are_refused_in_a_line(searched, details, told):
 def test_what_is_no_evaluation_of_the_points_is_refused_in_a_line(searched, returned, told, workers):
     code, _, error = searched(returned, f"{SHORT} {workers}")
     assert (code, error) == (2, f"morpholab codesign: error: {told}\n")
+
+
+@pytest.mark.parametrize("returned", ["Evaluation(2 * (x - 0.5) * 1.7e308)", "Evaluation(x * -1.7e308)"])
+def test_vast_scores_are_reported_in_few_digits(tmp_path, morpholab, searched, returned):
+    code, out, error = searched(returned)
+    assert code == 0 and error == "" and "e+30" in out and len(out) < 100
+    assert len(morpholab("status a")[1]) < 200
+    code, _, error = morpholab("report a --out a.html --quiet")
+    page = (tmp_path / "a.html").read_text()
+    assert (code, error) == (0, "") and "what is beyond 1e+300 is not drawn" in page and "000,000" not in page
+
+
+def test_a_map_of_vast_elites_is_reported(tmp_path, morpholab, searched):
+    assert searched("Evaluation(2 * (x - 0.5) * 1.7e308)", "--method map-elites --generations 2 --quiet")[0] == 0
+    assert morpholab("report a --out a.html --quiet")[::2] == (0, "")
+    assert "what is beyond 1e+300 is not drawn" in (tmp_path / "a.html").read_text()
+
+
+def test_a_front_of_vast_objectives_is_reported(tmp_path, morpholab):
+    own = OWN.replace('("far",), ("m",)', '("far", "near"), ("m", "m")')
+    (tmp_path / "own.py").write_text(own.replace("{returned}", "Evaluation(np.column_stack([x, 0.5 - x]) * 1.7e307)"))
+    options = "--method nsga2 --population 8 --generations 2 --quiet"
+    assert morpholab(f"codesign --problem own.py {options} --out a")[0] == 0
+    assert morpholab("report a --out a.html --quiet")[::2] == (0, "")

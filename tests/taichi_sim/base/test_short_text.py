@@ -74,3 +74,11 @@ def test_what_is_no_utf_8_is_told_as_escapes():
 )
 def test_numbers_that_four_decimals_would_hide_have_three_digits(number, told):
     assert decimal(number) == told and decimal(1.0, "+") == "+1.0000"
+
+
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [(1e12, "1e+12"), (-1.7e308, "-1.7e+308"), (2.0**62, "4.61169e+18"), (999999999999.0, "999999999999.0000")],
+)
+def test_vast_numbers_have_six_digits(number, told):
+    assert decimal(number) == told and decimal(1e300, "+") == "+1e+300"
