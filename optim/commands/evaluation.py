@@ -128,18 +128,19 @@ def _once_summoned(evaluate: "Evaluate", summon: Callable[[], None]) -> "Evaluat
 
 @contextlib.contextmanager
 def _ending(folder: Path) -> Iterator[None]:
-    """Tell the workers of a folder, at the end, that it has come; a failure before that is the one that is raised."""
+    """Tell the workers of a folder, at the end, that it has come.
+
+    If that fails, it is only noted: the search has its result, or a failure of its own.
+    """
     from optim.runs.workers.folder_files import end_workers
 
     try:
         yield
-    except BaseException:
+    finally:
         try:
             end_workers(folder)
         except (ValueError, RuntimeError) as error:
             note(f"workers-dir: {error}; the workers wait on, end them yourself")
-        raise
-    end_workers(folder)
 
 
 def with_options(problem: "AnyProblem", **options: object) -> "AnyProblem":
