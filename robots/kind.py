@@ -19,6 +19,7 @@ from taichi_sim.base.registry import Registry
 
 if TYPE_CHECKING:
     from robots.abilities import Abilities
+    from robots.own_measures import OwnMeasure
     from robots.robot import Robot
 
 
@@ -34,6 +35,20 @@ OWN_MEASURES_OPTION = Option(
 def choices(**given: tuple[float, float] | list[Any]) -> Choices:
     """Values of a robot that are worth trying, by name: pairs of lowest and highest, or lists."""
     return MappingProxyType(given)
+
+
+def lost_in(robot: Any) -> "tuple[OwnMeasure, ...]":
+    """Own measures of a robot that nothing can compute: a run folder tells of them, but only a file defines them."""
+    return tuple(each for each in getattr(robot, OWN_MEASURES_FIELD, ()) if each.lost)
+
+
+def without_lost(robot: "Robot") -> "Robot":
+    """A robot without the measures that nothing can compute, so that it can be tried."""
+    if not (lost := lost_in(robot)):
+        return robot
+    return robot.changed(
+        {OWN_MEASURES_FIELD: [each for each in getattr(robot, OWN_MEASURES_FIELD) if each not in lost]}
+    )
 
 
 class RobotKind(ABC):

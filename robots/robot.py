@@ -18,6 +18,8 @@ from robots.abstract import Robot as Robot
 from robots.kind import KINDS as KINDS
 from robots.kind import USUAL as USUAL
 from robots.kind import RobotKind as RobotKind
+from robots.kind import lost_in as lost_in
+from robots.kind import without_lost as without_lost
 from robots.outcome import DIVERGED as DIVERGED
 from robots.outcome import INVALID as INVALID
 from robots.outcome import OK as OK

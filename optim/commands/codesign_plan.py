@@ -193,7 +193,8 @@ def _robot_design(args: argparse.Namespace, known: dict[str, Any] | None, method
     kind = kind_of_description(known["problem"]) if known else named
     if kind is None:
         raise ValueError(f"out: the run in {args.out} designs no robot")
-    if known and args.robot is not None and named.name != kind.name:
+    file = source is not None and source not in named.designs  # Python sets any kind; which robot it is is compared
+    if known and args.robot is not None and named.name != kind.name and not file:
         raise ValueError(f"robot: the run in {args.out} is one of {kind.title}; leave --robot out")
     given = {**args.parser.values(args, kind), **options.given_compute(args)}
     return designer_of(kind).design(Request(source, given, method, takes_several(method), last, args.out, args.resume))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from optim.problem import Problem, RelaxableProblem
 from optim.problems.earlier import is_described_by
-from robots.robot import Option, RobotKind, make_robot
+from robots.robot import Option, RobotKind, find_robot_doing, lost_in, make_robot
 from taichi_sim.base.lazy import imported
 from taichi_sim.base.options import count, number
 
@@ -167,10 +167,18 @@ class Designer:
         """The problem of the run, with what may be given again."""
         known: Any = asked.known
         own = self._own(asked.given)
-        told = asked.source is not None or own.keys() - {"seed"}  # which is that of the search, too
-        if told and not is_described_by(known.offered.describe(), make_robot(self.kind, asked.source, own).describe()):
-            what = asked.source or "what is given"
-            raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; leave it out")
+        lost = lost_in(known.offered)
+        again = f"give --robot {lost[0].source} again, which alone defines {lost[0].name}" if lost else "leave it out"
+        if asked.source is not None or own.keys() - {"seed"}:  # which is that of the search, too
+            kind = self.kind if asked.source is None else find_robot_doing(asked.source)[0]  # Python sets any kind
+            robot = make_robot(kind, asked.source, own)
+            if not is_described_by(known.offered.describe(), robot.describe()):
+                what = asked.source or "what is given"
+                raise ValueError(f"robot: {what} is not the robot of the run in {asked.out}; {again}")
+            if lost:
+                known = dataclasses.replace(known, robot=robot)
+        elif lost:
+            raise ValueError(f"robot: is missing for the run in {asked.out}; {again}")
         fields = {each.name for each in dataclasses.fields(known)}
         if "worlds" in settings and "terrain" in fields:  # of version 1.0
             settings["terrain"], *others = settings.pop("worlds")

@@ -29,7 +29,7 @@ from optim.problems.uncertain import (
     under_risk,
 )
 from optim.space import Space
-from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World
+from robots.robot import KINDS, Facts, Measure, Outcome, Robot, Trial, World, without_lost
 from robots.uncertainty import Risk, Score
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.parsing import parse_json
@@ -98,8 +98,11 @@ class JudgedRobot(RobotDesigning):
         return self.robot_of(point)
 
     def robot_of(self, point: ArrayLike) -> Robot:
-        """Return the robot of a point, shape (D,), with nothing free, for commands and reports."""
-        return self.offered.design(self.space.validate(point))
+        """Return the robot of a point, shape (D,), with nothing free, for commands and reports.
+
+        It lacks measures that only a file of Python defines, if a run folder was read, so that it can be tried.
+        """
+        return without_lost(self.offered).design(self.space.validate(point))
 
     def evaluate(self, points: ArrayLike) -> Evaluation:
         """Simulate the robots of all points, shape (N, D), in each world.

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from robots.articulated.reflexes import PARTS, DriveReflexes, network_of
 from robots.articulated.simulation import GROUND, felt_over_time, sensed_of, try_points
 from robots.outcome import recorded
-from robots.own_measures import OwnMeasure, checked_own_measures, names_of
+from robots.own_measures import OwnMeasure, checked_own_measures, records_of
 from robots.robot import Facts, Measure, Outcome, Parameter, Robot, Trial, World
 from robots.world import Terrain
 from taichi_sim import rigid
@@ -244,7 +244,7 @@ class ArticulatedRobot(Robot):
         found |= {"light": light, "friction": friction, "angles": dict(self.angles), "reflexes": reflexes}
         if self.reflexes is None:  # a record is as before there were any
             del found["reflexes"]
-        found["own_measures"] = names_of(self.own_measures)
+        found["own_measures"] = records_of(self.own_measures)
         if not self.own_measures:  # as before there were any
             del found["own_measures"]
         if self.seed == 0:  # as before there was any

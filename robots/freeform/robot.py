@@ -23,7 +23,7 @@ from robots.lattice_robot.robot import LatticeRobot
 from robots.lattice_robot.rollout import Aim
 from robots.lattice_robot.simulation import outcome_of
 from robots.lattice_robot.soft_motion import TOLD_ANYWAY
-from robots.own_measures import OwnMeasure, checked_own_measures, names_of
+from robots.own_measures import OwnMeasure, checked_own_measures, records_of
 from robots.robot import FRAMES, HERE, Facts, Measure, Outcome, Parameter, Progress, Replay, Robot, Trial, World
 from robots.uncertainty import Perturbation
 from robots.world import Terrain, terrain_of
@@ -339,7 +339,7 @@ class FreeformRobot(Robot):
         """Describe everything that results depend on, as JSON values."""
         palette = [{**dataclasses.asdict(t.material), "muscle": t.muscle} for t in self.palette.tissues]
         own = {name: value for name, value in dataclasses.asdict(self).items() if name not in ("gains", "own_measures")}
-        measures = {"own_measures": names_of(self.own_measures)} if self.own_measures else {}
+        measures = {"own_measures": records_of(self.own_measures)} if self.own_measures else {}
         return {**own, **measures, "palette": palette}
 
     def facts(self) -> Facts:

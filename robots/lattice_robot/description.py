@@ -4,7 +4,7 @@ import dataclasses
 import json
 from typing import TYPE_CHECKING, Any
 
-from robots.own_measures import names_of
+from robots.own_measures import records_of
 from taichi_sim.lattice.files import VoxelFile, write_vxl_json
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def description_of(robot: "LatticeRobot") -> dict[str, Any]:
         },
         "drives": [drive.describe() for drive in robot.drives],
         **({"reflexes": dataclasses.asdict(robot.reflexes)} if robot.reflexes else {}),
-        **({"own_measures": names_of(robot.own_measures)} if robot.own_measures else {}),
+        **({"own_measures": records_of(robot.own_measures)} if robot.own_measures else {}),
         "moduli": [[number, dataclasses.asdict(free)] for number, free in robot.free_moduli.items()],
         "body": json.loads(write_vxl_json(VoxelFile.of_body(robot.body))),
     }

@@ -18,6 +18,7 @@ from optim.runs.workers import folder_files as protocol
 from optim.runs.workers.folder_files import CLAIMED, DONE, OPEN, Gone, Offer, Unread
 from optim.runs.workers.pool import Died
 from optim.runs.workers.service import Answer, Raised
+from robots.robot import lost_in
 from taichi_sim.base import files
 from taichi_sim.base.locks import HeldLock
 
@@ -310,6 +311,7 @@ def open_shared_folder(
 def _is_told_by(description: dict[str, object]) -> bool:
     """Whether a problem built from a description has that same description again."""
     try:
-        return problem_of_description(description).describe() == description
+        built = problem_of_description(description)
+        return built.describe() == description and not lost_in(getattr(built, "offered", None))
     except ValueError:
         return False

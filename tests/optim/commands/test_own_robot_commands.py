@@ -57,6 +57,42 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert code == 2 and "robot: gone.py is not the robot of the run in runs/x; leave it out" in error
 
 
+DRIFT = """
+import dataclasses
+from morpholab import OwnMeasure
+
+def sideways(motion):
+    return (motion.centres(motion.ended) - motion.centres(motion.began))[:, 1] ** 2
+
+robot = dataclasses.replace(robot, own_measures=(OwnMeasure("drift", "m^2", law=sideways),))
+"""
+
+
+@pytest.mark.kernels
+def test_a_measure_that_only_a_users_file_defines_is_searched(morpholab, tmp_path):
+    """A run folder tells of it without its code: the file is given again to go on, and what is seen lacks it."""
+    (tmp_path / "my_robot.py").write_text(MINE + DRIFT)
+    search = f"codesign --robot my_robot.py --climbers 2 --generations 1 --objective minimise:drift {QUICK} --json"
+    code, out, error = morpholab(f"{search} --out a")
+    assert code == 0 and json.loads(out)["best"] < 0 and error == ""
+    assert morpholab(f"{search} --out b --workers 1")[0] == 0
+    assert Path("a/best.json").read_bytes() == Path("b/best.json").read_bytes()
+    (tmp_path / "task.toml").write_text('robot = "my_robot.py"\nobjective = "minimise:drift"\nclimbers = 2\n')
+    assert morpholab(f"codesign --task task.toml --generations 1 --out c {QUICK}")[0] == 0
+    assert Path("a/best.json").read_bytes() == Path("c/best.json").read_bytes()
+    further = f"codesign --resume --out a --generations 2 {QUICK}"
+    again = "give --robot my_robot.py again, which alone defines drift"
+    assert morpholab(further)[::2] == (2, f"morpholab codesign: error: robot: is missing for the run in a; {again}\n")
+    assert morpholab(f"{further} --robot my_robot.py")[0] == 0
+    code, out, error = morpholab(f"{further} --robot my_robot.py --workers-dir w")
+    assert code == 2 and "is not told by data alone" in error
+    assert morpholab(f"view a --frames 20 --out a.html {QUICK}")[0] == 0
+    assert morpholab("report a --out report.html --quiet")[0] == 0 and "drift" in Path("report.html").read_text()
+    (tmp_path / "my_robot.py").write_text(MINE + DRIFT.replace("** 2", "** 4"))
+    code, _, error = morpholab(f"{further} --robot my_robot.py")
+    assert code == 2 and f"robot: my_robot.py is not the robot of the run in a; {again}" in error
+
+
 @pytest.mark.kernels
 def test_a_search_is_the_same_with_workers(morpholab, mine):
     lines = [f"codesign --robot my_robot.py --climbers 4 --generations 1 --out {name} --quiet" for name in ("a", "b")]
