@@ -68,6 +68,7 @@ class RobotKind(ABC):
         fading_gradients: whether gradients can have a horizon, see ``robots.trial.Trial``.
         explored: what is worth moving when a robot is explored, by names of ``options`` and ``world_options``: a pair,
             lowest and highest, or a list.
+        instead: what serves instead of options that only other kinds have, by their names.
         trial_fields: names in a robot's description that say how it is tried, such as ``duration`` or, of a part of it,
             ``actuation.cycles``: scores of robots that differ in them do not mean the same.
     """
@@ -84,6 +85,7 @@ class RobotKind(ABC):
     view_precision: str = "f64"
     fading_gradients: bool = False
     explored: Choices = MappingProxyType({})
+    instead: Mapping[str, str] = MappingProxyType({})
     trial_fields: tuple[str, ...] = ()
 
     @abstractmethod

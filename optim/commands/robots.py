@@ -127,8 +127,8 @@ class RobotOptions(argparse.ArgumentParser):
         known = {option.name for each in (kind, *others) for option in self._options_of(each)}
         for name, titles in self.known_to.items():
             if name not in known and getattr(args, name, None) is not None:
-                which = ", ".join(titles)
-                raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({which}); leave it out")
+                which, serves = ", ".join(titles), kind.instead.get(name, "leave it out")
+                raise ValueError(f"{name.replace('_', '-')}: it is an option of other kinds ({which}); {serves}")
         return given(apart[kind.name], args)
 
     def _apart(self, kind: RobotKind, args: argparse.Namespace) -> list[Option]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from robots.kind import OWN_MEASURES_OPTION, choices
@@ -64,6 +65,12 @@ class LatticeRobotKind(LatticeGroundKind):
     fading_gradients = True
     designs = ("soft-quadruped", "feeling-quadruped", "light-seeker", "soft-swimmer")
     explored = choices(slope=(-15, 15))
+    instead = MappingProxyType(
+        {
+            "target": "give --terrain flat+light:X,Y, or set target of a LatticeRobot in Python; both add the measure "
+            "remaining, so search with --objective minimise:remaining"
+        }
+    )
 
     def build(self, source: str | None, options: Mapping[str, Any]) -> Robot:
         """The robot of a file, where one of Python may set a robot of any kind; or one that comes with the lab."""

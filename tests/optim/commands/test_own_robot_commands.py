@@ -57,6 +57,16 @@ def test_a_users_file_is_designed_continued_and_seen(morpholab, tmp_path, mine):
     assert code == 2 and "robot: gone.py is not the robot of the run in runs/x; leave it out" in error
 
 
+@pytest.mark.kernels
+def test_what_serves_instead_of_a_target_is_told_and_works(morpholab, mine):
+    code, _, error = morpholab(f"codesign --robot my_robot.py --target 1,0 --out a {QUICK}")
+    told = "target: it is an option of other kinds (freeform robot); give --terrain flat+light:X,Y, or set target of a "
+    assert code == 2 and told in error and error.endswith("so search with --objective minimise:remaining\n")
+    search = "--terrain flat+light:1,0 --objective minimise:remaining --climbers 1 --generations 0 --out a --json"
+    code, out, error = morpholab(f"codesign --robot my_robot.py {search} {QUICK}")
+    assert code == 0 and -1.1 < json.loads(out)["best"] < -0.9, error
+
+
 DRIFT = """
 import dataclasses
 from morpholab import OwnMeasure
