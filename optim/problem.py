@@ -23,6 +23,7 @@ GAIT, WALKER, VEHICLE, ROBOT, FILE = (
     "robot",
     "file",
 )  # kinds of problems, as descriptions name them
+DESIGN = "design"  # in the description of a file's problem, if that designs a robot: its own description, as JSON
 ORDERS = 1_000_003  # stream of random numbers that no generation of a search has: of the orders of minibatches
 Wants = Literal["points", "relaxed", "gradients"]  # what a search method wants judged
 

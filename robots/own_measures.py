@@ -35,6 +35,11 @@ class RobotFile:
     sha256: str
     path: str = ""
 
+    @classmethod
+    def of(cls, path: str | os.PathLike[str]) -> "RobotFile":
+        """The file as it is now."""
+        return cls(os.path.basename(path), sha256(content_of(path)), os.path.abspath(path))
+
 
 @dataclass(frozen=True)
 class OwnMeasure(Measure):
@@ -159,13 +164,12 @@ def records_of(measures: Iterable[OwnMeasure]) -> list[Any]:
     return records
 
 
-def of_file(robot: Any, path: str | os.PathLike[str]) -> Any:
+def of_file(robot: Any, file: RobotFile) -> Any:
     """A robot whose measures, other than those of installed packages, say that a Python file defines them."""
     given: tuple[OwnMeasure, ...] = getattr(robot, OWN_MEASURES_FIELD, ())
     if all(map(_is_installed, given)):
         return robot
-    file = RobotFile(os.path.basename(path), sha256(content_of(path)), os.path.abspath(path))
-    return replace(robot, own_measures=tuple(m if _is_installed(m) else replace(m, file=file) for m in given))
+    return robot.changed({OWN_MEASURES_FIELD: [m if _is_installed(m) else replace(m, file=file) for m in given]})
 
 
 @functools.lru_cache(maxsize=4)

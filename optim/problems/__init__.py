@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.problem import FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem
+from optim.problem import DESIGN, FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.parsing import parse_json
+from taichi_sim.base.results_folder import BEST_DESIGN
 from taichi_sim.base.short_text import counted
 
 if TYPE_CHECKING:
@@ -66,6 +68,8 @@ def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":
     from robots.robot import KINDS
 
     name = description.get("kind", GAIT)
+    if name == FILE and DESIGN in description:
+        return kind_of_description(parse_json(description[DESIGN]))
     return KINDS.get(KINDS_OF_1_0.get(name, name))
 
 
@@ -77,7 +81,11 @@ def kind_of_run(folder: "Path", config: Mapping[str, Any]) -> "RobotKind":
     """
     kind = kind_of_description(config["problem"])
     if kind is None:
-        raise ValueError(f"source: {folder} is a run of a {config['problem'].get('kind')}, which is no robot")
+        what, best = config["problem"].get("file", f"a {config['problem'].get('kind')}"), folder / BEST_DESIGN
+        raise ValueError(
+            f"source: {folder} is a run of {what}, which is no robot; `morpholab report {folder}` shows it, and {best} "
+            "has its best point"
+        )
     return kind
 
 
@@ -98,6 +106,8 @@ def robot_of_run(
 
     kind_of_run(history.path, history.config)
     problem: Any = problem_of_run(history.path, history.config)
+    if history.config["problem"].get("kind") == FILE:
+        problem = problem.designed
     if not elsewhere:
         check_ground_files(history.config, problem.ground_files, history.path)
     return problem.robot_of(kept_point(history, problem, member)), problem.tried_in

@@ -1,20 +1,38 @@
 """Problems that users define in a Python file, which they give to the command."""
 
+import dataclasses
+import json
 import runpy
 import sys
 import tempfile
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 from numpy.typing import ArrayLike
 
-from optim.problem import FILE, Evaluation, Minibatch, Objective, Problem, check_kind, has_minibatches, objectives_of
+from optim.problem import (
+    DESIGN,
+    FILE,
+    Evaluation,
+    Minibatch,
+    Objective,
+    Problem,
+    check_kind,
+    has_minibatches,
+    objectives_of,
+)
+from optim.problems import problem_of_description
 from optim.problems.function import PlainProblem, problem_of
+from optim.problems.robot import RobotProblem
+from optim.problems.robot_designing import RobotDesigning
 from optim.space import Space, Variable
+from robots.own_measures import RobotFile, of_file
 from taichi_sim.base.files import content_of, sha256, why_unread
 from taichi_sim.base.foreign import blamed, users_code
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.short_text import counted
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
@@ -43,6 +61,7 @@ class FileProblem(PlainProblem):
         self.file, self.source, self._folder = file, source, folder
         names, self._run_as = _run(file, source, folder)
         self._problem = _defined(names, file)
+        self._kept: dict[str, str] | None = None
         super().__init__(self._problem.space, objectives_of(self._problem))
         self._offer()
 
@@ -86,8 +105,31 @@ class FileProblem(PlainProblem):
             save(point, path)
 
     def describe(self) -> dict[str, Any]:
-        """The file's name and checksum, variables and objectives, as JSON values; not its source, nor where it is."""
-        return {"kind": FILE, "file": self.file, "sha256": sha256(self.source), **self.table()}
+        """The file's name and checksum, variables and objectives, as JSON values; not its source, nor where it is.
+
+        A problem of a robot is described, too, where data can, so that designs can be seen without the file.
+        """
+        design = self._design() if self._kept is None else self._kept
+        return {"kind": FILE, "file": self.file, "sha256": sha256(self.source), **self.table(), **design}
+
+    def keep_design(self, description: Mapping[str, Any]) -> None:
+        """Describe the robot as the run that continues does, with which maybe an earlier version began."""
+        self._kept = {DESIGN: description[DESIGN]} if DESIGN in description else {}
+
+    def _design(self) -> dict[str, str]:
+        """The description of the problem of a robot; nothing if it is none, or not told by data."""
+        problem = self._problem
+        if not isinstance(problem, RobotDesigning):
+            return {}
+        try:
+            if isinstance(problem, RobotProblem):  # measures of the file's own are of this file
+                robot = of_file(problem.robot, RobotFile(self.file, sha256(self.source)))
+                problem = dataclasses.replace(problem, robot=robot)
+            described = problem.describe()
+            problem_of_description(described)
+        except (ValueError, NotImplementedError):
+            return {}
+        return {DESIGN: json.dumps(described, separators=(",", ":"))}
 
 
 class RecordedProblem(PlainProblem):
@@ -102,11 +144,17 @@ class RecordedProblem(PlainProblem):
         check_kind(description, FILE)
         try:
             self.file, self.checksum = str(description["file"]), str(description["sha256"])
+            self._design = None if DESIGN not in description else str(description[DESIGN])
             space = Space(tuple(Variable(**variable) for variable in description["variables"]))
             names, units = description["objective_names"], description["objective_units"]
             super().__init__(space, [Objective(str(name), str(unit)) for name, unit in zip(names, units, strict=True)])
         except (KeyError, TypeError) as error:
             raise ValueError(f"problem: its description is damaged ({error})") from None
+
+    @cached_property
+    def designed(self) -> RobotDesigning | None:
+        """The problem of a robot, for what can be seen of its designs; None if the run does not tell of one."""
+        return None if self._design is None else cast(RobotDesigning, problem_of_description(parse_json(self._design)))
 
     @property
     def subject(self) -> str:
@@ -145,13 +193,17 @@ def load_problem(path: Path) -> FileProblem:
 
 
 def check_file(problem: FileProblem, known: Mapping[str, Any], folder: Path) -> None:
-    """Raise a one-line ValueError unless a problem is of the file with which the run in a folder began."""
+    """Raise a one-line ValueError unless a problem is of the file with which the run in a folder began.
+
+    Its robot is described as the run does from then on.
+    """
     found, recorded = sha256(problem.source), RecordedProblem(known).checksum
     if found != recorded:
         raise ValueError(
             f"problem: {problem.file} is not the file of the run in {folder} (SHA-256 {found[:12]}..., the run has "
             f"{recorded[:12]}...); give it as it was, or start a new run"
         )
+    problem.keep_design(known)
 
 
 def _run(file: str, source: bytes, folder: str) -> tuple[SimpleNamespace, str]:

@@ -13,7 +13,7 @@ from robots.lattice_robot.drive import Drive, Free
 from robots.lattice_robot.formats import MESH_SUFFIXES, VOXEL_SUFFIXES
 from robots.lattice_robot.record import load_saved_robot
 from robots.lattice_robot.robot import LatticeRobot
-from robots.own_measures import of_file
+from robots.own_measures import RobotFile, of_file
 from robots.robot import KINDS, Robot
 from robots.world import STANDARD_GRAVITY
 from taichi_sim.base.foreign import users_code
@@ -106,5 +106,5 @@ def robot_of_python(path: Path, kind: type[AnyRobot]) -> AnyRobot:
         KINDS.of(robot)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    found: AnyRobot = of_file(robot, path)
+    found: AnyRobot = of_file(robot, RobotFile.of(path))
     return found

@@ -47,6 +47,21 @@ class Valley(Problem):
 
 problem = Valley()
 """
+BAR = """
+from morpholab import OwnMeasure, RobotProblem
+from robots.lattice_robot import Drive, Free, LatticeRobot
+from robots.world import Terrain
+from taichi_sim.lattice import Material, body_from_array
+
+robot = LatticeRobot(
+    body_from_array([[[1]], [[1]]], Material(1e5, 1e3), 0.01),
+    (Drive("m", (0,), amplitude=Free(0.0, 0.2)),),
+    cycles=1,
+    settling=0.05,
+    own_measures=(OwnMeasure("high", "m", law=lambda motion: motion.ended[:, 0, 2] * 1.0),),
+)
+problem = RobotProblem(robot, (Terrain(slope=5.0),), objective="high")
+"""
 SHORT = "--climbers 5 --seed 3 --quiet"
 
 
@@ -127,11 +142,27 @@ def test_status_compare_and_report_need_no_file(rocket, morpholab):
     page = (rocket / "one.html").read_text()
     assert (code, error) == (0, "") and "The best height found is" in page and "rocket.py, SHA-256" in page
     code, _, error = morpholab("view runs/random1 --out v.html")
-    assert code == 2 and "which is no robot" in error
+    told = "is a run of rocket.py, which is no robot; `morpholab report runs/random1` shows it, and"
+    assert code == 2 and f"{told} runs/random1/best.json has its best point" in error
     (rocket / "rocket.py").write_text(ROCKET.replace("100", "101"))
     assert morpholab(f"codesign --problem rocket.py --out other --generations 1 {SHORT}")[0] == 0
     code, _, error = morpholab("compare runs/random1 other")
     assert code == 2 and "are judged differently (sha256" in error
+
+
+@pytest.mark.kernels
+def test_designs_of_a_file_about_a_robot_are_seen_without_it(tmp_path, morpholab):
+    (tmp_path / "bar.py").write_text(BAR)
+    search = "codesign --problem bar.py --out bar --method random --climbers 2 --quiet --threads 1"
+    assert morpholab(f"{search} --generations 0")[0] == 0
+    config = (tmp_path / "bar/config.toml").read_text()
+    assert morpholab(f"{search} --generations 1 --resume")[0] == 0
+    assert (tmp_path / "bar/config.toml").read_text().splitlines()[2:-1] == config.splitlines()[2:-1]
+    (tmp_path / "bar.py").unlink()
+    code, out, error = morpholab("view bar --frames 10 --out bar.html --quiet --threads 1")
+    assert code == 0 and out.startswith("bar on hill:5: "), error
+    code, _, error = morpholab("export bar --voxels bar.vxa")
+    assert code == 0 and (tmp_path / "bar.vxa").exists(), error
 
 
 @pytest.mark.long
