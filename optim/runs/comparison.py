@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from optim.measures.statistics import Effect, effect, holm, mean_band
-from optim.problem import GAIT
+from optim.problem import DESIGN, GAIT
 from optim.runs.config import GROUND_FILES, identity, usual_settings
 from optim.runs.history import History, begun
 from optim.search.method import LARGEST
@@ -51,6 +51,8 @@ JUDGED = (
     "sha256",
     "objective_names",
 )
+# A first generation that takes that many times as long as others, and that much longer [s], has compiled kernels.
+MANY_TIMES, FEW_SECONDS = 3.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -237,6 +239,8 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
     climbers = single and all(group[0].generations[-1].scores is not None for group in members)
     told = [label or usual for label, usual in zip(named, _labels(members), strict=True)]
     found = [_curve(label, group, axis, climbers) for label, group in zip(told, members, strict=True)]
+    if axis == "seconds":
+        _warn_of_slow_starts(histories)
     for curve in found:
         for score in curve.scores[abs(curve.scores) > LARGEST][:1]:
             where = ", ".join(curve.folders)
@@ -279,11 +283,34 @@ def _overlap(places: Mapping[str, Floats], axis: Axis) -> tuple[float, float]:
     early = min(places, key=lambda name: float(places[name][-1]))
     begin, end = float(places[late][0]), float(places[early][-1])
     if begin > end:
+        why = (
+            ", as it seems to have compiled kernels first"
+            if axis == "seconds" and _has_slow_start(places[late])
+            else ""
+        )
         raise ValueError(
-            f"by: {early} ended at {end:g} {axis}, before {late} had a first score, at {begin:g}; "
+            f"by: {early} ended at {end:g} {axis}, before {late} had a first score, at {begin:g}{why}; "
             "compare by generations, or continue what is short"
         )
     return begin, end
+
+
+def _has_slow_start(places: Floats) -> bool:
+    """Whether the first generation of a run took so much longer than others, at times [s], that kernels explain it."""
+    return len(places) > 1 and bool(places[0] > MANY_TIMES * np.median(np.diff(places)) + FEW_SECONDS)
+
+
+def _warn_of_slow_starts(histories: Sequence[History]) -> None:
+    """Warn once of runs whose times seem to have what compiling kernels took in them, unless all have."""
+    slow = [history for history in histories if _has_slow_start(_places(history, "seconds"))]
+    if 0 < len(slow) < len(histories):
+        first, *others = slow
+        more = f", like that of {len(others)} more," if others else ""
+        warnings.warn(
+            f"the first generation of {first.path}{more} took {first.seconds[0]:.3g} s, as it seems to have "
+            "compiled kernels, and others did not: compare by evaluations, or search again",
+            stacklevel=2,
+        )
 
 
 def _check_independent(group: Sequence[History]) -> None:
@@ -321,7 +348,8 @@ def _places(history: History, axis: Axis) -> Floats:
 def _without_seed(config: Mapping[str, Any]) -> dict[str, Any]:
     """Problem and method without the seed; settings that an older version lacked have their defaults."""
     method = usual_settings(config["method"]) | config["method"]
-    return {"problem": config["problem"], "method": {name: method[name] for name in method if name != "seed"}}
+    problem = {name: value for name, value in config["problem"].items() if name != DESIGN}  # its file says all of it
+    return {"problem": problem, "method": {name: method[name] for name in method if name != "seed"}}
 
 
 def _labels(groups: Sequence[Sequence[History]]) -> list[str]:

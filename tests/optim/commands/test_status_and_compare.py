@@ -164,6 +164,21 @@ def test_runs_whose_times_do_not_overlap_are_one_line(morpholab, monkeypatch):
     assert error.count("\n") == 1
 
 
+def test_times_that_kernels_were_compiled_in_are_told_of(morpholab, monkeypatch):
+    for seed in (0, 1):
+        design(morpholab, f"runs/{seed}", seed=seed, generations=3)
+    times = {"runs/0": (18.0, 1.0, 1.0, 1.0), "runs/1": (2.0, 1.0, 1.0, 17.0)}
+    monkeypatch.setattr("optim.runs.history._read_timing", lambda folder, _: (times[str(folder)], None))
+    code, _, error = morpholab("compare runs --by seconds")
+    told = "the first generation of runs/0 took 18 s, as it seems to have compiled kernels, and others did not: compare"
+    assert code == 0 and told in error and error.count("\n") == 1
+    assert morpholab("compare runs")[2] == ""
+    times["runs/1"] = (2.0, 1.0, 1.0, 1.0)
+    code, _, error = morpholab("compare runs --by seconds")
+    told = "before runs/0 had a first score, at 18, as it seems to have compiled kernels first; compare by generations"
+    assert code == 2 and told in error and error.count("\n") == 1
+
+
 def test_a_copy_of_a_run_is_no_second_sample(morpholab, tmp_path):
     design(morpholab, "runs/0")
     shutil.copytree(tmp_path / "runs/0", tmp_path / "runs/copy")
