@@ -38,6 +38,7 @@ from optim.commands import (
 from optim.commands.robots import RobotOptions
 from optim.interrupts import EndedBySignals, stopped_by
 from optim.notes import notes, plain, say
+from taichi_sim.base.checks import nearest
 from taichi_sim.base.disk_faults import unwritten
 from taichi_sim.base.foreign import blame, blame_package, lacks_memory
 
@@ -55,6 +56,22 @@ class _Parser(RobotOptions):
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, plain(f"{self.prog}: error: {' '.join(message.split())}") + "\n")
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse, and refuse what is unknown with what was likely meant."""
+        found, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            known = [name for action in self._actions for name in action.option_strings]
+            flag = next((word.partition("=")[0] for word in unknown if word.startswith("--")), "")
+            self.error(f"unrecognized arguments: {' '.join(unknown)}{nearest(flag, known)}")
+        return found, unknown
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        try:
+            super()._check_value(action, value)
+        except argparse.ArgumentError as error:
+            error.message += nearest(value, map(str, action.choices or ()))
+            raise
 
     def _get_value(self, action: argparse.Action, text: str) -> Any:
         try:

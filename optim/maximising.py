@@ -16,7 +16,6 @@ from optim.runs.generation import Generation, record
 from optim.search import MethodName, build_method, check_objectives
 from optim.search.method import SearchResult, check_fit, next_request
 from optim.space import Space
-from robots.robot import Robot, warn_of_doubts
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import whole_number
 from taichi_sim.base.short_text import counted
@@ -99,7 +98,9 @@ def maximise(
         0.3
     """
     designed = _problem(problem, bounds)
-    if isinstance(robot := getattr(designed, "offered", None), Robot):
+    if robot := getattr(designed, "offered", None):
+        from robots.robot import warn_of_doubts
+
         warn_of_doubts(robot)
     objectives = objectives_of(designed)
     generations = whole_number("generations", generations, 0)
@@ -126,6 +127,11 @@ def _problem(problem: Problem | Function, bounds: Bounds | Space | None) -> Prob
             raise ValueError("bounds: they are of a function; this problem has its own space")
         return cast(Problem, problem)
     if bounds is None:
+        from robots.robot import Robot
+
+        if isinstance(problem, Robot):
+            told = "give RobotProblem(robot, objective=...), which judges it"
+            raise ValueError(f"problem: {problem.name} is a robot; {told}")
         raise ValueError("bounds: missing; give (low, high) of each variable of the function by name")
     return problem_of(problem, bounds)
 

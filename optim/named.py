@@ -125,6 +125,8 @@ def points_of(tried: Robot, designs: Designs) -> ArrayLike:
     """
     if designs is None:
         return tried.start[None]
+    if isinstance(designs, str):
+        raise ValueError(f"designs: {designs!r} is not allowed; of a world say where={designs!r}")
     designs = _by_name(designs)
     if not isinstance(designs, Mapping):
         return designs

@@ -302,6 +302,30 @@ def ground_kind(name: str) -> GroundKind | None:
     return GROUNDS.get(EARLIER_NAMES.get(name, name))
 
 
+def check_single(text: str) -> None:
+    """Refuse the name of a terrain that names two grounds, or a slope after the ground.
+
+    Raises:
+        ValueError: that says what can be combined.
+    """
+    level = ("flat", "hill")  # ground of one height, which other ground may lie on
+    named = [part for part in text.split("+") if _head(part) in level or ground_kind(_head(part))]
+    are_level = [_head(part) in level for part in named]
+    if len(named) < 2 or are_level == [True, False]:
+        return
+    if are_level == [False, True] and _head(named[1]) == "hill":
+        raise ValueError(f"terrain: {text!r} is not allowed; give the slope first, as {named[1]}+{named[0]}")
+    raise ValueError(
+        f"terrain: {text!r} is not allowed, as two grounds cannot be combined; give one of {', '.join(named)}, or "
+        "ground on a slope, as hill:5+rough:0.01"
+    )
+
+
+def _head(part: str) -> str:
+    """What a part of a name begins with."""
+    return part.partition(":")[0]
+
+
 def ways() -> str:
     """Syntax of all kinds of ground and covers, as text."""
     on_it = " or ".join(f"+{cover.way}" for cover in COVERS.values())

@@ -13,7 +13,7 @@ import numpy as np
 from robots.ground import Ground, is_ground
 from robots.ground import level as level_ground
 from robots.ground_kinds import WATER_DENSITY as WATER_DENSITY
-from robots.ground_kinds import ways
+from robots.ground_kinds import check_single, ways
 from robots.outcome import World
 from robots.props import LIGHT, Prop, split_name
 from robots.terrain_fields import about
@@ -253,6 +253,7 @@ class Terrain:
             places = [checked_place(LIGHT, [number_of(part) for part in each.split(",")]) for each in lights]
             props = tuple(map(Prop.parse, given))
             return dataclasses.replace(cls.parse(text), light=places[0] if places else None, props=props)
+        check_single(text)
         hill, ground = _hill_and_ground(text)
         if hill:
             return dataclasses.replace(cls.parse(hill), ground=ground)._with_its_file()

@@ -25,6 +25,7 @@ JSON = flag("json", "print one JSON document, and nothing else, on stdout")
 THREADS = count("threads", 1, "CPU threads (default: all)")
 DEVICE = Option("device", "(default: cpu)", choices=DEVICES)
 RUNS = path_to("runs", "RUN", "folder of a run, or a folder of such", words="+")
+ROBOT_HINT = "Options depend on the robot: add --robot FILE, or --robot KIND, to see those of yours."
 AXES = ("evaluations", "generations", "seconds")  # by which searches are compared
 
 
@@ -52,7 +53,8 @@ class Command:
 
     def declare(self, commands: Any, run: Callable[[argparse.Namespace], Any], whole: bool = True) -> None:
         """Add the parser of the command to those of a command line, ``whole`` or without what it takes."""
-        parser: RobotOptions = commands.add_parser(self.name, help=self.help, description=self.description)
+        hint = ROBOT_HINT if any(option.name == "robot" for option in self.options) else None
+        parser: RobotOptions = commands.add_parser(self.name, help=self.help, description=self.description, epilog=hint)
         if not whole:
             return
         for option in (*self.options, JSON):

@@ -109,6 +109,9 @@ def try_points(robot: "ArticulatedRobot", points: ArrayLike, trial: Trial) -> Ar
     """What a robot does at N points, shape (N, P), in a trial."""
     points, tree = robot.points(points), robot.model.tree
     engine, start = engine_in(robot, trial.world, trial.compute)
+    if trial.gradients and np.isfinite(engine.world.friction):
+        told = "give inf, as --friction inf, which has no limit beyond which feet slip"
+        raise ValueError(f"friction: {engine.world.friction:g} has no derivatives; {told}")
     state = 7 + 12 * len(tree.bodies) + tree.motors + 2 * len(tree.points())  # numbers that a tape keeps of a step
     at_once = max(1, TAPE_BYTES // (8 * state * (robot.steps + 1))) if trial.gradients else ROBOTS_AT_ONCE
     wanted = dict.fromkeys("distance" if name == "speed" else name for name in trial.gradients)

@@ -79,6 +79,7 @@ def test_a_robot_whose_kind_is_not_registered_is_for_searches_in_python_alone():
             lambda: ml.simulate("vehicle", {"w1": [0, 3]}),
             "^designs: 3 of w1 is not allowed; give a number from -1 to 1",
         ),
+        (lambda: ml.simulate("vehicle", "flat"), "designs: 'flat' is not allowed; of a world say where='flat'$"),
         (lambda: ml.simulate("vehicle", {"w1": [[0.1, 0.2], [0.3, 0.4]]}), "designs: give numbers, or arrays of one"),
         (lambda: ml.simulate("vehicle", {1: 0.5}), "designs: 1 is unknown; there are l1x, .*w2; did you mean w1.$"),
         (

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from morpholab import robot
 from optim import Evaluation, Problem, Space, Variable, maximise, problem_of
 from optim.problem import Objective
 from optim.search import METHODS, build_method
@@ -104,6 +105,7 @@ def test_progress_is_a_bar_on_a_terminal(monkeypatch, capsys):
         ({"generations": -1}, "generations: -1 is not allowed"),
         ({"popluation": 5}, "popluation: method cma does not take it; .*did you mean population"),
         ({"problem": problem_of(bowl, BOUNDS)}, "bounds: they are of a function"),
+        ({"problem": robot("vehicle"), "bounds": None}, r"problem: .* is a robot; give RobotProblem\(robot, objective"),
     ],
 )
 def test_wrong_arguments_are_refused_before_any_work(arguments, message):

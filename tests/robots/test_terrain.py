@@ -31,6 +31,20 @@ def test_a_terrain_may_have_a_light():
             Terrain.parse(name)
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("flat+hill:3", "as two grounds cannot be combined; give one of flat, hill:3, or ground on a slope, as hill:5"),
+        ("rough:0.01+stairs:0.01,0.1", "as two grounds cannot be combined; give one of rough:0.01, stairs:0.01,0.1, "),
+        ("hill:3+rough:0.01+gap:0.1+light:1,0", "as two grounds cannot be combined; give one of hill:3, rough:0.01, g"),
+        ("rough:0.1+hill:3", "give the slope first, as hill:3\\+rough:0.1$"),
+    ],
+)
+def test_two_grounds_are_not_combined(text, told):
+    with pytest.raises(ValueError, match=rf"^terrain: .* is not allowed[,;] {told}"):
+        Terrain.parse(text)
+
+
 @given(st.floats(-45, 45, allow_subnormal=False))  # Taichi, once started, has the process flush subnormals to zero
 def test_every_slope_survives_its_name(slope):
     assert Terrain.parse(Terrain(slope).name) == Terrain(slope)

@@ -144,6 +144,10 @@ BAD_LINES = [
     ("codesign --out new --terrain flat --workers 100000", "argument --workers: 100000 is not allowed; give a whole"),
     ("view rolling --out page.png", "out: page.png is not allowed; give a name that ends in .html or .htm"),
     ("walk", "argument COMMAND: invalid choice: 'walk'"),
+    ("simulat --gait rolling", "argument COMMAND: invalid choice: 'simulat' ("),
+    ("simulate --gait rolling --terain flat", "unrecognized arguments: --terain flat; did you mean --terrain?"),
+    ("simulate --robot quadruped --fricton=0.5", "unrecognized arguments: --fricton=0.5; did you mean --friction?"),
+    ("simulate --gait rolling --device cup", "argument --device: invalid choice: 'cup' (choose from "),
     ("", "the following arguments are required: COMMAND"),
 ]
 BAD_LINES += [(f"simulate --gait rolling {options}", message) for options, message in BAD_SIMULATE]
@@ -168,6 +172,17 @@ def test_an_empty_path_is_not_the_working_directory(morpholab, tmp_path, line):
     code, _, error = morpholab(f"{line} ''")
     assert code == 2 and "'' is not allowed; give a path" in error and error.count("\n") == 1
     assert not list(tmp_path.iterdir())
+
+
+def test_what_was_likely_meant_ends_a_refusal(morpholab):
+    for line, meant in (("simulat --gait rolling", "simulate"), ("simulate --gait rolling --device cup", "cpu")):
+        assert morpholab(line)[2].endswith(f"); did you mean {meant}?\n")
+
+
+def test_help_tells_how_to_see_the_options_of_a_robot(morpholab):
+    for command in ("simulate", "codesign", "measure", "gradient-check"):
+        assert "add --robot FILE, or --robot KIND, to see those" in " ".join(morpholab(f"{command} --help")[1].split())
+    assert "--robot" not in morpholab("status --help")[1]
 
 
 @pytest.mark.parametrize(("line", "message"), BAD_LINES)

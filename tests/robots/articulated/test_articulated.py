@@ -277,7 +277,10 @@ def test_it_offers_what_every_robot_offers(tmp_path):
             "points: shape (2, 3) is not allowed; give finite",
         ),
         (lambda: simulate(crawler(), [[math.nan] * 7]), "points: nan of frequency is not allowed; give finite"),
-        (lambda: differentiate(crawler(friction=0.5), [[0.5] * 7]), "friction: 0.5 has no derivatives; give inf"),
+        (
+            lambda: differentiate(crawler(friction=0.5), [[0.5] * 7]),
+            "friction: 0.5 has no derivatives; give inf, as --fr",
+        ),
         (lambda: load_robot("none.xml"), "none.xml: "),
         (lambda: KINDS["articulated"].build(None, {}), "robot: an articulated robot is made of a file"),
     ],
