@@ -146,6 +146,21 @@ class Trials:
             self._replays[number] = again
         return self._replays[number]
 
+    def centre_of_mass(self, design: int = 0) -> tuple[Floats, Floats]:
+        """Return times [s], shape (F,), and places of one design's centre of mass then [m], shape (F, 3).
+
+        They are those of the frames of :meth:`replay`. x and y lie in the ground, also where it slopes.
+
+        Raises:
+            ValueError: for a design that is not among these, is no robot, or whose masses are not known.
+        """
+        motion = self.replay(design).motion
+        if not len(motion.centre_of_mass):
+            raise ValueError(
+                f"centre_of_mass: masses of {self.robot.name} are not known; replay().motion.path is where it is"
+            )
+        return motion.times, motion.centre_of_mass
+
     @property
     def _measures(self) -> tuple[Measure, ...]:
         """Measures of the robot in this world."""
@@ -155,20 +170,26 @@ class Trials:
     def _spoken(self) -> str:
         return f"{self.robot.name} {self.world.where}".strip()
 
+    @property
+    def _numbers(self) -> str:
+        """The precision, where it is not the usual one."""
+        return "" if self.compute.precision == Compute().precision else f" (in {self.compute.precision})"
+
     def __repr__(self) -> str:
         fine = self.outcome.status == OK
         if len(self) == 1:
             measures = (
                 [m.value(self[m.name][0]) for m in self._measures] if fine[0] else [self.outcome.status_or_reason[0]]
             )
-            return f"{self._spoken}: {', '.join(map(str, measures))}"
+            return f"{self._spoken}: {', '.join(map(str, measures))}{self._numbers}"
         ranges = [
             f"{m.name.replace('_', ' ')} {self[m.name][fine].min():.4g} to {self[m.name][fine].max():.4g} {m.unit}"
             for m in self._measures
             if fine.any()
         ]
         failed = f", {np.count_nonzero(~fine)} failed" if not fine.all() else ""
-        return f"{len(self)} designs, {self._spoken}: {', '.join(map(str.strip, ranges)) or 'none succeeded'}{failed}"
+        told = ", ".join(map(str.strip, ranges)) or "none succeeded"
+        return f"{len(self)} designs, {self._spoken}: {told}{failed}{self._numbers}"
 
     def _repr_html_(self) -> str:
         units = {measure.name: f" [{measure.unit}]" if measure.unit else "" for measure in self._measures}

@@ -169,6 +169,7 @@ class Motion(ShortText):
             is near that of the frame before.
         scale: scale of the nodes along their own axes, shape (F, N, 3).
         path: position of the whole robot, which the camera follows [m], shape (F, 3).
+        centre_of_mass: of the robot [m], shape (F, 3); empty where masses are not known.
         channels: rows of the timeline.
         lights: positions of lights [m], shape (L, 3).
         light_radius: radius of the balls that show the lights [m].
@@ -193,6 +194,7 @@ class Motion(ShortText):
     ground: Ground = Ground()
     skin: Skin | None = None
     lattice: LatticeStates | None = None
+    centre_of_mass: Floats = ()  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for field in ("nodes", "channels"):
@@ -204,6 +206,7 @@ class Motion(ShortText):
             raise ValueError("times: those that go back or stay are not allowed; give increasing times")
         frames = len(times)
         lights = numbers("lights", self.lights, "L", 3) if len(self.lights) else np.empty((0, 3))
+        centre = self.centre_of_mass
         arrays = {
             "times": times,
             "translation": numbers("translation", self.translation, frames, count, 3),
@@ -211,6 +214,7 @@ class Motion(ShortText):
             "scale": numbers("scale", self.scale, frames, count, 3),
             "path": numbers("path", self.path, frames, 3),
             "lights": lights,
+            "centre_of_mass": numbers("centre_of_mass", centre, frames, 3) if len(centre) else np.empty((0, 3)),
         }
         for field, values in arrays.items():
             object.__setattr__(self, field, values)
@@ -229,7 +233,8 @@ class Motion(ShortText):
         """Copy with only every ``step``-th frame, and the last one."""
         count = len(self.times)
         part = np.union1d(np.arange(0, count, whole_number("every", step, 1)), count - 1)
-        several = ("times", "translation", "rotation", "scale", "path")
+        several = ["times", "translation", "rotation", "scale", "path"]
+        several += ["centre_of_mass"] if len(self.centre_of_mass) else []
         lattice = None if self.lattice is None else self.lattice.part(part)
         return replace(self, lattice=lattice, **{field: getattr(self, field)[part] for field in several})
 

@@ -88,6 +88,7 @@ def rigid_motion(
         (*channels, *motion.speed_channels(times, way)),
         np.asarray(lights, float).reshape(-1, 3),
         light_radius,
+        centre_of_mass=np.average(places, axis=1, weights=[body.mass for body, _ in tree.ordered]),
     )
 
 

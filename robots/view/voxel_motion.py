@@ -21,6 +21,7 @@ from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
 from taichi_sim.lattice import LatticeBody
 from taichi_sim.lattice.faces import mean_of_face_corners, rotate
+from taichi_sim.lattice.materials import voxel_mass
 
 
 def voxel_motion(
@@ -80,7 +81,13 @@ def voxel_motion(
         ground=ground,
         skin=Skin(knots(body), body.topology.faces),
         lattice=LatticeStates(body, places, turns, extents, rest, pressure, ground.relief),
+        centre_of_mass=np.average(places[:, : own.voxel_count], axis=1, weights=_masses(own)),
     )
+
+
+def _masses(body: LatticeBody) -> Floats:
+    """Masses of the voxels of a body [kg], shape (V,)."""
+    return np.array([voxel_mass(each, body.voxel_size) for each in body.materials])[body.material_index]
 
 
 def _checked(frames: Frames | None, body: LatticeBody, robot: int) -> Frames:

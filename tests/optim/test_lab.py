@@ -1,5 +1,6 @@
 """The functions of ``import morpholab as ml``: robots and worlds by name, designs, and what is shown of trials."""
 
+import dataclasses
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from articulated_files import CRAWLER
 
 import morpholab as ml
 from optim import maximise
@@ -199,6 +201,30 @@ def test_what_a_world_adds_to_the_measures_is_told_and_drawn():
     found = ml.simulate(robot, np.stack([robot.start, robot.start]), where="flat+light:0.1,0.05")
     assert "remaining " in repr(found) and "<th>remaining [m]</th>" in found._repr_html_()
     assert found.plot("remaining").axes[0].get_ylabel() == "distance that remains to the target [m]"
+
+
+@pytest.mark.kernels
+@pytest.mark.filterwarnings("ignore:model. ignored")
+def test_the_centre_of_mass_is_told_over_time(tmp_path):
+    """It ends where measures of a user's own see it, but for the steps after the last frame."""
+    own = [ml.OwnMeasure(f"end_{n}", "m", law=lambda m, n=n: m.centres(m.ended)[:, n]) for n in range(3)]
+    found = ml.simulate(dataclasses.replace(ml.robot("soft-quadruped"), own_measures=own))
+    times, places = found.centre_of_mass()
+    assert places.shape == (len(times), 3) and (np.diff(times) > 0).all()
+    assert places[-1] == pytest.approx([found[f"end_{n}"][0] for n in range(3)], abs=5e-4)
+    (tmp_path / "crawler.xml").write_text(CRAWLER)
+    found = ml.simulate(ml.robot(tmp_path / "crawler.xml", duration=0.2))
+    way = np.diff(found.centre_of_mass()[1][[0, -1], 0])
+    assert way == pytest.approx(found["distance"], abs=1e-9)
+    with pytest.raises(ValueError, match="centre_of_mass: masses of Braitenberg vehicle are not known; replay"):
+        ml.simulate("vehicle").centre_of_mass()
+
+
+@pytest.mark.kernels
+def test_a_precision_that_is_not_usual_is_told():
+    assert repr(ml.simulate("vehicle", precision="f32")).endswith(" (in f32)")
+    assert repr(ml.simulate("vehicle", {"w1": [0.1, 0.2]}, precision="f32")).endswith(" (in f32)")
+    assert "f64" not in repr(ml.simulate("vehicle"))
 
 
 def test_a_folder_of_the_name_of_a_package_does_not_hide_the_lab(tmp_path):
