@@ -36,7 +36,7 @@ class Reading:
 
     Attributes:
         sensed: of the robot.
-        span: time since the reading before, or between readings [s].
+        spans: time since the reading before, and between that and the one before it [s].
         number: of the reading, from 0.
         time: since the first reading [s].
         points: of rhythms, whose first number is the frequency [Hz], (B, 1 + 3 M).
@@ -49,7 +49,7 @@ class Reading:
     """
 
     sensed: Sensed
-    span: float
+    spans: tuple[float, float]
     number: int
     time: float
     points: Any
@@ -75,12 +75,14 @@ def _tilt(reading: Reading) -> Any:
 
 
 def _velocity(reading: Reading) -> Any:
-    return (reading.position - reading.before)[:, :2] / (reading.sensed.length * reading.span)
+    return (reading.position - reading.before)[:, :2] / (reading.sensed.length * reading.spans[0])
 
 
 def _acceleration(reading: Reading) -> Any:
-    gained = way_gained(reading.number, reading.position, reading.before, reading.earlier)
-    return gained / (reading.sensed.length * reading.span * reading.span)
+    """Difference of the mean velocities of both ways, over the time from the middle of one to that of the other."""
+    last, until = reading.spans
+    gained = way_gained(reading.number, reading.position, reading.before, reading.earlier, until / last)
+    return gained / (reading.sensed.length * until * (0.5 * (last + until)))
 
 
 def _light(reading: Reading) -> Any:
@@ -142,7 +144,8 @@ class DriveReader(SenseReader):
 
     def reading(self, number: int, arrays: dict[str, Any]) -> Reading:
         """What senses read at a reading."""
-        return Reading(self.sensed, self.span - self.sooner, number, number * self.span - self.sooner, **arrays)
+        spans, time = (self.span - self.sooner, self.span), number * self.span - self.sooner
+        return Reading(self.sensed, spans, number, time, **arrays)
 
     def read(self, number: int, felt: Felt) -> Floats:
         """What is felt at reading 0, 1, ..., (B, width)."""

@@ -34,7 +34,7 @@ def width_of(table: Mapping[str, Sense], names: Iterable[str], robot: Any) -> in
     return sum(table[name].width(robot) for name in names)
 
 
-def way_gained(number: int, now: Any, before: Any, earlier: Any) -> Any:
+def way_gained(number: int, now: Any, before: Any, earlier: Any, sooner: float = 1.0) -> Any:
     """By how much more places moved since the reading before than until then, 0 at the first two readings.
 
     Before them there are no two ways of equal time: robots were put down, and settled.
@@ -42,8 +42,10 @@ def way_gained(number: int, now: Any, before: Any, earlier: Any) -> Any:
     Args:
         number: of the reading, from 0.
         now, before, earlier: places at this reading and at the two before it, of equal shapes.
+        sooner: how many times as long as the way since the reading before the one until then took; the way since then
+            counts that many times, as if both had taken equally long.
     """
-    return np.zeros(now.shape) if number < 2 else now - before - (before - earlier)
+    return np.zeros(now.shape) if number < 2 else (now - before) * sooner - (before - earlier)
 
 
 class SenseReader:

@@ -156,6 +156,33 @@ def test_acceleration_is_that_of_a_fall():
             assert found[0] == pytest.approx(gravity / 0.5 if number > 1 else [0, 0, 0], abs=1e-9)
 
 
+@pytest.mark.parametrize("sooner", [0.0, 0.005, 0.011, 0.018])
+def test_acceleration_is_that_of_a_fall_where_the_last_reading_is_sooner(sooner):
+    """As where a trial ends within a command; its derivatives are those of differences."""
+    sensed, span, rest = Sensed(touch=0, hinges=0, light=False, drives=1, length=0.5), 0.02, np.zeros((1, 4))
+    reader = DriveReader(("acceleration",), sensed, span, rest, np.array([[9.0, 9.0, 9.0]]))
+    times = np.array([0, span, 2 * span, 3 * span - sooner])
+    places = np.array([0.7, 0.4, 1.0]) * times[:, None] + np.array([0.1, 0.0, -9.81]) * times[:, None] ** 2 / 2
+
+    def last(places):
+        for number, place in enumerate(places):
+            reader.sooner = sooner if number == 3 else 0.0
+            found = reader.read(number, Felt(place[None], rest, np.zeros((1, 0)), np.zeros((1, 0))))
+        return found[0]
+
+    assert last(places) == pytest.approx([0.2, 0, -19.62], abs=1e-9)
+    seeds, back = np.array([1.0, -2.0, 0.5]), []
+    for number in reversed(range(4)):
+        by, _ = reader.pull_back(number, seeds[None] if number == 3 else None)
+        reader.sooner = 0.0
+        back.insert(0, by.position[0])
+    for number in range(4):  # the law is linear in places
+        for axis, by in enumerate(back[number]):
+            step = np.zeros((4, 3))
+            step[number, axis] = 1e-3
+            assert by == pytest.approx(seeds @ (last(places + step) - last(places - step)) / 2e-3, abs=1e-6)
+
+
 def test_help_lists_every_sense():
     """As the table has them."""
     assert f": {', '.join(SENSES)}, then" in REFLEXES

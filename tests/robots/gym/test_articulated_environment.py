@@ -181,9 +181,9 @@ def test_a_robot_that_diverges_loses_all(monkeypatch):
 
 @pytest.mark.kernels
 def test_the_last_command_may_be_shorter_than_the_others():
-    """Velocities are those of its own time."""
-    robot = crawler(command_rate=50.0, duration=0.25)
-    environment = ArticulatedEnvironment(robot, senses=("velocity", "clock"), actions="differences", **PRECISE)
+    """Velocities are those of its own time, accelerations differences of these between the middles of both times."""
+    robot, senses = crawler(command_rate=50.0, duration=0.25), ("velocity", "clock", "acceleration")
+    environment = ArticulatedEnvironment(robot, senses=senses, actions="differences", **PRECISE)
     _, seen, info = played(environment, np.zeros((13, 2)))
     places = [environment.reset()[1]["position"], *(environment.step(np.zeros(2))[-1]["position"] for _ in range(13))]
     last = robot.steps - 12 * robot.hold
@@ -191,7 +191,9 @@ def test_the_last_command_may_be_shorter_than_the_others():
     expected = (places[-1] - places[-2])[:2] / (robot_length(environment) * last * robot.physics.time_step)
     np.testing.assert_allclose(seen[-1, :2], expected, rtol=1e-12)
     turned = 2 * np.pi * robot.start[0] * robot.duration
-    np.testing.assert_allclose(seen[-1, 2:], [np.sin(turned), np.cos(turned)], atol=1e-12)
+    np.testing.assert_allclose(seen[-1, 2:4], [np.sin(turned), np.cos(turned)], atol=1e-12)
+    between = (last + robot.hold) / 2 * robot.physics.time_step
+    np.testing.assert_allclose(seen[-1, 4:6], (seen[-1, :2] - seen[-2, :2]) / between, rtol=1e-9)
     assert info["left"] == 0
 
 
