@@ -4,7 +4,7 @@ import linecache
 from typing import Any
 
 from taichi_sim.launching import Relauncher
-from taichi_sim.runtime import ti
+from taichi_sim.runtime import go_on, ti
 
 
 def kernel_of(body: Any, *types: Any) -> Relauncher:
@@ -44,4 +44,4 @@ def kernel_of(body: Any, *types: Any) -> Relauncher:
     kinds = [types[i] if j is None else types[i][j] for i, j in places]
     scope = {"kinds": kinds, "bundled": bundled, "inner": body, "ti": ti}
     exec(compile(source, file, "exec"), scope)
-    return Relauncher(ti, ti.kernel(scope[body.__name__]), places)
+    return Relauncher(ti, ti.kernel(scope[body.__name__]), places, go_on)

@@ -23,6 +23,11 @@ class DeviceArrays:
         self._all[id(array)] = array
         return array
 
+    @property
+    def any_on_device(self) -> bool:
+        """Whether any lies on the device."""
+        return any(array.arr is not None for array in list(self._all.values()))
+
     def leave(self, compute: Compute) -> None:
         """Take all arrays off the device that runs, before it ends."""
         for array in list(self._all.values()):

@@ -58,13 +58,20 @@ class Handed:
 class Relauncher:
     """Calls one kernel; remembers the argument block of the last call."""
 
-    def __init__(self, ti: Any, kernel: Any, places: Sequence[tuple[int, int | None]] | None = None) -> None:
+    def __init__(
+        self,
+        ti: Any,
+        kernel: Any,
+        places: Sequence[tuple[int, int | None]] | None = None,
+        go_on: Callable[[], object] = _nothing,
+    ) -> None:
         """For a kernel of a compiler, ``ti``, that returns nothing.
 
         ``places`` tell where each argument is among what a call is given: in which bundle, and where in that, or None
-        for one that is no bundle; without them there are no bundles.
+        for one that is no bundle; without them there are no bundles. ``go_on`` is called before ordinary calls, as
+        other code may have restarted the compiler.
         """
-        self._ti, self._kernel, self._bundles = ti, kernel, places
+        self._ti, self._kernel, self._bundles, self._go_on = ti, kernel, places, go_on
         self._primal: Any = getattr(kernel, "_primal", None)
         self.forget()
         _ALL.add(self)
@@ -97,6 +104,7 @@ class Relauncher:
 
     def _call(self, bundles: tuple[Any, ...]) -> None:
         """Launch the kernel as Taichi does."""
+        self._go_on()
         places = self._bundles or [(number, None) for number in range(len(bundles))]
         arguments = tuple(bundles[i] if j is None else bundles[i][j] for i, j in places)
         self._kernel(*arguments)

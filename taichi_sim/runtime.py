@@ -198,6 +198,18 @@ def start(compute: Compute | str = "cpu", precision: str = "f64", threads: int |
     return wanted
 
 
+def go_on() -> None:
+    """Let Taichi run again for the function that launches kernels, if a callback of it has called ``ti.init``.
+
+    Raises:
+        RuntimeError: if what the function had on a device is lost.
+    """
+    if _needed and _needed[-1] is not None and ti.lang.impl.get_runtime() is not _begun:
+        if _arrays.any_on_device:
+            raise RuntimeError("a callback of the simulation restarted Taichi: its arrays are lost; leave out ti.init")
+        _start(_needed[-1])
+
+
 def _start(wanted: Compute) -> None:
     global _running, _begun
     if _forked:
@@ -350,17 +362,6 @@ def rearranges_sums() -> bool:
 def device_array(dtype: Any, shape: tuple[int, ...]) -> Any:
     """An array of zeros on the device that runs; it outlives restarts, see ``device_arrays``."""
     return _arrays.new(ti, dtype, shape)
-
-
-def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
-    """A NumPy array on a 64-byte boundary, as native vectors of 512 bits require."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    raw = np.zeros(size + 64, np.uint8)
-    offset = -raw.ctypes.data % 64
-    array: np.ndarray = raw[offset : offset + size].view(dtype).reshape(shape)
-    if fill:
-        array[...] = fill
-    return array
 
 
 def inside_kernel() -> bool:

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.autodiff.tracing import Condition, law, primitive, select
-from taichi_sim.runtime import aligned, element, emit, inside_kernel, ti
+from taichi_sim.base.arrays import aligned
+from taichi_sim.runtime import element, emit, inside_kernel, ti
 
 NATIVE_WIDTH = {"f32": 16, "f64": 8}  # 512 bits; LLVM splits them where the machine has less
 WIDTHS = (1, 2, 4, 8, 16, 32)  # LLVM lays out no others without gaps

@@ -64,3 +64,14 @@ def fixed(values: NDArray[T]) -> NDArray[T]:
     """An array that can no longer be changed."""
     values.setflags(write=False)
     return values
+
+
+def aligned(shape: tuple[int, ...], dtype: type, fill: float = 0) -> np.ndarray:
+    """A NumPy array on a 64-byte boundary, as native vectors of 512 bits require."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64, np.uint8)
+    offset = -raw.ctypes.data % 64
+    array: np.ndarray = raw[offset : offset + size].view(dtype).reshape(shape)
+    if fill:
+        array[...] = fill
+    return array

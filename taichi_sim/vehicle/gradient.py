@@ -83,6 +83,7 @@ def differentiate(
         memory, values = Store(real, slots, blocks, True), np.zeros((slots, len(lanes)))
         values[: rows.shape[1]] = rows[lanes].T
         memory.write(values)
+        runtime.go_on()  # whatever ``progress`` has done
         run(blocks, task.steps, task.time_step, memory.argument)
         found[first : jobs.stop] = memory.read().T[: len(jobs)]
         if progress:

@@ -69,6 +69,7 @@ def trace(
         jobs = range(first, min(first + at_once, count))
         environments, sites, weights = batch.rollouts(task, jobs)
         given: np.ndarray = np.hstack([begin[environments], sites, weights]).astype(real.numpy)
+        runtime.go_on()  # whatever ``progress`` has done
         run(len(jobs), task.steps, every, task.time_step, given, places[first : jobs.stop], readings[first : jobs.stop])
         if progress:
             progress(jobs.stop / count)

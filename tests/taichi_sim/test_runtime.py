@@ -100,6 +100,39 @@ def test_engines_that_take_turns_and_call_each_other_run_as_they_were_made():
     assert speeds == pytest.approx([speeds[0]] * 2, rel=1e-4) and speeds[0] < 0
 
 
+def test_a_callback_that_starts_taichi_anew_changes_no_number():
+    """It has other settings then, such as fast mathematics, under which the rest of the steps were computed."""
+    program, found = ProgramBuilder(1).build(3000), []
+
+    def start_anew(fraction):
+        if not begun:
+            ti.init(arch=ti.cpu, log_level=ti.CRITICAL)
+        begun.append(fraction)
+
+    for progress in (None, start_anew):
+        engine, begun = falling("f32"), []
+        engine.run(program, progress=progress)
+        assert bool(begun) == bool(progress)
+        begun.clear()
+        tape = engine.record(program, progress=progress)
+        found.append([engine.state().positions, engine.state().velocities, tape.result.positions])
+    for plain, restarted in zip(*found, strict=True):
+        assert np.array_equal(plain, restarted)
+
+
+def test_a_callback_that_takes_a_device_from_its_simulation_is_told_of():
+    @runtime.exclusive
+    def simulate():
+        runtime.start("cpu", "f64", 1)
+        array = runtime.device_array(ti.f64, (3,))
+        ti.init(arch=ti.cpu, log_level=ti.CRITICAL)
+        runtime.go_on()
+        return array
+
+    with pytest.raises(RuntimeError, match=r"^a callback of the simulation restarted Taichi: its arrays are lost"):
+        simulate()
+
+
 def test_a_call_in_a_callback_that_failed_changes_nothing():
     double = falling("f64")
 

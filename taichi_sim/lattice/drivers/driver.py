@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.base.arrays import aligned
 from taichi_sim.lattice.drivers import marks as marking
 from taichi_sim.lattice.drivers.marks import Marks, Recordings
 from taichi_sim.lattice.drivers.neighbourhood import Extremes, list_radius
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
-from taichi_sim.runtime import aligned
 from taichi_sim.store import NeverCopied
 
 CONTACTS_PER_STEP = 256  # room for touching pairs of a block or robot in a record at first; it grows when needed

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.autodiff.lanes import NATIVE_WIDTH, Real
+from taichi_sim.base.arrays import aligned
 from taichi_sim.lattice.drivers import packed_contact as contacts
 from taichi_sim.lattice.drivers import packed_kernel as kernel
 from taichi_sim.lattice.drivers import packed_reverse_kernel as backwards
@@ -20,7 +21,7 @@ from taichi_sim.lattice.drivers.packed_tables import PackedTables
 from taichi_sim.lattice.laws import contact
 from taichi_sim.lattice.stages import memory
 from taichi_sim.lattice.stages.tables import PackedProgram, Tables
-from taichi_sim.runtime import aligned, one_thread
+from taichi_sim.runtime import one_thread
 
 STEPS_PER_LAUNCH, LEAST_STEPS = 1000, 50
 STEPS_PER_REVERSE = 250

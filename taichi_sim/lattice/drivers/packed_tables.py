@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.autodiff.lanes import Real
+from taichi_sim.base.arrays import aligned
 from taichi_sim.lattice.drivers.packed_lanes import BY_LANE, FORCE_WIDTH, Lanes
 from taichi_sim.lattice.drivers.packs import Packs, Reach, lay_out
 from taichi_sim.lattice.materials import BEAM_COLUMNS, CONSTANT_COLUMNS
 from taichi_sim.lattice.program import QUANTITY_COUNT, Quantity
 from taichi_sim.lattice.stages import columns, memory
 from taichi_sim.lattice.stages.tables import Tables
-from taichi_sim.runtime import aligned
 
 MOST_MASKS = 4  # groups of a row that are summed under masks, rather than lane by lane
 FAR = 1e6  # m: where those are who belong to nobody
