@@ -7,7 +7,7 @@ budget continues them.
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,11 +25,22 @@ from optim.search import METHODS, Method, build_method
 from optim.search.method import check_fit
 from taichi_sim.base import line_files
 from taichi_sim.base.parsing import parse_json
+from taichi_sim.base.records import Count, Duration, checked
 
 SEEDS = range(5)
 CLOCK = "cpu.jsonl"
 UNITS = {"cpu": "CPU time [s]", "evaluations": "evaluations"}
 Point = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Spent:
+    """A line of ``cpu.jsonl``."""
+
+    cpu: Duration
+    best: float | None
+    mean: float | None
+    evaluations: Count
 
 
 @dataclass(frozen=True)
@@ -135,8 +146,16 @@ class Contest:
         return self.out / f"{name.replace(' ', '-')}-{seed}"
 
     def curve(self, name: str, seed: int) -> list[Point]:
-        """Generations of a run: CPU time [s] and evaluations so far, best and mean score of what it keeps."""
-        return [parse_json(line) for line in line_files.complete_lines(self.folder(name, seed) / CLOCK)]
+        """Generations of a run: CPU time [s] and evaluations so far, best and mean score of what it keeps.
+
+        Raises:
+            ValueError: if its file is damaged.
+        """
+        path = self.folder(name, seed) / CLOCK
+        try:
+            return [asdict(checked(_Spent, parse_json(line))) for line in line_files.complete_lines(path)]
+        except ValueError as error:
+            raise ValueError(f"{path}: cannot be read ({error})") from None
 
     def last_within(self, name: str, seed: int, cost: float) -> int | None:
         """The last generation of a run that ended within a cost; None if none did."""
