@@ -193,8 +193,9 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None, made:
         if not args.dry_run:
             raise
         violations = [str(violation) for violation in refusal.violations]
-        text = "\n".join([f"{rig.name}: refuses the gait", *violations])
-        return Report({"source": str(args.source), "violations": violations}, text, REFUSED)
+        text = "\n".join([f"{rig.name}: refuses the gait", *violations, refusal.advice])
+        document = {"source": str(args.source), "violations": violations, "advice": refusal.advice}
+        return Report(document, text, REFUSED)
     unsampled = None
     if args.rate is not None:
         unsampled = robot.table(**settings).seconds

@@ -7,6 +7,7 @@ alike, so no state waits for them.
 """
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -18,7 +19,7 @@ from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.lines import BLADDER_LINES, CHANNELS
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
-from robots.hardware.timeline import Commands, RigViolation, asked, timeline, violations
+from robots.hardware.timeline import Commands, RigViolation, Violation, asked, timeline, violations
 from robots.hardware.units import KPA_PER_UNIT
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import number, whole_number
@@ -205,7 +206,8 @@ def channel_table(
     commands, quick = _commands(waves, rhythm, rig, keep_slew=False), _without_waits(rig)
     found = violations(commands, timeline(commands, quick).states, rig)
     if found and not clip:
-        raise RigViolation(found)
+        most = _highest_frequency(waves, rhythm, rig, found)
+        raise RigViolation(found, f"a frequency of at most {most:.3g} Hz is allowed" if most else "")
     if found:
         commands = _commands(waves, rhythm, rig, keep_slew=True)
     line = timeline(commands, quick, rate)
@@ -213,6 +215,21 @@ def channel_table(
     return ChannelTable(
         line.times, line.numbers, pressures, units, robot, rhythm, tuple(waves), seed, rig.name, rate, told, line.states
     )
+
+
+def _highest_frequency(
+    waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig, found: Sequence[Violation]
+) -> float | None:
+    """The highest frequency at which a rig plays waves [Hz], to three digits; None if it refuses them at any."""
+    rates = [each.limit / each.value for each in found if each.unit.endswith("/s")]
+    if not rates:
+        return None
+    exact = rhythm.frequency * min(rates)
+    digit = 10.0 ** (math.floor(math.log10(exact)) - 2)
+    slower = replace(rhythm, frequency=math.floor(exact / digit) * digit)
+    commands = _commands(waves, slower, rig, keep_slew=False)
+    refused = violations(commands, timeline(commands, _without_waits(rig)).states, rig)
+    return None if refused else slower.frequency
 
 
 def channel_report(waves: Sequence[Wave], rhythm: Rhythm, rig: PneumaticRig | None = None) -> RigReport:

@@ -188,13 +188,17 @@ class RigViolation(ValueError):
 
     Attributes:
         violations: all limits that are exceeded, in order of time.
+        advice: what the rig can play instead.
     """
 
-    def __init__(self, violations: Sequence[Violation]) -> None:
-        """Refuse a gait for at least one violation."""
+    def __init__(self, violations: Sequence[Violation], slower: str = "") -> None:
+        """Refuse a gait for at least one violation; ``slower`` says how slow the rig could play it, if that helps."""
         self.violations = tuple(violations)
         more = len(self.violations) - 1
-        super().__init__(f"{self.violations[0]}" + (f" ({more} more; a dry run names all)" if more else ""))
+        self.advice = f"{slower}, or " if slower else ""
+        self.advice += "--on-violation clip keeps the limits"
+        told = f"{self.violations[0]}" + (f" ({more} more; a dry run names all)" if more else "")
+        super().__init__(f"{told}; {self.advice}")
 
 
 def violations(commands: Commands, states: Sequence[State], rig: PneumaticRig) -> list[Violation]:

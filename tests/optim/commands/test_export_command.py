@@ -91,10 +91,10 @@ def test_what_exceeds_limits_is_refused_or_clipped_as_asked(morpholab, folder):
     assert code == 2 and not (folder / "a.csv").exists()
     assert error == (
         "morpholab export: error: bladder8: 20 kPa at 13 s is not allowed; the rig's limit is 15 kPa "
-        "(15 more; a dry run names all)\n"
+        "(15 more; a dry run names all); --on-violation clip keeps the limits\n"
     )
     code, out, _ = morpholab("export rolling.json --dry-run --rig fragile.toml")
-    assert code == 2 and out.count("kPa at") == 16
+    assert code == 2 and out.count("kPa at") == 16 and out.endswith("--on-violation clip keeps the limits\n")
     code, out, _ = morpholab("export rolling.json --csv a.csv --rig fragile.toml --on-violation clip")
     assert code == 0 and "clipped 16 times" in out
     assert read_csv(folder / "a.csv").pressures[:, 1:9].max() == 15.0

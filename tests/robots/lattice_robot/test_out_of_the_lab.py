@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -139,6 +140,21 @@ def test_limits_of_a_rig_are_kept_or_refused(tmp_path):
     report, seconds = robot().rig_report(None)
     assert report.exceeded and seconds == pytest.approx(2 / 3) and report.states == 32
     assert report.playing_s == pytest.approx(2 / 3, abs=1e-4)
+
+
+def test_the_highest_frequency_that_a_rig_plays_is_told():
+    legs = dataclasses.replace(robot(), drives=robot().drives[:1])
+    with pytest.raises(RigViolation) as refusal:
+        legs.table(full_scale="0.8:1.2")
+    told = re.search(
+        r"; a frequency of at most (\S+) Hz is allowed, or --on-violation clip keeps the", str(refusal.value)
+    )
+    highest = float(told[1])
+    assert dataclasses.replace(legs, frequency=highest).table(full_scale="0.8:1.2").clipped == ()
+    with pytest.raises(RigViolation):
+        dataclasses.replace(legs, frequency=1.01 * highest).table(full_scale="0.8:1.2")
+    with pytest.raises(RigViolation, match=r"all\); --on-violation clip keeps the limits$"):
+        legs.table(full_scale="0.5")  # a pressure below that of the air is allowed at no frequency
 
 
 @pytest.mark.kernels
