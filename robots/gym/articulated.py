@@ -14,7 +14,7 @@ from robots.articulated.senses import SENSES, DriveReader
 from robots.articulated.simulation import centres, engine_in, first_centre, on_ground, rhythm, sensed_of
 from robots.control.reflexes import senses_among
 from robots.control.senses import width_of
-from robots.gym.batch import Batch, Observation
+from robots.gym.batch import Batch, Gain, Observation, checked_gain, gained_by
 from robots.gym.environment import FARTHEST, RobotEnvironment, RobotVector, compute_of, named_world
 from robots.robot import FixedRobot, World, find_robot_doing, make_robot
 from robots.world import Terrain
@@ -64,7 +64,7 @@ class Driven(Batch):
 
     Attributes:
         gain: what rewards count: how far the centre of mass came along the heading, or how near the base is to the
-            light [lengths of the robot].
+            light [lengths of the robot]; or a function's, see ``checked_gain``.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class Driven(Batch):
         senses: tuple[str, ...] | None,
         actions: str,
         strength: float,
-        gain: str,
+        gain: Gain,
         most_lean: float | None,
         compute: Compute,
     ) -> None:
@@ -83,7 +83,7 @@ class Driven(Batch):
         self._robot, point = robot_of(robot)
         self._world = _ground(world)
         self._differs = choice("actions", actions, ACTIONS) == "differences"
-        self.gain = choice("gain", gain, GAINS)
+        self.gain = checked_gain(gain, GAINS)
         self._check(self._robot, point)
         self._strength = number("strength", strength, 0.0, 2.0)
         self._most_lean = None if most_lean is None else number("most_lean", most_lean, 0.0, 180.0, "degrees")
@@ -167,8 +167,11 @@ class Driven(Batch):
         self._found, self._distance = found, np.where(goes_on, distance, self._distance)
         _, x, y, _ = self._seen[1].T
         self._lean = np.degrees(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
-        reached = self._distance if self.gain == "progress" else -self._light_distances()
-        self._value = np.where(found.status == "ok", reached, np.nan) / self._sensed.length
+        if callable(self.gain):
+            self._value = gained_by(self.gain, self.info(), found.status != "ok")
+        else:
+            reached = self._distance if self.gain == "progress" else -self._light_distances()
+            self._value = np.where(found.status == "ok", reached, np.nan) / self._sensed.length
         return np.nan_to_num(self._reader.read(self._done, Felt(*now)))
 
     def _light_distances(self) -> Floats:
@@ -220,7 +223,7 @@ class ArticulatedEnvironment(RobotEnvironment):
         senses: tuple[str, ...] | None = None,
         actions: str = "commands",
         strength: float = 0.3,
-        gain: str = "progress",
+        gain: Gain = "progress",
         most_lean: float | None = None,
         render_mode: str | None = None,
         **compute: Unpack[ComputeOptions],
@@ -234,7 +237,8 @@ class ArticulatedEnvironment(RobotEnvironment):
                 as far as the robot has them.
             actions: ``"commands"``, or ``"differences"`` from the rhythm.
             strength: largest difference of a command.
-            gain: what rewards count: ``"progress"`` or ``"light"``.
+            gain: what rewards count: ``"progress"`` or ``"light"``; or a function of ``info``, as vector environments
+                have it, that says what robots have gained so far, shape (B,).
             most_lean: of the base from upright; beyond it the robot has fallen and its episode ends [degrees]. None:
                 it may fall.
             render_mode: ``"rgb_array"`` for pictures, or None.
@@ -259,7 +263,7 @@ class ArticulatedVector(RobotVector):
         senses: tuple[str, ...] | None = None,
         actions: str = "commands",
         strength: float = 0.3,
-        gain: str = "progress",
+        gain: Gain = "progress",
         most_lean: float | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,

@@ -1,18 +1,20 @@
 """Robots side by side, each in an episode: what environments of one robot and of many share."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
 from taichi_sim.base.arrays import Bools, Floats, Ints
-from taichi_sim.base.checks import whole_number
+from taichi_sim.base.checks import choice, whole_number
 
 if TYPE_CHECKING:
     from robots.view.motion import Motion
 
 Observation = Floats
+Gain = str | Callable[[dict[str, Any]], Any]  # a name, or a function of a user's own
 
 SEEDS = 2**31  # of noise where an episode begins
 FAILED_RETURN = -1.0  # of an episode in which the simulation diverges, whatever it gained before
@@ -121,6 +123,29 @@ class Account:
     def info(self) -> dict[str, Any]:
         """What the batch tells, and which robots diverged, arrays over the robots."""
         return {**self._batch.info(), "diverged": self.failed.copy()}
+
+
+def checked_gain(gain: Any, names: Sequence[str]) -> Gain:
+    """What rewards count: a name, or a function of ``info`` that says what B robots have gained so far, shape (B,).
+
+    Raises:
+        ValueError: for anything else.
+    """
+    return gain if callable(gain) else choice("gain", gain, names)
+
+
+def gained_by(gain: Callable[[dict[str, Any]], Any], info: dict[str, Any], lost: Bools) -> Floats:
+    """What a user's function says that robots have gained, shape (B,); whatever it says of those that are lost.
+
+    Raises:
+        ValueError: if it does not give a number for each robot.
+    """
+    found = np.asarray(gain(info), float)
+    if found.shape != lost.shape:
+        raise ValueError(f"gain: the function gives shape {found.shape}; give a number for each robot, {lost.shape}")
+    if not np.isfinite(found[~lost]).all():
+        raise ValueError("gain: the function gives a number that is not finite; give what robots have gained so far")
+    return found
 
 
 def checked_actions(space: gymnasium.Space[Any], actions: Any) -> Floats:

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 
 from robots.control.reflexes import senses_among
-from robots.gym.batch import SEEDS, Batch, Observation
+from robots.gym.batch import SEEDS, Batch, Gain, Observation, checked_gain, gained_by
 from robots.gym.environment import FARTHEST, RobotEnvironment, RobotVector, compute_of, named_world
 from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.robot import LatticeRobot
@@ -19,7 +19,7 @@ from robots.lattice_robot.simulation import LatticeRobotResult
 from robots.robot import find_robot_doing, make_robot
 from robots.world import Terrain
 from taichi_sim.base.arrays import Bools, Floats, Ints, along
-from taichi_sim.base.checks import choice, number, shown, whole_number
+from taichi_sim.base.checks import number, shown, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class Rewarded(Batch):
     Attributes:
         episodes: of the robots.
         gain: what rewards count: progress along the heading, towards the light, or of the prop, or the rise of the
-            middle above all before [body lengths]; or turning to the left [rad].
+            middle above all before [body lengths]; or turning to the left [rad]; or a function's, see ``checked_gain``.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Rewarded(Batch):
         robot: LatticeRobot | str | Path,
         world: Worlds,
         senses: tuple[str, ...] | None,
-        gain: str,
+        gain: Gain,
         strength: float,
         cycles: int | None,
         compute: Compute,
@@ -88,7 +88,7 @@ class Rewarded(Batch):
                 stacklevel=2,
             )
         self.episodes = Episodes(found, worlds, count, feels, compute)
-        self.gain = choice("gain", gain, GAINS)
+        self.gain = checked_gain(gain, GAINS)
         if self.gain == "light" and not lit:
             raise ValueError("gain: light is not allowed without one; give a world such as flat+light:0.1,0.05")
         if self.gain == "prop" and self.episodes.robot.placed is None:
@@ -127,6 +127,9 @@ class Rewarded(Batch):
 
     def _values(self) -> Floats:
         """What robots have gained since the start, shape (B,): rewards are how it grows."""
+        if callable(self.gain):
+            lost: Bools = ~np.isfinite(self._middles()).all(axis=1)
+            return gained_by(self.gain, self.info(), lost)
         if self.gain == "turn":
             return self._turns()
         robot = self.episodes.robot
@@ -219,7 +222,7 @@ class LatticeRobotEnvironment(RobotEnvironment):
         robot: LatticeRobot | str | Path = "soft-quadruped",
         world: Worlds = "flat",
         senses: tuple[str, ...] | None = None,
-        gain: str = "progress",
+        gain: Gain = "progress",
         strength: float = 0.1,
         cycles: int | None = None,
         render_mode: str | None = None,
@@ -232,7 +235,8 @@ class LatticeRobotEnvironment(RobotEnvironment):
             world: a terrain, or its name; or several, of which each episode is in one.
             senses: names; by default strain, touch, tilt, slip, velocity and clock, and light before clock where there
                 is one.
-            gain: what rewards count: ``"progress"``, ``"light"``, ``"prop"``, ``"turn"`` or ``"rise"``.
+            gain: what rewards count: ``"progress"``, ``"light"``, ``"prop"``, ``"turn"`` or ``"rise"``; or a function
+                of ``info``, as vector environments have it, that says what robots have gained so far, shape (B,).
             strength: largest difference of a scale.
             cycles: that count, after a first one, and with it the length of an episode; the robot's own by default.
             render_mode: ``"rgb_array"`` for pictures, or None.
@@ -254,7 +258,7 @@ class LatticeRobotVector(RobotVector):
         robot: LatticeRobot | str | Path = "soft-quadruped",
         world: Worlds = "flat",
         senses: tuple[str, ...] | None = None,
-        gain: str = "progress",
+        gain: Gain = "progress",
         strength: float = 0.1,
         cycles: int | None = None,
         max_episode_steps: int | None = None,

@@ -86,8 +86,13 @@ def test_it_passes_the_check_of_gymnasium():
         check_env(gymnasium.make(NAME, robot=crawler(), render_mode="rgb_array", **PRECISE).unwrapped)
 
 
+def ahead_less_lean(info):
+    """What a function of a user's own says that robots have gained."""
+    return info["distance"] - 0.01 * info["lean"]
+
+
 @pytest.mark.kernels
-@pytest.mark.parametrize(("precision", "gain"), [("f32", "light"), ("f64", "progress")])
+@pytest.mark.parametrize(("precision", "gain"), [("f32", "light"), ("f64", "progress"), ("f64", ahead_less_lean)])
 def test_robots_of_a_batch_move_as_they_do_alone(precision, gain):
     robot = crawler(light=(1.0, 0.5, 0.1), heading=30.0)
     given = {"robot": robot, "gain": gain, "precision": precision}

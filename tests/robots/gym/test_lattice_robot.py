@@ -130,6 +130,26 @@ def test_rewards(gain, world):
 
 
 @pytest.mark.kernels
+def test_a_function_of_info_says_what_is_gained():
+    given = {"strength": 0.3, "world": "flat+light:0.1,0.05", **QUICK}
+    length = LatticeRobotVector(2, **given)._batch.episodes.robot.length
+    draws = np.random.default_rng(1).uniform(-1, 1, (4, 2, 20))
+    found = []
+    for gain in ("light", lambda info: -info["light_distance"] / length):
+        environment = LatticeRobotVector(2, gain=gain, **given)
+        environment.reset()
+        found.append([environment.step(action)[1] for action in draws])
+    assert np.array_equal(*found) and np.abs(found).max() > 1e-6
+    assert LatticeRobotEnvironment(gain=lambda info: info["left"], **QUICK).reset()
+    for wrong, told in (
+        (lambda info: 1.0, r"shape \(\); give a number for each robot, \(1,\)"),
+        (lambda info: [np.nan], "a number that is not finite"),
+    ):
+        with pytest.raises(ValueError, match=f"^gain: the function gives {told}"):
+            LatticeRobotEnvironment(gain=wrong, **QUICK).reset()
+
+
+@pytest.mark.kernels
 @pytest.mark.parametrize("precision", ["f32", "f64"])
 @pytest.mark.parametrize("world", ["flat", "hill:3+rough:0.004+light:0.1,0.05+box:0.02,0.02,0.02,0.07,0"])
 def test_the_last_info_has_what_a_simulation_measures(world, precision):
