@@ -149,10 +149,8 @@ class Episodes:
         scenes = Scenes(tuple(robots), terrains, self.lights, self.lights is not None and self._aimed)
         points, trial = np.zeros((len(which), 0)), Trial(terrains[0], self._compute)
         self._rollout = rollout_of(scenes, points, self._swing, trial)
-        length, reliefs = self.robot.length, self._rollout.reliefs
-        anatomy = Anatomy.of(
-            self._body, self.robot.felt_regions, length, reliefs, self.lights, placed=self.robot.placed
-        )
+        length, floor = self.robot.length, self._rollout.floor
+        anatomy = Anatomy.of(self._body, self.robot.felt_regions, length, floor, self.lights, placed=self.robot.placed)
         self._reader = LatticeReader(self.senses, anatomy, self.start, keeps=False)
         self._rest = np.broadcast_to(np.asarray(self._rollout.channels.rest, float), self._swing.shape[:2])
         self._fresh, self._is_ready = self._rollout.engine.save(), True

@@ -135,7 +135,8 @@ class Rollout:
         engine: that moves them, where they start.
         program: that it is given.
         start: voxel centres at the start [m], shape (B, V, 3).
-        reliefs: uneven ground below each, or None.
+        floor: whether there is level ground, or the uneven ground below each.
+        reliefs: that uneven ground, or None.
     """
 
     def __init__(
@@ -193,7 +194,8 @@ class Rollout:
             compute=compute,
         )
         level = np.tile(first.start_positions, (len(self.bodies), 1, 1)) if starts is None else starts
-        self.reliefs: Sequence[Relief] | None = None if isinstance(medium["floor"], bool) else medium["floor"]
+        self.floor: bool | Sequence[Relief] = medium["floor"]
+        self.reliefs = None if isinstance(self.floor, bool) else self.floor
         self.start = self._standing(level, medium)
         if starts is not None or self.reliefs is not None:
             self.engine.set_positions(self.start)
@@ -217,7 +219,7 @@ class Rollout:
         """The loop that reads the senses and changes the cycle by what the reflexes answer."""
         aim, swing = self._aim, self._swing
         robot = self.bodies[0] if aim.placed is None else aim.placed.robot
-        anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.reliefs, feeling.lights, aim.placed)
+        anatomy = Anatomy.of(robot, feeling.regions, aim.length, self.floor, feeling.lights, aim.placed)
         rest = np.broadcast_to(np.asarray(self.channels.rest, float), swing.shape[:2])
         return ReflexLoop(feeling, anatomy, self.cycle, rest, swing, self.start[:, : robot.voxel_count])
 

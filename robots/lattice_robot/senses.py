@@ -85,7 +85,7 @@ class Anatomy:
         links: which links are within each, likewise, shape (R, L).
         edge: of a voxel [m].
         length: in which speeds are told [m].
-        reliefs: uneven ground below each of B robots, or None.
+        floor: whether there is level ground, or the uneven ground below each of B robots.
         origin: mean of the voxel centres before noise, shape (3,).
         lights: where each robot's light is, from where its centre starts [m], shape (B, 2), or (1, 2) for all; None
             without.
@@ -97,7 +97,7 @@ class Anatomy:
     links: Floats
     edge: float
     length: float
-    reliefs: Sequence[Relief] | None
+    floor: bool | Sequence[Relief]
     origin: Floats
     lights: Floats | None = None
     placed: Placed | None = None
@@ -108,7 +108,7 @@ class Anatomy:
         body: LatticeBody,
         regions: Sequence[int],
         length: float,
-        reliefs: Sequence[Relief] | None,
+        floor: bool | Sequence[Relief],
         lights: Floats | None = None,
         placed: Placed | None = None,
     ) -> "Anatomy":
@@ -122,7 +122,7 @@ class Anatomy:
             within / np.maximum(within.sum(axis=1, keepdims=True), 1.0),
             body.voxel_size,
             length,
-            reliefs,
+            floor,
             body.start_positions.mean(axis=0),
             lights,
             placed,
@@ -140,15 +140,17 @@ class Anatomy:
         return np.where(value_of(found) > LEAST_VOLUME, found, LEAST_VOLUME)
 
     def clearance(self, positions: Any) -> Any:
-        """Height of voxel centres above where they would touch the ground [edges], shape (B, V)."""
+        """Height of voxel centres above where they would touch the ground, if any [edges], shape (B, V)."""
         x, y, z = positions[:, :, 0], positions[:, :, 1], positions[:, :, 2]
-        if self.reliefs is None:
+        if isinstance(self.floor, bool):
             return z / self.edge
-        height, nz = planes_below(self.reliefs, x, y)
+        height, nz = planes_below(self.floor, x, y)
         return (z - height) * nz / self.edge - 0.5 * (1.0 - nz)
 
     def nearness(self, positions: Any) -> Any:
-        """1 where a voxel is on the ground, 1/e at ``TOUCH`` edges above it, shape (B, V)."""
+        """1 where a voxel is on the ground, 1/e at ``TOUCH`` edges above it, 0 without ground, shape (B, V)."""
+        if self.floor is False:
+            return 0.0 * positions[:, :, 2]
         above = self.clearance(positions)
         return np.exp(-np.where(value_of(above) > 0, above, 0.0 * above) / TOUCH)
 

@@ -47,7 +47,7 @@ def weighted(robot: LatticeRobot, seed: int = 1) -> np.ndarray:
 
 def reader_of(body: LatticeBody, robots: int = 1) -> LatticeReader:
     """Reads the pressures in robots that were put down as built."""
-    anatomy = Anatomy.of(body, (0,), 0.1, None)
+    anatomy = Anatomy.of(body, (0,), 0.1, True)
     return LatticeReader(("pressure",), anatomy, np.tile(body.start_positions, (robots, 1, 1)))
 
 
@@ -199,7 +199,7 @@ def test_environments_feel_chambers():
 
 def test_several_cores_are_several_numbers():
     body = TWO_CORE.body
-    assert len(Anatomy.of(body, (0,), 0.1, None).chambers) == 2
+    assert len(Anatomy.of(body, (0,), 0.1, True).chambers) == 2
     assert Reflexes(("pressure", "velocity")).width(body, (0, 1)) == 4
 
 

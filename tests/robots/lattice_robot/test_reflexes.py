@@ -8,6 +8,7 @@ import pytest
 
 from robots.control.senses import Sense
 from robots.lattice_robot import Drive, Free, LatticeRobot, differentiate, load_robot, save_robot, simulate
+from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.record import robot_of_record
 from robots.lattice_robot.reflexes import Reflexes
 from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader
@@ -115,14 +116,15 @@ def test_a_design_is_written_and_read(tmp_path):
 
 
 def felt(name: str, positions=None, turned=None, strains=None, ground=None, before=None, light=None):
-    """What a robot feels by one sense."""
+    """What a robot feels by one sense, on level ground, uneven ground, or without any (False)."""
     robot = legs()
     at = robot.body.start_positions[None] if positions is None else positions
     quaternions = np.tile([1.0, 0, 0, 0], (1, at.shape[1], 1)) if turned is None else turned
     links = len(robot.body.topology.links)
     now = Felt(at, quaternions, np.zeros((1, links)) if strains is None else strains)
     lights = None if light is None else np.array([light])
-    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, None if ground is None else [ground], lights)
+    floor = [ground] if isinstance(ground, Relief) else ground is None
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, floor, lights)
     return LatticeReader((name,), anatomy, at if before is None else before).read(3, now)[0]
 
 
@@ -142,6 +144,8 @@ def test_senses_feel_what_they_say():
     assert felt("slip") == pytest.approx([0, 0, 0], abs=1e-12)
     above = np.array([0, 0, 0.001])
     assert felt("slip", start + above, before=moved) == pytest.approx(np.exp(-1) * felt("slip", before=moved), rel=1e-3)
+    for name in ("touch", "slip"):
+        assert felt(name, before=moved, ground=False).tolist() == [0, 0, 0]
     bright = felt("light", light=(10 * robot.length, 0.0))
     assert bright == pytest.approx([1 / 101] * 3, rel=0.2) and np.ptp(bright) > 0
     assert felt("clock") == pytest.approx([1, 0], abs=1e-12)
@@ -151,7 +155,7 @@ def test_senses_feel_what_they_say():
 def reader_of(*names: str, robots: int = 1, **given) -> LatticeReader:
     """Reads senses of legs that were put elsewhere."""
     robot = legs()
-    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, None, np.array([[0.1, 0.03]]))
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, True, np.array([[0.1, 0.03]]))
     first = np.tile(robot.body.start_positions + 0.02, (robots, 1, 1))
     return LatticeReader(names, anatomy, first, **given)
 
@@ -211,6 +215,16 @@ def test_a_sense_is_one_entry_of_the_table(monkeypatch):
 def test_a_sense_is_as_wide_as_it_says(name):
     """In the table and at a reading."""
     assert len(felt(name, light=(0.1, 0.0))) == Reflexes((name,)).width(legs().body, (0, 1, 2))
+
+
+@pytest.mark.kernels
+def test_a_fluid_has_no_ground_to_touch():
+    """Neither where robots swim by reflexes nor in environments."""
+    robot, water = legs(Reflexes(("touch", "slip"))), Terrain.water()
+    readings = robot.felt_over_time(weighted(robot)[None], water, Compute(threads=1))
+    assert readings.shape[:2] == (1, 6) and not readings.any()
+    episodes = Episodes(robot, water, 1, ("touch", "slip"), Compute(threads=1))
+    assert not episodes.begin().any()
 
 
 @pytest.mark.kernels
