@@ -144,8 +144,17 @@ class Anatomy:
         x, y, z = positions[:, :, 0], positions[:, :, 1], positions[:, :, 2]
         if isinstance(self.floor, bool):
             return z / self.edge
-        height, nz = planes_below(self.floor, x, y)
+        height, (_, _, nz) = planes_below(self.floor, x, y)
         return (z - height) * nz / self.edge - 0.5 * (1.0 - nz)
+
+    def along(self, ways: Any, positions: Any) -> list[Any]:
+        """Components along the ground below voxel centres of ways of theirs [m], shape (B, V) each."""
+        x, y, z = (ways[:, :, axis] for axis in range(3))
+        if isinstance(self.floor, bool):
+            return [x, y]
+        _, (nx, ny, nz) = planes_below(self.floor, positions[:, :, 0], positions[:, :, 1])
+        off = x * nx + y * ny + z * nz
+        return [x - nx * off, y - ny * off, z - nz * off]
 
     def nearness(self, positions: Any) -> Any:
         """1 where a voxel is on the ground, 1/e at ``TOUCH`` edges above it, 0 without ground, shape (B, V)."""
@@ -198,8 +207,8 @@ def _tilt(reading: Reading) -> Any:
 
 def _slip(reading: Reading) -> Any:
     touching, moved = reading.touching, reading.positions - reading.before
-    gone = [(moved[:, None, :, axis] * touching).sum(axis=2) for axis in (0, 1)]
-    away = np.sqrt(gone[0] * gone[0] + gone[1] * gone[1] + STILL * STILL) - STILL
+    gone = [(way[:, None, :] * touching).sum(axis=2) for way in reading.anatomy.along(moved, reading.positions)]
+    away = np.sqrt(sum(way * way for way in gone) + STILL * STILL) - STILL
     return away / (reading.anatomy.length * PER_READING * SPEED)
 
 

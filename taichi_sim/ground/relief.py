@@ -186,8 +186,8 @@ class Relief:
         return np.stack([*_sides(self.heights), *_sides(friction)], axis=-1)
 
 
-def planes_below(reliefs: Sequence[Relief], x: Any, y: Any) -> tuple[Any, Any]:
-    """Height [m] and third component of the unit normal of each robot's ground below places, shape (B, ...) each.
+def planes_below(reliefs: Sequence[Relief], x: Any, y: Any) -> tuple[Any, tuple[Any, Any, Any]]:
+    """Height [m] and components of the unit normal of each robot's ground below places, shape (B, ...) each.
 
     Args:
         reliefs: of the B robots, with the same spacing.
@@ -198,8 +198,8 @@ def planes_below(reliefs: Sequence[Relief], x: Any, y: Any) -> tuple[Any, Any]:
     for one in every.values():
         rows = np.array([each is one for each in reliefs])
         cells[:, rows] = one.cells_under(at[0][rows], at[1][rows])
-    height, _, _, nz, _ = ground(x, y, *cells, 1 / reliefs[0].spacing)
-    return height, nz
+    height, nx, ny, nz, _ = ground(x, y, *cells, 1 / reliefs[0].spacing)
+    return height, (nx, ny, nz)
 
 
 def _nodes(name: str, values: Any) -> np.ndarray:

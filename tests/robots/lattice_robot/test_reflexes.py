@@ -152,10 +152,26 @@ def test_senses_feel_what_they_say():
     assert felt("strain") == pytest.approx([0, 0, 0])
 
 
-def reader_of(*names: str, robots: int = 1, **given) -> LatticeReader:
+def test_slip_is_along_the_ground():
+    """On a ramp up a plane as on the floor; what leads off the ground does not count."""
+    robot, slope = legs(), np.radians(30)
+    start = robot.body.start_positions[None]
+    ramp = Relief(10 * np.tan(slope) * np.array([[-0.5, -0.5], [0.5, 0.5]]), 10.0, (-5.0, -5.0))
+    up, side, off = np.array([[np.cos(slope), 0, np.sin(slope)], [0, 1, 0], [-np.sin(slope), 0, np.cos(slope)]])
+    on = start * [1, 1, 0]
+    on[..., 2] = np.tan(slope) * on[..., 0] + 0.5 * robot.body.voxel_size * (1 / np.cos(slope) - 1)
+    for way, along in ((0.03 * up, 0.03), (0.03 * up - 0.04 * side, 0.05), (0.03 * up + 0.02 * off, 0.03)):
+        found = felt("slip", on, before=on - way, ground=ramp)
+        assert found == pytest.approx([along / robot.length * 16] * 3, rel=1e-3)
+    assert felt("slip", on, before=on - 0.02 * off, ground=ramp) == pytest.approx([0, 0, 0], abs=1e-9)
+    level, ways = Relief(np.zeros((2, 2)), 10.0, (-5.0, -5.0)), np.random.default_rng(0).normal(size=start.shape) * 1e-3
+    assert np.array_equal(felt("slip", before=start - ways, ground=level), felt("slip", before=start - ways))
+
+
+def reader_of(*names: str, robots: int = 1, floor: bool | list[Relief] = True, **given) -> LatticeReader:
     """Reads senses of legs that were put elsewhere."""
     robot = legs()
-    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, True, np.array([[0.1, 0.03]]))
+    anatomy = Anatomy.of(robot.body, (0, 1, 2), robot.length, floor, np.array([[0.1, 0.03]]))
     first = np.tile(robot.body.start_positions + 0.02, (robots, 1, 1))
     return LatticeReader(names, anatomy, first, **given)
 
@@ -174,15 +190,17 @@ def test_acceleration_is_that_of_a_fall():
             assert felt[0] == pytest.approx(expected, abs=1e-9)
 
 
-def test_what_readings_remember_has_derivatives():
+@pytest.mark.parametrize("uneven", [False, True])
+def test_what_readings_remember_has_derivatives(uneven):
     """Through both readings before, of each sense alone, also where nothing depends on a reading."""
     rng, robot = np.random.default_rng(0), legs()
+    hills = [Relief(rng.normal(size=(9, 9)) * 0.3 - 0.5, 1.0, (-4.0, -4.0)) for _ in range(2)]
     count, links = robot.body.voxel_count, len(robot.body.topology.links)
     shapes, heard = ((2, count, 3), (2, count, 4), (2, links)), (0, 2, 3, 5)
     given = [[rng.normal(size=shape) for shape in shapes] for _ in range(6)]
     along = [[rng.normal(size=shape) for shape in shapes] for _ in range(6)]
     for name in EVERY:
-        reader = reader_of(name, robots=2)
+        reader = reader_of(name, robots=2, floor=hills if uneven else True)
         seeds = rng.normal(size=(6, *reader.read(0, Felt(*given[0])).shape))
 
         def cost(step, reader=reader, seeds=seeds):
