@@ -128,8 +128,7 @@ class Rewarded(Batch):
     def _values(self) -> Floats:
         """What robots have gained since the start, shape (B,): rewards are how it grows."""
         if callable(self.gain):
-            lost: Bools = ~np.isfinite(self._middles()).all(axis=1)
-            return gained_by(self.gain, self.info(), lost)
+            return gained_by(self.gain, self.info(), ~np.isfinite(self._middles().sum(axis=1)))
         if self.gain == "turn":
             return self._turns()
         robot = self.episodes.robot
