@@ -65,8 +65,8 @@ def run(args: argparse.Namespace) -> Report:
     check_said_once(args)  # a task may say the same again, and counts less
     take_task(args)
     settle_workers(args)
-    note_new(args)
     if args.seeds:
+        note_new(args)
         return search_each(args, _run_one)
     check_single(args)
     return _run_one(args)
@@ -88,6 +88,8 @@ def _run_one(args: argparse.Namespace) -> Report:
     method = build_method(planned.method, planned.problem.space, planned.settings)
     problem, seed = planned.problem, planned.settings["seed"]
     check_fit(method, problem)
+    if not args.seeds:  # of several, it is told once
+        note_new(args)
     if not (args.quiet or args.resume):
         note_far_ground(problem)
     where = {name: getattr(args, name) for name in ("threads", "workers", "ray") if getattr(args, name) is not None}
