@@ -239,6 +239,20 @@ class Judging(Protocol):
         """Judge points, shape (N, D)."""
 
 
+def relaxation_of(problem: Judging, wanted: str = "gradients") -> Callable[..., Evaluation]:
+    """The function by which a problem evaluates relaxed points.
+
+    Raises:
+        ValueError: if it has none; ``wanted`` is for what it was needed.
+    """
+    found: Callable[..., Evaluation] | None = getattr(problem, "evaluate_relaxed", None)
+    if found is None:
+        raise ValueError(
+            f"method: it wants {wanted}, but {type(problem).__name__} has no relaxation; choose another method"
+        )
+    return found
+
+
 def judge(problem: Judging, request: Request) -> Evaluation:
     """Evaluate a request in this process; the problem gets points of its own, which it may change.
 
@@ -250,12 +264,8 @@ def judge(problem: Judging, request: Request) -> Evaluation:
         problem = minibatches_of(problem).in_minibatch(request.minibatch)
     if request.wants == "points":
         return _checked(problem, problem.evaluate(request.points.copy()), len(request.points))
-    evaluate_relaxed = getattr(problem, "evaluate_relaxed", None)
-    if evaluate_relaxed is None:
-        raise ValueError(
-            f"method: it wants {request.wants}, but {type(problem).__name__} has no relaxation; choose another method"
-        )
-    found = evaluate_relaxed(request.points.copy(), request.sharpness, request.wants == "gradients")
+    relaxed = relaxation_of(problem, request.wants)
+    found = relaxed(request.points.copy(), request.sharpness, request.wants == "gradients")
     return _checked(problem, found, len(request.points))
 
 

@@ -7,7 +7,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from optim.problem import Evaluation, Judging, Minibatch, Request, minibatches_of
+from optim.problem import Evaluation, Judging, Minibatch, Request, minibatches_of, relaxation_of
 from optim.problem import Wants as Wants
 from optim.space import Space
 from taichi_sim.base.arrays import Arrays, Bools, Floats, Ints, mean_of
@@ -137,7 +137,10 @@ def check_fit(method: Method, problem: Judging) -> None:
         problem.check_mixtures()
     if getattr(method, "along_true_gradients", False) and hasattr(problem, "check_true_gradients"):
         problem.check_true_gradients()
-    if getattr(problem, "gradient_horizon", None) is not None and not getattr(method, "takes_gradients", False):
+    takes_gradients = getattr(method, "takes_gradients", False)
+    if takes_gradients:
+        relaxation_of(problem)
+    if getattr(problem, "gradient_horizon", None) is not None and not takes_gradients:
         raise ValueError("gradient_horizon: it is not allowed with a method that takes no gradients; leave it out")
     if (size := getattr(method, "minibatch_size", None)) is not None:
         minibatches_of(problem).check_minibatch(size)

@@ -194,3 +194,16 @@ def test_what_a_masked_array_hides_has_failed():
     assert found.evaluate([[1.0, 1.0], [0.0, 0.0]]).status.tolist() == ["ok", "failed"]
     with pytest.raises(ValueError, match=r"^y: nan is not allowed"):
         found.evaluate(np.ma.masked_greater([[0.2, 0.9]], 0.5))
+
+
+@pytest.mark.parametrize("method", ["memetic", "gradient", "cma-gradient", "race"])
+def test_methods_along_gradients_refuse_a_problem_without_before_any_work(method):
+    class Plain:
+        objective_names = ("score",)
+        space = Space((Variable("x", 0.0, 1.0),))
+
+        def evaluate(self, points):
+            raise AssertionError("it is evaluated")
+
+    with pytest.raises(ValueError, match=r"^method: it wants gradients, but Plain has no relaxation; choose another"):
+        maximise(Plain(), method, progress=False)
