@@ -71,6 +71,12 @@ class Success:
         found: Bools = self.allows(np.asarray(outcome.measures[self.measure], float))
         return found & (np.asarray(outcome.status) == "ok")
 
+    def told(self, outcome: Outcome, world: World) -> str:
+        """The value of a single design's measure in a world, or why it has none, beside the condition."""
+        status, value = outcome.status_or_reason[0], float(np.asarray(outcome.measures[self.measure])[0])
+        found = shortest(float(f"{value:.4g}")) if outcome.status[0] == "ok" else status
+        return f"{self.measure} is {found} in {world.name} and should be {self.sign} {shortest(self.bound)}"
+
     def allows(self, values: Any) -> Any:
         """Whether a number, or each of an array of numbers, is within the bound."""
         return SIGNS[self.sign](values, self.bound)
@@ -156,10 +162,14 @@ class Task:
 
     def succeeded(self, robot: Robot, worlds: Sequence[World] = (), compute: Compute = HERE) -> bool | None:
         """Whether a robot without free variables keeps all bounds in all worlds; None if there are no bounds."""
-        if not self.success:
-            return None
-        outcomes = [robot.simulate((), world, compute=compute) for world in worlds or self.worlds]
-        return all(bool(one.kept(outcome)[0]) for outcome in outcomes for one in self.success)
+        return not self.missed(robot, worlds, compute) if self.success else None
+
+    def missed(self, robot: Robot, worlds: Sequence[World] = (), compute: Compute = HERE) -> list[str]:
+        """Bounds that a robot without free variables does not keep, each with its value and the world."""
+        tried = [(world, robot.simulate((), world, compute=compute)) for world in worlds or self.worlds]
+        return [
+            one.told(outcome, world) for world, outcome in tried for one in self.success if not one.kept(outcome)[0]
+        ]
 
 
 def builtin_tasks() -> dict[str, Task]:

@@ -235,12 +235,14 @@ def _of_task(report: Report, given: str | None, problem: "Problem", last: "Gener
     if given is None or last.best_point is None or not isinstance(problem, RobotProblem):
         return report
     task = find_task(given)
-    done = task.succeeded(problem.robot_of(problem.space.from_dict(last.best_point)), problem.tried_in, problem.compute)
-    if done is None:
+    if not task.success:
         return report
+    best = problem.robot_of(problem.space.from_dict(last.best_point))
+    missed = task.missed(best, problem.tried_in, problem.compute)
     asked = " and ".join(one.text for one in task.success)
-    text = f"{report.text}\ntask {task.name}: {'succeeded' if done else 'not succeeded'}, {asked} was asked"
-    return dataclasses.replace(report, document={**report.document, "task": task.name, "succeeded": done}, text=text)  # type: ignore[dict-item]
+    told = f"not succeeded, {'; '.join(missed)}" if missed else f"succeeded, {asked} was asked"
+    document = {**report.document, "task": task.name, "succeeded": not missed}  # type: ignore[dict-item]
+    return dataclasses.replace(report, document=document, text=f"{report.text}\ntask {task.name}: {told}")
 
 
 def _interrupted(planned: Plan, folder: Path, code: int) -> Report:

@@ -39,7 +39,9 @@ def test_a_design_succeeds_in_every_world():
     speed = float(outcome.measures["speed"][0])
     for bound, succeeds in ((speed - 0.01, True), (speed + 0.01, False)):
         asked = (Success("speed", ">=", bound), Success("mass", "<=", 1.0))
-        assert type(task)(task.name, task.options, success=asked).succeeded(robot, (), compute) is succeeds
+        given = type(task)(task.name, task.options, success=asked)
+        missed = [] if succeeds else [f"speed is {speed:.4g} in flat and should be >= {bound!r}"]
+        assert given.succeeded(robot, (), compute) is succeeds and given.missed(robot, (), compute) == missed
     assert type(task)(task.name, task.options).succeeded(robot) is None
 
 
