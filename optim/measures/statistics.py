@@ -24,7 +24,7 @@ class Effect:
 
     Attributes:
         difference: difference of the means, b - a.
-        low: lower end of its 95 % bootstrap interval.
+        low: lower end of its 95 % interval.
         high: upper end.
         superiority: A12, the probability that one of b exceeds one of a, ties counted half.
         cohens_d: the difference in pooled standard deviations; None where nothing varies.
@@ -200,9 +200,16 @@ def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]
     Raises:
         ValueError: if there are fewer than two values, or one is not finite.
     """
-    values = _sample("sample", sample)
-    half = _scipy().t.isf((1 - level) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    return float(values.mean() - half), float(values.mean() + half)
+    low, high = student_band(_sample("sample", sample), level)
+    return float(low), float(high)
+
+
+def student_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
+    """:func:`mean_interval` over the first axis of (n, ...), n at least 2: both ends, shape (...); NaN where one is."""
+    values = np.asarray(sample, float)
+    mean = values.mean(axis=0)
+    half = _scipy().t.isf((1 - level) / 2, len(values) - 1) * values.std(axis=0, ddof=1) / np.sqrt(len(values))
+    return mean - half, mean + half
 
 
 def known_interval(sample: ArrayLike) -> tuple[float | None, float | None]:
@@ -304,19 +311,28 @@ def bootstrap_means(sample: ArrayLike, resamples: int = 2000, seed: int = 0) -> 
 def mean_band(sample: ArrayLike, level: float = 0.95) -> tuple[Floats, Floats]:
     """Percentile bootstrap interval of the mean over the first axis of (n, ...): lower and upper end, shape (...).
 
-    With five values it covers the mean in 84 % of samples instead of 95 %; :func:`mean_interval` does better.
+    Of few values it is too narrow: of normal ones it covers the mean in 50 % of samples of two, 76 % of three, 84 % of
+    five and 90 % of ten, not 95 %. :func:`student_band` does; this is for studies whose tables have it.
     """
     tail = 50 * (1 - level)
     low, high = np.percentile(bootstrap_means(sample), [tail, 100 - tail], axis=0)
     return low, high
 
 
-def effect(a: ArrayLike, b: ArrayLike) -> Effect:
-    """Compare samples a and b, each of shape (n,) with at least two values."""
+def effect(a: ArrayLike, b: ArrayLike, interval: Literal["bootstrap", "student"] = "bootstrap") -> Effect:
+    """Compare samples a and b, each of shape (n,) with at least two values.
+
+    The interval of the difference is Welch's, by Student's t, or of bootstrap percentiles, which studies have in their
+    tables; these are too narrow for few values: of normal ones they cover it in 68 % of samples of two and two.
+    """
     a, b = np.asarray(a, float), np.asarray(b, float)
     tied = len(np.unique(np.concatenate([a, b]))) < len(a) + len(b)
     exact = not tied and max(len(a), len(b)) <= 20
-    low, high = np.percentile(bootstrap_means(b, seed=1) - bootstrap_means(a, seed=0), [2.5, 97.5])
+    if interval == "student":
+        by_welch = difference_of_means(a, b, paired=False)
+        low, high = by_welch.low, by_welch.high
+    else:
+        low, high = np.percentile(bootstrap_means(b, seed=1) - bootstrap_means(a, seed=0), [2.5, 97.5])
     p = mann_whitney(a, b, "two-sided", "exact" if exact else "asymptotic")
     return Effect(float(b.mean() - a.mean()), float(low), float(high), superiority(a, b), cohens_d(a, b), p)
 

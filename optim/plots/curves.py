@@ -85,7 +85,7 @@ def draw_band(
 
 
 def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
-    """Draw the mean best score of each group with its 95 % bootstrap band, and every unit as a thin line.
+    """Draw the mean best score of each group with its 95 % band, and every unit as a thin line.
 
     Curves and their axis are those of ``optim.runs.comparison``.
     """
@@ -94,6 +94,11 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
         axes.plot(curve.x, curve.scores.T, color=colour, **UNIT_LINES)
         label = f"{printable(curve.label)}\n(mean of {len(curve.scores)} {curve.unit})"
         draw_band(axes, curve.x, *curve.band(), colour=colour, label=label, steps=True)
+    # The band of two units hides all else by its width, so axes go no further beyond the units than these differ.
+    scores = np.concatenate([curve.scores[np.isfinite(curve.scores)] for curve in curves])
+    if scores.size and (room := np.ptp(scores)) > 0:
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(low, scores.min() - room), min(high, scores.max() + room))
     axes.set_xlabel({"seconds": "time [s]"}.get(axis, axis))
 
 

@@ -27,7 +27,7 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
         axes.set_ylabel(Objective(f"best {score.name} so far", score.unit).label)
 
     alt = f"Best {score.name} of {counted(len(curves), 'group')} over {axis}, mean and 95 % band"
-    caption = "Best so far: mean of each group, its 95 % bootstrap band, and every unit as a thin line."
+    caption = "Best so far: mean of each group, its 95 % band, and every unit as a thin line."
     compared = [
         charted(draw, alt, caption, size=(5.0, 3.0), kind="medium"),
         _standings(standings, Objective(f"Best scores at {end:g} {axis}", score.unit).label),

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from optim.measures.statistics import Effect, effect, holm, mean_band
+from optim.measures.statistics import Effect, effect, holm, known_interval, student_band
 from optim.problem import DESIGN, GAIT
 from optim.runs.config import GROUND_FILES, identity, usual_settings
 from optim.runs.history import History, begun
@@ -80,11 +80,11 @@ class Curve:
         return values[~np.isnan(values)]
 
     def band(self) -> tuple[Floats, Floats, Floats]:
-        """Mean and both ends of its 95 % bootstrap interval, shape (P,) each; NaN until all units have a score."""
+        """Mean and both ends of its 95 % interval, shape (P,) each; NaN until all units have a score."""
         mean = self.scores.mean(axis=0)
         if len(self.scores) < 2:
             return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)
-        return mean, *mean_band(self.scores)
+        return mean, *student_band(self.scores)
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Standing:
         count: number of units.
         without_success: number of units that have no score so far.
         mean: mean best score of the other units; this and the following are None if there are no others.
-        low: lower end of its 95 % bootstrap interval; None with fewer than two.
+        low: lower end of its 95 % interval by Student's t; None with fewer than two.
         high: upper end.
         best: highest of the best scores.
     """
@@ -134,7 +134,7 @@ class MapStanding:
             cells that have one.
         runs: number of runs.
         mean: mean over the runs.
-        low, high: its 95 % bootstrap interval; None for a single run.
+        low, high: its 95 % interval by Student's t; None for a single run.
     """
 
     label: str
@@ -155,7 +155,7 @@ def map_standings(compared: Sequence[Curve], histories: Sequence[History], axis:
             values = [_number_at(history, name, axis, x) for history in members]
             if all(value is not None for value in values):
                 numbers = np.array(values, float)
-                low, high = (float(bound) for bound in mean_band(numbers)) if len(numbers) > 1 else (None, None)
+                low, high = known_interval(numbers)
                 found.append(MapStanding(curve.label, name, len(numbers), float(numbers.mean()), low, high))
     return found
 
@@ -260,7 +260,7 @@ def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
 def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
     """Compare groups at x, each pair in which both groups have at least two units."""
     pairs = [
-        (a.label, b.label, effect(a.at(x), b.at(x)))
+        (a.label, b.label, effect(a.at(x), b.at(x), interval="student"))
         for a, b in itertools.combinations(compared, 2)
         if min(len(a.at(x)), len(b.at(x))) >= 2
     ]
@@ -271,7 +271,7 @@ def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
 def standing(curve: Curve, x: float) -> Standing:
     """Summarise the scores of a group at x."""
     scores = curve.at(x)
-    low, high = (float(bound) for bound in mean_band(scores)) if len(scores) > 1 else (None, None)
+    low, high = known_interval(scores)
     mean, best = (float(scores.mean()), float(scores.max())) if len(scores) else (None, None)
     without = len(curve.scores) - len(scores)
     return Standing(curve.label, curve.folders, curve.unit, len(curve.scores), without, mean, low, high, best)

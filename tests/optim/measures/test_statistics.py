@@ -24,6 +24,7 @@ from optim.measures.statistics import (
     ratio_of_means,
     reliability,
     spearman,
+    student_band,
     superiority,
     welch,
     wilson,
@@ -198,6 +199,22 @@ def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
     samples = np.random.default_rng(0).normal(size=(2000, 5))
     ends = np.array([mean_interval(sample) for sample in samples])
     assert np.mean((ends[:, 0] < 0) & (ends[:, 1] > 0)) == pytest.approx(0.95, abs=0.015)
+    assert np.array_equal(np.transpose(student_band(samples.T)), ends)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_the_interval_of_a_difference_holds_it_as_often_as_it_says(count):
+    """Welch's has at least 95 % of so few; of bootstrap percentiles two and two have 68 %."""
+    samples = np.random.default_rng(0).normal(size=(400, 2, count))
+    ends = [effect(a, b, interval="student") for a, b in samples]
+    assert np.mean([one.low <= 0 <= one.high for one in ends]) > 0.93
+
+
+def test_the_interval_of_a_difference_by_hand():
+    """Welch's: deviation sqrt(1/3 + 7/3), degrees of freedom its fourth power over (1/9 + 49/9) / 2."""
+    found, half = effect([1.0, 2.0, 3.0], [2.0, 3.0, 7.0], interval="student"), np.sqrt(8 / 3)
+    half *= stats.t.isf(0.025, (8 / 3) ** 2 / (25 / 9))
+    assert (found.low, found.high) == pytest.approx((2 - half, 2 + half))
 
 
 def test_the_mean_of_a_few_runs_says_what_is_unknown():

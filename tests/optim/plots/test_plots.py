@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy import stats
 
 from optim.plots import (
     add_bar,
@@ -70,7 +71,9 @@ def test_a_group_has_its_mean_between_the_ends_of_its_band(axes):
     assert values(mean) == [0.25, 1.5] and [values(line) for line in units] == [[0.0, 1.0], [0.5, 2.0]]
     (band,) = axes.collections
     ends = band.get_datalim(axes.transData).get_points()[:, 1]
-    assert 0 <= ends[0] <= 0.25 and 1.5 <= ends[1] <= 2 and axes.get_xlabel() == "time [s]"
+    half = stats.t.isf(0.025, 1) * 0.5  # of 0.5 and 2, by Student's t; axes show all units, and as much around them
+    assert ends == pytest.approx([1.5 - half, 1.5 + half]) and axes.get_ylim() == (-2.0, 4.0)
+    assert axes.get_xlabel() == "time [s]"
 
 
 def test_the_share_of_trials_rises_where_one_is_solved(axes):
