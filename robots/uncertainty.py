@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.robot import HERE, OK, Judgement, Outcome, Progress, Robot, World
+from robots.tail_interval import RESAMPLES, has_interval, tail_interval
 from robots.world import MATERIAL_FRICTION, STEEPEST, Terrain, friction_of_parts, terrain_of
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.compute import Compute
@@ -26,7 +27,6 @@ SHARES = (*FRICTION, *DRIVE)  # given in percent
 MOST = {"timing": 0.5}  # largest values of shares, where less than 1
 TAIL = 0.2  # share of the worst draws in the CVaR of a judgement, unless the risk names one
 JUDGED_DRAWS = 64  # held-out draws by which designs are judged
-RESAMPLES = 2000  # of the bootstrap
 SEARCHED, HELD_OUT = 1, 2  # streams of random numbers: draws for searches, draws for judging designs afterwards
 
 
@@ -317,7 +317,7 @@ def spoken(document: Mapping[str, Any]) -> str:
     names = {"mean": "mean", "cvar": f"CVaR {document['share']:g}", "worst": "worst"}
     first = document["risk"].partition(":")[0]
     parts = [
-        f"{names[name]} {decimal(document[name])} (95 % interval {decimal(document[f'{name}_low'])} to "
+        f"{names[name]} {decimal(document[name])} ({_ends_told(document, name)} {decimal(document[f'{name}_low'])} to "
         f"{decimal(document[f'{name}_high'])})"
         for name in sorted(names, key=lambda name: name != first)
     ]
@@ -327,15 +327,34 @@ def spoken(document: Mapping[str, Any]) -> str:
     return f"{measure} over {draws} held-out draws: {told}"
 
 
-def summary(scores: Sequence[float], share: float) -> dict[str, float]:
-    """Mean, CVaR and worst of scores, each with its 95 % bootstrap interval, and the standard deviation of the scores.
+def _ends_told(document: Mapping[str, Any], name: str) -> str:
+    return "of resampled draws" if interval_of(document, name) is None else "95 % interval"
 
-    The interval of the worst never goes below the worst draw, although further draws may be worse.
+
+def interval_of(document: Mapping[str, Any], name: str) -> tuple[float, float] | None:
+    """Both ends of the 95 % interval of the mean, CVaR or worst in the document of a judgement; None if it has none."""
+    share = {"mean": 1.0, "worst": 0.0}.get(name, document["share"])
+    ends = document[f"{name}_low"], document[f"{name}_high"]
+    return ends if has_interval(share, document["draws"]) else None
+
+
+def summary(scores: Sequence[float], share: float) -> dict[str, float]:
+    """Mean, CVaR and worst of scores, each with two ends, and the standard deviation of the scores.
+
+    The ends are those of the 95 % interval, see :func:`tail_interval`. The worst draw alone has none: its ends are
+    those between which the worst of 95 % of resamples is. They never go below it, although further draws may be worse:
+    of 64, they hold the worst to be expected of as many others in about half of all cases.
     """
     each = np.asarray(scores, float)
-    picked = np.random.default_rng(0).integers(0, len(each), (RESAMPLES, len(each)))
     found: dict[str, float] = {"sd": float(each.std(ddof=1))}
-    for name, part in (("mean", 1.0), ("cvar", share), ("worst", 0.0)):
-        low, high = np.percentile(Risk(part).of(each[picked]), [2.5, 97.5])
-        found |= {name: float(Risk(part).of(each)), f"{name}_low": float(low), f"{name}_high": float(high)}
+    for name, risk in (("mean", Risk(1.0)), ("cvar", Risk(share)), ("worst", Risk(0.0))):
+        low, high = tail_interval(each, risk.share) or _resampled(risk, each)
+        found |= {name: float(risk.of(each)), f"{name}_low": low, f"{name}_high": high}
     return found
+
+
+def _resampled(risk: Risk, scores: Floats) -> tuple[float, float]:
+    """Between what a risk measure of 95 % of resamples of scores is."""
+    picked = np.random.default_rng(0).integers(0, len(scores), (RESAMPLES, len(scores)))
+    low, high = np.percentile(risk.of(scores[picked]), [2.5, 97.5])
+    return float(low), float(high)

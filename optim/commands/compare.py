@@ -152,5 +152,6 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         lines.append("best designs over held-out draws: each number of a run, or its mean over runs, 95 % interval")
     for one in document["held_out"]:
         what = f"{one['label']}, {one['world']}, {one['name']} ({counted(one['runs'], 'run')})"
-        lines.append(f"  {what}: {decimal(one['value'])} [{decimal(one['low'])}, {decimal(one['high'])}]")
+        interval = "" if one["low"] is None else f" [{decimal(one['low'])}, {decimal(one['high'])}]"
+        lines.append(f"  {what}: {decimal(one['value'])}{interval}")
     return lines

@@ -38,6 +38,7 @@ from optim.runs.history import History, begun
 from optim.runs.robust import checked_robust, read_robust
 from optim.space import Variable
 from optim.wording import spoken_duration
+from robots.uncertainty import interval_of
 from taichi_sim.base import files
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.parsing import parse_json
@@ -273,7 +274,7 @@ def _robust(judged: Mapping[str, Mapping[str, Any]]) -> Html:
             continue
         names = {"mean": "mean", "cvar": f"CVaR {found['share']:g}", "worst": "worst"}
         for name, told in names.items():
-            rows.append((world, told, *(number(found[key]) for key in (name, f"{name}_low", f"{name}_high"))))
+            rows.append((world, told, *map(number, (found[name], *(interval_of(found, name) or (None, None))))))
     first = next(iter(judged.values()))
     what = f" of {Objective(first['measure'], first['unit']).label}" if "measure" in first else ""
     caption = f"{first['draws']} draws of {first['uncertain']}"

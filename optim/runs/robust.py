@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from optim.measures.statistics import mean_band
+from optim.measures.statistics import mean_interval
 from optim.problems.uncertain import ROBUST_FILE
-from robots.uncertainty import spoken
+from robots.uncertainty import interval_of, spoken
 from taichi_sim.base.checks import NotNegative, number, whole_number
 from taichi_sim.base.files import read_json
 from taichi_sim.base.records import checked
@@ -29,7 +29,8 @@ class HeldOut:
         name: ``"mean"``, ``"cvar"`` or ``"worst"``.
         runs: number of runs with a valid judgement.
         value: value of one run, or the mean of several.
-        low: lower end of its 95 % bootstrap interval, over the draws of one run or over several runs.
+        low: lower end of its 95 % interval, over the draws of one run or, by Student's t, over several runs; None of
+            the worst draw of one run.
         high: upper end.
     """
 
@@ -38,8 +39,8 @@ class HeldOut:
     name: str
     runs: int
     value: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
 
 
 Share = Annotated[float, partial(number, low=0.0, high=1.0)]
@@ -127,6 +128,6 @@ def held_out(groups: Mapping[str, Sequence[str]]) -> list[HeldOut]:
             ok = [judged[world] for judged in known if world in judged and not judged[world].get("failed")]
             for name in NAMES if ok else ():
                 values = [float(judged[name]) for judged in ok]
-                low, high = mean_band(values) if len(ok) > 1 else (ok[0][f"{name}_low"], ok[0][f"{name}_high"])
-                found.append(HeldOut(label, world, name, len(ok), float(np.mean(values)), float(low), float(high)))
+                ends = mean_interval(values) if len(ok) > 1 else interval_of(ok[0], name)
+                found.append(HeldOut(label, world, name, len(ok), float(np.mean(values)), *(ends or (None, None))))
     return found
