@@ -219,20 +219,14 @@ def unpacked_request(content: bytes) -> tuple[str, Request]:
 
 
 def packed_answer(part: str, worker: str, told: Told) -> bytes:
-    """Content of the file of an answer.
-
-    Raises:
-        ValueError: if a detail of the evaluation is not a plain array.
-    """
+    """Content of the file of an answer."""
     about: dict[str, Any] = {"part": part, "worker": worker, "kind": type(told).__name__}
     arrays: dict[str, Any] = {}
     if isinstance(told, Evaluation):
         arrays = {"objectives": told.objectives, "status": np.asarray(told.status, str)}
         about["details"] = list(told.details)
-        for number, (name, values) in enumerate(told.details.items()):
-            detail = arrays[f"{_DETAIL}{number}"] = np.asarray(values)
-            if detail.dtype.hasobject:
-                raise ValueError(f"details: {name} is no plain array, so it cannot go through a folder of workers")
+        for number, values in enumerate(told.details.values()):
+            arrays[f"{_DETAIL}{number}"] = np.asarray(values)
         if told.gradients is not None:
             arrays["gradients"] = told.gradients
     elif isinstance(told, Raised):

@@ -41,7 +41,7 @@ def test_of_many_that_want_a_part_exactly_one_gets_it(tmp_path_factory, parts, r
 
 
 NUMBERS = arrays.array_shapes(min_dims=1, max_dims=2, min_side=3, max_side=3)
-KINDS = st.sampled_from(["f8", "f4", "i8", "u1", "?", "U5", "S3"])
+KINDS = st.sampled_from(["f8", "f4", "i8", "u1", "?", "U5"])
 
 
 @settings(max_examples=12)
@@ -65,9 +65,10 @@ def test_requests_travel_to_the_bit_and_are_named_by_content(points, sharpness, 
 
 
 def test_objects_do_not_travel():
-    told = Evaluation(np.ones(1), details={"thing": np.array([{}], object)})
-    with pytest.raises(ValueError, match="details: thing is no plain array"):
-        folder_files.packed_answer("part", "me", told)
+    with pytest.raises(
+        ValueError, match=r"^details: thing is of type object, which is not allowed; give numbers or text"
+    ):
+        Evaluation(np.ones(1), details={"thing": np.array([{}], object)})
     for each in (Gone("died"), Unread("bad")):
         assert folder_files.unpacked_answer(folder_files.packed_answer("part", "me", each), "part", 1)[1] == each
 
