@@ -7,9 +7,9 @@ def spoken_size(size: int) -> str:
 
 
 def spoken_duration(seconds: float) -> str:
-    """A duration, such as ``3 min``."""
+    """A duration, such as ``3 min``, or ``0.022 s``."""
     for unit, length in (("d", 86400), ("h", 3600), ("min", 60)):
         if seconds >= 1.5 * length:
             amount = seconds / length
             return f"{amount:.1f} {unit}" if amount < 10 and unit != "min" else f"{amount:.0f} {unit}"
-    return f"{seconds:.0f} s"
+    return f"{seconds:.0f} s" if seconds >= 1.5 else f"{seconds:.2g} s"

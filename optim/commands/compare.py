@@ -120,7 +120,8 @@ def _named(curves: "list[Curve]", names: str | None) -> "list[Curve]":
 
 
 def _lines(score: str, document: dict[str, Any], differences: "list[Difference]") -> list[str]:
-    end = counted(round(document["at"]), document["by"][:-1])
+    at, by = document["at"], document["by"]
+    end = f"{at:.3g} {by}" if by == "seconds" and at < 10 else counted(round(at), by[:-1])
     lines = [f"best {score} after {end}: mean, its 95 % interval, best"]
     for group in document["groups"]:
         number = counted(group["count"], group["unit"][:-1])

@@ -187,7 +187,9 @@ class OneRun:
         if not len(known):
             return None
         part = "" if len(known) == len(seconds) else f", of {len(known)} of {counted(len(seconds), 'generation')}"
-        pace = f"{np.median(known):.1f} s a generation (median){part}"
+        middle = float(np.median(known))
+        pace = f"{middle:.1f}" if middle >= 10 else f"{middle:.3g}"
+        pace += f" s a generation (median){part}"
         ended = f"; the last ended at {self.history.finished}" if self.history.finished else ""
         return joined([number(float(known.sum()), 1, "s"), f", {pace}{ended}"], "")
 

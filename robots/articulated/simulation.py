@@ -218,7 +218,8 @@ def relief_under(robot: "ArticulatedRobot", world: World) -> "Relief | None":
 def _length(robot: "ArticulatedRobot") -> float:
     """The longest side of the space that a robot takes [m]."""
     centres, radii = robot.model.tree.balls()
-    return float(np.ptp(centres, axis=0).max() + 2 * radii.max())
+    reach = radii[:, None]
+    return float(((centres + reach).max(axis=0) - (centres - reach).min(axis=0)).max())
 
 
 def sensed_of(robot: "ArticulatedRobot") -> Sensed:

@@ -33,6 +33,7 @@ from taichi_sim.lattice import LatticeBody, Material
 EMPTY, PASSIVE, ACTIVE, ANTIPHASE = range(4)
 KINDS = ("empty", "passive", "active", "antiphase")
 LEAST_VOXELS = 4
+LEAST_REACH = 1e-9  # of amplitudes that all are 0 [edges]
 PHASES = np.array([0.0, 0.0, 1.0, -1.0])  # by kind, times the sine
 SILICONE = Material(5e4, 1000.0, static_friction=1.0, kinetic_friction=0.5, internal_damping=1.0, collision_damping=1.0)
 
@@ -249,11 +250,12 @@ def simulate_in(
         outcomes = try_variants([robot] * len(worlds), points, worlds, told)
         for mine, outcome in zip(parts, outcomes, strict=True):
             mine.append((np.array(members), outcome.result))
-    names, time_step = [m.name for m in measures_of(False)], walker_cycle(drive, tissue).time_step
+    names, dry = [m.name for m in measures_of(False)], walker_cycle(drive, tissue).time_step
     lengths = np.array([design.materials.shape[0] for design in designs]) * tissue.voxel_size
 
     def whole(mine: list[tuple[Ints, LatticeRobotResult]]) -> LatticeRobotResult:
         """The result in a world, with speeds in lengths of the lattice."""
+        time_step = mine[0][1].time_step if mine else dry  # steps are shorter in water, in that of all bodies
         result = assembled(mine, reason, time_step, names, {})
         speed = result.distance / lengths * drive.frequency / drive.cycles
         return replace(result, measures={**result.measures, "speed": speed})
@@ -271,7 +273,8 @@ def _batch(
     each = [design.connected for design in designs]
     kinds, regions = np.unique(np.array([kind for _, kind in each]), axis=1, return_inverse=True)
     count = kinds.shape[1]
-    drive = Drive("voxels", tuple(range(count)), amplitude=(Free(-0.5, 0.5),) * count)
+    reach = actuation.amplitude or LEAST_REACH  # in water, time steps are those of the largest voxels that there may be
+    drive = Drive("voxels", tuple(range(count)), amplitude=(Free(-reach, reach),) * count)
     return _robot(each[0][0], regions.ravel(), [drive], tissue, actuation), PHASES[kinds] * actuation.amplitude
 
 

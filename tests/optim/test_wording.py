@@ -18,6 +18,9 @@ def test_sizes_are_told_in_units_that_fit(size, told):
     assert spoken_size(size) == told
 
 
-@pytest.mark.parametrize(("seconds", "told"), [(3, "3 s"), (100, "2 min"), (9000, "2.5 h"), (864000, "10 d")])
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [(0.0221, "0.022 s"), (1.4, "1.4 s"), (3, "3 s"), (100, "2 min"), (9000, "2.5 h"), (864000, "10 d")],
+)
 def test_durations_are_told_in_units_that_fit(seconds, told):
     assert spoken_duration(seconds) == told

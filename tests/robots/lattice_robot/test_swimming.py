@@ -15,7 +15,8 @@ from robots.inflatable.gradient import differentiate
 from robots.inflatable.schedule import GaitSchedule
 from robots.inflatable.view.motion import inflatable_motion
 from robots.inflatable.view.picture import inflatable_picture
-from robots.lattice_robot.walker import ACTIVE, WalkerActuation, WalkerDesign
+from robots.lattice_robot import simulate as simulate_robot
+from robots.lattice_robot.walker import ACTIVE, WalkerActuation, WalkerDesign, walker_robot
 from robots.lattice_robot.walker import simulate as simulate_walker
 from robots.view.film import strip_picture
 from robots.view.player import page
@@ -173,3 +174,15 @@ def test_the_command_takes_a_terrain_or_a_slope(capsys):
     assert capsys.readouterr().out.startswith("rolling in water: ok after ")
     assert main([*gait, "--terrain", "water", "--slope", "3"]) == 2
     assert "slope: 3 is not allowed beside --terrain water; give one of them" in capsys.readouterr().err
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("name", ["flat", "water", "ramp:-10,0.05+water:-0.005"])
+def test_a_walker_has_the_time_steps_of_the_same_lattice_robot(name):
+    """Its batch reckoned with swellings that no walker has, and its times were those of dry ground."""
+    terrain, drive = Terrain.parse(name), WalkerActuation(cycles=1)
+    body = WalkerDesign(np.random.default_rng(0).integers(1, 4, (4, 2, 2)))
+    walked = simulate_walker([body], terrain, actuation=drive)
+    alike = simulate_robot(walker_robot(body, actuation=drive), terrain=terrain)
+    assert walked.steps == alike.steps and walked.distance == alike.distance
+    assert walked.steps[0] * walked.time_step == pytest.approx(drive.settling + (drive.cycles + 1) / drive.frequency)
