@@ -3,7 +3,7 @@
 import html
 import warnings
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, Unpack
@@ -295,25 +295,37 @@ def differentiate(
         outcome = tried.differentiate(
             points, place, measures=measures, compute=compute, progress=update, gradient_horizon=gradient_horizon
         )
-    _warn_of_chaos(tried, outcome)
-    return Trials(tried, points, place, outcome, compute)
+    found = Trials(tried, points, place, outcome, compute)
+    for doubt in _chaos_in(found):
+        warnings.warn(doubt, stacklevel=2)
+    return found
 
 
-def _warn_of_chaos(tried: Robot, outcome: Outcome) -> None:
-    """Warn of derivatives by which a small change of a parameter would change a measure by many times its size."""
-    ranges = np.array([parameter.high - parameter.low for parameter in tried.parameters])
-    for name, slopes in outcome.gradients.items():
-        size, steps = np.abs(outcome.measures[name]), np.abs(slopes) * ranges * SMALL_CHANGE
-        if not (usable := np.isfinite(size) & (size > 0)).any():
+def _chaos_in(found: Trials) -> Iterator[str]:
+    """Measures that a small change of a parameter hardly changes, of what their derivatives say.
+
+    Tried is only a change that would be many times the measure's size, of a design in the middle of all: some lie
+    beside a switch.
+    """
+    parameters = found.robot.parameters
+    reach = SMALL_CHANGE * np.array([parameter.high - parameter.low for parameter in parameters])
+    for name, slopes in found.outcome.gradients.items():
+        size, told = np.abs(found[name]), np.abs(slopes) * reach
+        usable = np.flatnonzero(np.isfinite(size) & np.isfinite(told).all(axis=1))
+        if not (len(usable) and told.size):
             continue
-        times = np.median(steps[usable], axis=0) / size[usable].max()  # some designs of many lie beside a switch
-        if times.size and times.max() > MANY_TIMES:
-            of = tried.parameters[int(times.argmax())].name
-            warnings.warn(
-                f"{name}: by its derivative, {100 * SMALL_CHANGE:g} % of the range of {of} would change it by "
-                f"{times.max():.2g} times its size, so changes that are not tiny do something else; gradient-check "
-                "measures what derivatives are worth here (docs/gradients.md)",
-                stacklevel=3,
+        column = int(np.median(told[usable], axis=0).argmax())
+        middle = usable[np.argsort(told[usable, column])[len(usable) // 2]]
+        if told[middle, column] <= MANY_TIMES * size.max(initial=0.0, where=np.isfinite(size)):
+            continue
+        ends = found.points[[middle, middle]]
+        ends[:, column] += [reach[column], -reach[column]]
+        one, other = found.robot.simulate(ends, found.world, compute=found.compute).measures[name]
+        if not abs(one - other) / 2 >= told[middle, column] / MANY_TIMES:
+            yield (
+                f"{name}: by its derivative, {100 * SMALL_CHANGE:g} % of the range of {parameters[column].name} would "
+                f"change it by {told[middle, column]:.2g}, and it changes by {abs(one - other) / 2:.2g}; "
+                "gradient-check measures what derivatives are worth here (docs/gradients.md)"
             )
 
 

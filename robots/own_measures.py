@@ -207,6 +207,9 @@ def _found(given: Any) -> Any:
     if not isinstance(given, Mapping):
         return given
     known_names(given, "name", "unit", "title", "file", "sha256")
+    for field_name in ("name", "unit", "title", "file", "sha256"):
+        if not isinstance(given.get(field_name), str):
+            raise ValueError(f"own_measures: {field_name} {given.get(field_name)!r} is not allowed; give text")
     file = RobotFile(given["file"], given["sha256"])
     return OwnMeasure(given["name"], given["unit"], given["title"], law=_unknown, file=file)
 

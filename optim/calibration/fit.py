@@ -23,6 +23,7 @@ from taichi_sim.base.arrays import Floats
 
 Told = Callable[[float, str], None]
 LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
+STIFFER = 1.1  # times the modulus that was found: how far the last fit may go, whose time step changes by 5 % there
 _STEPS = 8  # maximum number of evaluations of the joint fit
 _INSIDE = 1e-6  # least distance of SciPy's start from the bounds, of the logarithm
 _NEAR_BOUND = 0.01  # distance from a bound, of the logarithm, below which a property counts as at the bound
@@ -71,8 +72,11 @@ def calibrate(
     played = laboratory.as_played(found.after)
     if played.time_step == laboratory.time_step:
         return found
+    # The modulus stays where this time step is the robot's: below what it is stable for, or near what was found.
     low, high = bounds["modulus"]
-    within = {**bounds, "modulus": (low, played.stiffest if found.after.modulus < played.stiffest else high)}
+    most = laboratory.geometry.most_modulus
+    low, high = (low, min(high, most)) if found.after.modulus <= most else (max(low, most), played.stiffest * STIFFER)
+    within = {**bounds, "modulus": (low, high)}
     return _descend(replace(misfit, laboratory=played, start=found.after, bounds=within), before, told, (0.8, 1.0))
 
 

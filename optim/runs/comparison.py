@@ -317,7 +317,8 @@ def _check_independent(group: Sequence[History]) -> None:
     """Raise ValueError if two runs of a group have equal seeds, as one sample would be counted twice."""
     first: dict[str, Path] = {}
     for history in group:
-        other = first.setdefault(identity(history.config), history.path)
+        problem = {name: value for name, value in history.config["problem"].items() if name != DESIGN}
+        other = first.setdefault(identity({**history.config, "problem": problem}), history.path)
         if other != history.path:
             raise ValueError(f"run: {history.path} is the same search as {other}, seed included; leave one of them out")
 

@@ -168,7 +168,9 @@ class Driven(Batch):
         _, x, y, _ = self._seen[1].T
         self._lean = np.degrees(np.arccos(np.clip(1 - 2 * (x * x + y * y), -1.0, 1.0)))
         if callable(self.gain):
-            self._value = gained_by(self.gain, self.info(), found.status != "ok")
+            gained: Floats = gained_by(self.gain, self.info(), (found.status != "ok") | self._over)
+            kept: Floats = self._value if self._done else gained
+            self._value: Floats = np.where(self._over, kept, gained)  # who has fallen gains no more
         else:
             reached = self._distance if self.gain == "progress" else -self._light_distances()
             self._value = np.where(found.status == "ok", reached, np.nan) / self._sensed.length

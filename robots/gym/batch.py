@@ -140,7 +140,11 @@ def gained_by(gain: Callable[[dict[str, Any]], Any], info: dict[str, Any], lost:
     Raises:
         ValueError: if it does not give a number for each robot.
     """
-    found = np.asarray(gain(info), float)
+    given = {name: value.copy() if isinstance(value, np.ndarray) else value for name, value in info.items()}
+    try:
+        found = np.asarray(gain(given), float)
+    except KeyError as error:
+        raise ValueError(f"gain: the function asks for {error}, which info does not have; {', '.join(info)}") from None
     if found.shape != lost.shape:
         raise ValueError(f"gain: the function gives shape {found.shape}; give a number for each robot, {lost.shape}")
     if not np.isfinite(found[~lost]).all():

@@ -41,10 +41,9 @@ class Rubbing:
         found = np.zeros((2, 2, 2))
         if design.materials is None or design.materials.friction is None:
             return found
-        own, (grip, slide) = np.array(design.materials.friction), self._rows(design)
+        own, (grip, _) = np.array(design.materials.friction), self._rows(design)
         found[0, 0] = np.where(grip < MOST_FRICTION, self.gripping, 0.0)
-        held = slide >= grip  # as much as while they grip, whatever they have
-        held &= self.sliding * np.maximum(own[1], self.least) > grip
+        held = self.sliding * np.maximum(own[1], self.least) > grip  # sliding as much as gripping, whatever they have
         found[1, 0] = np.where(held, found[0, 0], 0.0)
         found[1, 1] = np.where(held | (own[1] < self.least), 0.0, self.sliding)
         return found

@@ -12,8 +12,10 @@ from optim.problem import Request, judge
 from optim.problems import problem_of_description
 from optim.problems.robot import RobotProblem
 from robots.braitenberg.robot import VehicleRobot
+from robots.lattice_robot import Drive, Free, LatticeRobot
 from robots.lattice_robot.presets import feeling_quadruped
 from robots.world import Terrain
+from taichi_sim.lattice import Material, body_from_array
 
 
 def problem(horizon=None, cycles=4, ground="rough:0.006,0.05,1"):
@@ -50,6 +52,16 @@ def test_a_call_that_differentiates_tells_of_chaos_and_takes_a_horizon():
     assert sizes[1] < sizes[0] / 100 and exact["speed"] == short["speed"]
     with pytest.raises(ValueError, match=r"^gradient_horizon: Braitenberg vehicle has none; leave it out$"):
         differentiate("vehicle", gradient_horizon=0.1)
+
+
+@pytest.mark.kernels
+def test_derivatives_that_hold_are_not_doubted_though_the_measure_is_next_to_zero():
+    """A symmetric robot goes nowhere: any change is many times its way, as its derivative rightly says."""
+    drives = [Drive(name, (place,), amplitude=Free(0.0, 0.4)) for place, name in enumerate(("back", "front"))]
+    rubber = Material(1e5, 1e3, static_friction=1.0, kinetic_friction=0.8)
+    body = body_from_array(np.ones((4, 1, 1), int), [rubber], 0.01, regions=np.array([0, 0, 1, 1]).reshape(4, 1, 1))
+    found = differentiate(LatticeRobot(body, tuple(drives), cycles=1), where="water", measures="distance")
+    assert abs(found["distance"][0]) < 1e-9 < np.abs(found.outcome.gradients["distance"]).max()
 
 
 @pytest.mark.kernels

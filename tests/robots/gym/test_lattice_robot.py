@@ -9,6 +9,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import robots.gym
+from robots.gym.batch import gained_by
 from robots.gym.lattice_robot import GAINS, LatticeRobotEnvironment, LatticeRobotVector
 from robots.lattice_robot import simulate
 from robots.lattice_robot.presets import feeling_quadruped, soft_quadruped
@@ -147,6 +148,18 @@ def test_a_function_of_info_says_what_is_gained():
     ):
         with pytest.raises(ValueError, match=f"^gain: the function gives {told}"):
             LatticeRobotEnvironment(gain=wrong, **QUICK).reset()
+    with pytest.raises(ValueError, match=r"^gain: the function asks for 'nothing', which info does not have; left, "):
+        LatticeRobotEnvironment(gain=lambda info: info["nothing"], **QUICK).reset()
+
+
+def test_a_function_of_info_may_change_what_it_is_given():
+    info = {"position": np.zeros((1, 3))}
+
+    def shifted(given):
+        given["position"] += 100.0
+        return given["position"][:, 0]
+
+    assert gained_by(shifted, info, np.zeros(1, bool)) == [100.0] and not info["position"].any()
 
 
 @pytest.mark.kernels
