@@ -23,7 +23,7 @@ from taichi_sim.base.arrays import Floats
 
 Told = Callable[[float, str], None]
 LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
-STIFFER = 1.1  # times the modulus that was found: how far the last fit may go, whose time step changes by 5 % there
+STIFFER = 1.1  # times the modulus that was found: how far the last fit may go where steps depend on it
 _STEPS = 8  # maximum number of evaluations of the joint fit
 _INSIDE = 1e-6  # least distance of SciPy's start from the bounds, of the logarithm
 _NEAR_BOUND = 0.01  # distance from a bound, of the logarithm, below which a property counts as at the bound
@@ -72,12 +72,20 @@ def calibrate(
     played = laboratory.as_played(found.after)
     if played.time_step == laboratory.time_step:
         return found
-    # The modulus stays where this time step is the robot's: below what it is stable for, or near what was found.
-    low, high = bounds["modulus"]
-    most = laboratory.geometry.most_modulus
-    low, high = (low, min(high, most)) if found.after.modulus <= most else (max(low, most), played.stiffest * STIFFER)
-    within = {**bounds, "modulus": (low, high)}
+    within = {
+        **bounds,
+        "modulus": modulus_near(found.after.modulus, bounds["modulus"], laboratory.geometry.most_modulus),
+    }
     return _descend(replace(misfit, laboratory=played, start=found.after, bounds=within), before, told, (0.8, 1.0))
+
+
+def modulus_near(found: float, bounds: tuple[float, float], most: float) -> tuple[float, float]:
+    """Bounds within which a modulus keeps the time step of the one that was found; ``most`` is that of the geometry's.
+
+    Above it steps get shorter with the modulus, by 5 % at most within these bounds.
+    """
+    low, high = bounds
+    return (low, min(high, most)) if found <= most else (max(low, most), min(high, found * STIFFER))
 
 
 def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None:

@@ -9,6 +9,7 @@ import pytest
 from measurements import GRIPPING, SLIDING
 
 from optim.calibration import calibrate, check_names, document, report
+from optim.calibration.fit import modulus_near
 from optim.calibration.misfit import ASSUMED, REPLICAS, SMALLEST, Linearised, uncertainty
 from robots.calibration import (
     BOUNDS,
@@ -62,6 +63,19 @@ def test_the_last_fit_has_the_time_step_of_the_robot_that_is_played(modulus):
         assert Laboratory(geometry, QUICK).as_played(found).time_step == pytest.approx(
             found.robot(geometry)[0].time_step
         )
+
+
+@pytest.mark.parametrize(
+    ("found", "bounds", "within"),
+    [
+        (480e3, (200e3, 800e3), (200e3, 579e3)),
+        (480e3, (200e3, 500e3), (200e3, 500e3)),
+        (620e3, (200e3, 800e3), (579e3, 682e3)),
+        (620e3, (600e3, 650e3), (600e3, 650e3)),
+    ],
+)
+def test_the_last_fit_stays_where_its_time_step_holds_and_within_the_bounds(found, bounds, within):
+    assert modulus_near(found, bounds, 579e3) == pytest.approx(within)
 
 
 @pytest.mark.kernels
