@@ -318,13 +318,14 @@ def _chaos_in(found: Trials) -> Iterator[str]:
         middle = usable[np.argsort(told[usable, column])[len(usable) // 2]]
         if told[middle, column] <= MANY_TIMES * size.max(initial=0.0, where=np.isfinite(size)):
             continue
-        ends = found.points[[middle, middle]]
-        ends[:, column] += [reach[column], -reach[column]]
+        of, ends = parameters[column], found.points[[middle, middle]]
+        ends[:, column] = np.clip(ends[:, column] + [reach[column], -reach[column]], of.low, of.high)
+        change = abs(slopes[middle, column]) * (ends[0, column] - ends[1, column])  # 0 for a design beyond the bounds
         one, other = found.robot.simulate(ends, found.world, compute=found.compute).measures[name]
-        if not abs(one - other) / 2 >= told[middle, column] / MANY_TIMES:
+        if change > MANY_TIMES * abs(one - other):
             yield (
-                f"{name}: by its derivative, {100 * SMALL_CHANGE:g} % of the range of {parameters[column].name} would "
-                f"change it by {told[middle, column]:.2g}, and it changes by {abs(one - other) / 2:.2g}; "
+                f"{name}: by its derivative, a small change of {of.name}, from {ends[1, column]:.4g} to "
+                f"{ends[0, column]:.4g}, would change it by {change:.2g}, and it changes by {abs(one - other):.2g}; "
                 "gradient-check measures what derivatives are worth here (docs/gradients.md)"
             )
 

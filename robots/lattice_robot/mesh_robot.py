@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from taichi_sim.lattice.files.mesh import VoxelisedMesh
 
 MILLIMETRE = 1e-3  # unit of files of meshes, unless told otherwise [m]
-METRE = 1.0  # the other unit that files are in
 SLIDING = 0.8  # kinetic friction, part of the static one
 AMPLITUDE = Free(0.0, 0.2)  # of muscles, unless told otherwise
 _MATERIAL, _WAVE = ("modulus", "density", "friction"), ("amplitude", "phase")
