@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from robots.world import Terrain, weights
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.lattice import LatticeProgram, Quantity
 from taichi_sim.lattice.program import EVENT
 
 LEAST_FREQUENCY, MOST_FREQUENCY = 0.1, 100.0  # [Hz]
 SEGMENTS = 16  # straight pieces of a cycle
-# Snapshots: the ends of the first and of the last cycle, the nodes of the last cycle with both its ends, then frames.
-LAST_CYCLE = slice(2, 2 + SEGMENTS + 1)
+MOMENTS = 4  # of each piece of the last cycle that are recorded: the top of a flight lies between its nodes
+# Snapshots: the ends of the first and of the last cycle, the moments of the last cycle with both its ends, then frames.
+LAST_CYCLE = slice(2, 2 + SEGMENTS * MOMENTS + 1)
 FRAMES_FROM = LAST_CYCLE.stop
 
 
@@ -59,6 +60,11 @@ class Cycle:
     def end(self) -> int:
         """Steps of the whole program."""
         return self.begin + (self.cycles + 1) * SEGMENTS * self.segment
+
+    @property
+    def moments(self) -> Ints:
+        """Steps after the last cycle begins at which it is recorded, shape (65,); some twice where it has fewer."""
+        return np.arange(SEGMENTS * MOMENTS + 1) * self.segment // MOMENTS
 
     @property
     def duration(self) -> float:
@@ -116,7 +122,7 @@ def build_cyclic_program(
     steps = begin + np.arange((cycle.cycles + 1) * SEGMENTS) * segment
     driven["step"] = np.concatenate([[0], steps] if begin else [steps])[:, None, None]
     driven["value"], driven["rate"] = values, rates
-    last = (end - node * segment for node in range(SEGMENTS, -1, -1))
+    last = end - SEGMENTS * segment + cycle.moments
     marks = [begin + SEGMENTS * segment, end, *last, *(range(begin, end + 1, record_every) if record_every else ())]
     events = np.concatenate([pull.ravel(), driven.ravel()])
     return LatticeProgram(np.full(robots, end), events, np.tile(marks, (robots, 1)))

@@ -58,9 +58,9 @@ class Record:
     """What a run recorded for its measures: after the first cycle, after the last, then through the last cycle.
 
     Attributes:
-        positions: voxel centres [m], shape (B, 19, V, 3).
-        strains: of every link, shape (B, 19, L).
-        sizes: rest size of every voxel along its own axes [m], shape (B, 19, V, 3).
+        positions: voxel centres [m], shape (B, 67, V, 3).
+        strains: of every link, shape (B, 67, L).
+        sizes: rest size of every voxel along its own axes [m], shape (B, 67, V, 3).
     """
 
     positions: Any
@@ -99,6 +99,7 @@ class Constants:
         length: in which speeds are told [m].
         duration: of the cycles that count [s].
         frequency: cycles per second [Hz].
+        moments: times at which the last cycle was recorded, from where it begins [s], shape (65,).
         target: point (x, y) that the centre of mass should come near, from where it starts [m], or that of each robot,
             shape (B, 2); None for none.
         placed: the robot among props; None without.
@@ -117,6 +118,7 @@ class Constants:
     length: float
     duration: float
     frequency: float
+    moments: Floats
     target: tuple[float, float] | Floats | None
     placed: Placed | None = None
     raised: Any = 0.0
@@ -193,7 +195,7 @@ def _speed(record: Record, constants: Constants) -> Any:
 
 
 def _jump(record: Record, constants: Constants) -> Any:
-    """Highest centre of mass at a node of the last cycle, above where it started."""
+    """Highest centre of mass at a moment of the last cycle, above where it started."""
     heights = constants.centres(record.positions[:, LAST_CYCLE, :, 2])
     start = np.broadcast_to(constants.body.start_positions[:, 2], constants.density.shape) + constants.raised
     highest = value_of(heights).argmax(axis=1)
@@ -202,7 +204,7 @@ def _jump(record: Record, constants: Constants) -> Any:
 
 def _turning(record: Record, constants: Constants) -> Any:
     """Angle by which the last cycle turns the voxels about their centre of mass, in the plane, at best."""
-    begin, end = (record.positions[:, node] for node in (LAST_CYCLE.start, LAST_CYCLE.stop - 1))
+    begin, end = (record.positions[:, moment] for moment in (LAST_CYCLE.start, LAST_CYCLE.stop - 1))
     (x0, y0), (x1, y1) = ([_about(each[..., axis], constants) for axis in (0, 1)] for each in (begin, end))
     along, across = x0 * x1 + y0 * y1, x0 * y1 - y0 * x1
     angle = np.arctan2(constants.centres(across), constants.centres(along))
@@ -218,7 +220,7 @@ def _energy(record: Record, constants: Constants) -> Any:
     """Positive work that changes of rest lengths do against the elastic forces of the links.
 
     A link of rest length l pulls with E_l h^2 times its strain, and with what Poisson's effect adds to that; between
-    two nodes of the cycle the work is that of the mean of both forces. Nothing that a muscle gets back counts.
+    two moments of the cycle the work is that of the mean of both forces. Nothing that a muscle gets back counts.
     """
     body = constants.body
     links, axes = body.topology.links, body.topology.link_axes

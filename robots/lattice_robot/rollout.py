@@ -232,9 +232,11 @@ class Rollout:
         )
         if driven is None:
             driven = self.channels.driven(np.asarray(first.regions), expansions)
-        about = aim.direction, aim.length, cycle.duration, cycle.frequency, aim.target, aim.placed
+        moments = cycle.time_step * cycle.moments.astype(float)
+        about = aim.direction, aim.length, cycle.duration, cycle.frequency, moments
         laws = {each.name: law_of(each) for each in aim.own_measures}
-        return Constants(densities, moduli, driven, first, *about, raised, aim.is_light, ratios, self._pulled, laws)
+        seen = aim.target, aim.placed, raised, aim.is_light
+        return Constants(densities, moduli, driven, first, *about, *seen, ratios, self._pulled, laws)
 
     def run(self, progress: Progress | None = None) -> "Moved":
         """Let the robots move."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from robots.control.cyclic import LAST_CYCLE, SEGMENTS
+from robots.control.cyclic import LAST_CYCLE
 from robots.lattice_robot.measures import MEASURES, OF_PROPS, TARGETED, Constants, Law, Record
 from robots.own_measures import OwnMeasure, sealed
 from taichi_sim.base.arrays import Floats
@@ -22,10 +22,10 @@ class SoftMotion:
     ``taichi_sim.autodiff.arrays`` knows, and takes plain arrays just as well.
 
     Attributes:
-        times: times of the 17 moments of the last cycle, from where it begins [s], shape (17,).
-        positions: of voxel centres in these moments [m], shape (B, 17, V, 3).
-        sizes: rest size of every voxel along its own axes in these moments [m], shape (B, 17, V, 3).
-        strains: of every link in these moments, shape (B, 17, L).
+        times: times of 65 moments of the last cycle, from where it begins [s], shape (65,).
+        positions: of voxel centres in these moments [m], shape (B, 65, V, 3).
+        sizes: rest size of every voxel along its own axes in these moments [m], shape (B, 65, V, 3).
+        strains: of every link in these moments, shape (B, 65, L).
         start: voxel centres before anything moved [m], shape (B, V, 3).
         began: voxel centres where cycles begin to count, after the first one [m], shape (B, V, 3).
         ended: voxel centres after the last cycle [m], shape (B, V, 3).
@@ -56,7 +56,7 @@ class SoftMotion:
         start = np.tile(body.start_positions, (len(constants.density), 1, 1))
         start[:, :, 2] += constants.raised
         return cls(
-            np.arange(SEGMENTS + 1) / (SEGMENTS * constants.frequency),
+            constants.moments.copy(),
             sealed(record.positions[:, LAST_CYCLE]),
             sealed(record.sizes[:, LAST_CYCLE]),
             sealed(record.strains[:, LAST_CYCLE]),

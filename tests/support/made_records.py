@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robots.control.cyclic import FRAMES_FROM
+from robots.control.cyclic import FRAMES_FROM, LAST_CYCLE
 from robots.lattice_robot.measures import Constants, Record
 from taichi_sim.lattice import LatticeBody, Material
 
@@ -23,6 +23,7 @@ def recorded(body=BAR, density=None, driven=None, **changes):
         0.03,
         0.5,
         4.0,
+        np.linspace(0.0, 0.25, LAST_CYCLE.stop - LAST_CYCLE.start),
         changes.pop("target", None),
         is_light=changes.pop("is_light", False),
     )

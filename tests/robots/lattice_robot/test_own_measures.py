@@ -124,7 +124,8 @@ def test_freeform_robots_have_them_too_and_search_by_them():
 def test_moments_begin_with_the_robot_where_it_stands():
     constants, record = recorded()
     seen = SoftMotion.of(record, dataclasses.replace(constants, raised=np.array([[0.5, 0.0, 0.0]])))
-    assert seen.times[0] == 0 and seen.times[-1] == pytest.approx(0.25) and seen.positions.shape == (1, 17, 3, 3)
+    assert seen.times[0] == 0 and seen.times[-1] == pytest.approx(0.25) and seen.positions.shape == (1, 65, 3, 3)
+    assert (np.diff(seen.times) > 0).all()
     assert seen.start[0, :, 2] == pytest.approx(constants.body.start_positions[:, 2] + [0.5, 0.0, 0.0])
     assert seen.masses == pytest.approx(np.full((1, 3), 1e-3))
     assert seen.centres(seen.began)[0] == pytest.approx(constants.body.start_positions.mean(axis=0))
