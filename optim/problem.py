@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from optim.space import Space
 from taichi_sim.base.arrays import Bools, Floats, Ints, copied
 from taichi_sim.base.files import write_text
+from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.short_text import counted, decimal
 
 OK = "ok"
@@ -325,3 +326,20 @@ def check_kind(description: Mapping[str, Any], kind: str) -> None:
     found = description.get("kind", GAIT)
     if found != kind:
         raise ValueError(f"problem: it is a {found}, but a {kind} is needed here")
+
+
+def design_in(description: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the description of the problem of a robot that a file's problem keeps; None if it keeps none.
+
+    Raises:
+        ValueError: if it is damaged.
+    """
+    if DESIGN not in description:
+        return None
+    try:
+        found = parse_json(description[DESIGN])
+    except (ValueError, TypeError):
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError(f"problem: its {DESIGN} is damaged, no JSON object")
+    return found

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from optim.problem import DESIGN, FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem
+from optim.problem import FILE, GAIT, ROBOT, VEHICLE, WALKER, Problem, design_in
 from taichi_sim.base.arrays import Floats
-from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.results_folder import BEST_DESIGN
 from taichi_sim.base.short_text import counted
 
@@ -67,9 +66,9 @@ def kind_of_description(description: Mapping[str, Any]) -> "RobotKind | None":
     """Return the kind of robot that the problem of a run folder designs; None for problems without robots."""
     from robots.robot import KINDS
 
-    name = description.get("kind", GAIT)
-    if name == FILE and DESIGN in description:
-        return kind_of_description(parse_json(description[DESIGN]))
+    name = str(description.get("kind", GAIT))
+    if name == FILE and (design := design_in(description)) is not None:
+        return kind_of_description(design)
     return KINDS.get(KINDS_OF_1_0.get(name, name))
 
 

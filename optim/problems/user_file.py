@@ -21,6 +21,7 @@ from optim.problem import (
     Objective,
     Problem,
     check_kind,
+    design_in,
     has_minibatches,
     objectives_of,
 )
@@ -32,7 +33,6 @@ from optim.space import Space, Variable
 from robots.own_measures import RobotFile, of_file
 from taichi_sim.base.files import content_of, sha256, why_unread
 from taichi_sim.base.foreign import blamed, users_code
-from taichi_sim.base.parsing import parse_json
 from taichi_sim.base.short_text import counted
 
 GIVEN = ("name", "unit", "gradient")  # what a file may say beside its function and bounds
@@ -144,7 +144,7 @@ class RecordedProblem(PlainProblem):
         check_kind(description, FILE)
         try:
             self.file, self.checksum = str(description["file"]), str(description["sha256"])
-            self._design = None if DESIGN not in description else str(description[DESIGN])
+            self._design = design_in(description)
             space = Space(tuple(Variable(**variable) for variable in description["variables"]))
             names, units = description["objective_names"], description["objective_units"]
             super().__init__(space, [Objective(str(name), str(unit)) for name, unit in zip(names, units, strict=True)])
@@ -154,7 +154,7 @@ class RecordedProblem(PlainProblem):
     @cached_property
     def designed(self) -> RobotDesigning | None:
         """The problem of a robot, for what can be seen of its designs; None if the run does not tell of one."""
-        return None if self._design is None else cast(RobotDesigning, problem_of_description(parse_json(self._design)))
+        return None if self._design is None else cast(RobotDesigning, problem_of_description(self._design))
 
     @property
     def subject(self) -> str:

@@ -11,6 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from optim.problem import DESIGN
+from optim.problems import kind_of_description
+from optim.problems.user_file import RecordedProblem
+
 ROOT = Path(__file__).resolve().parents[3]
 ROCKET = """
 import numpy as np
@@ -288,3 +292,14 @@ def test_a_file_of_a_run_that_cannot_be_replaced_is_named(rocket, morpholab, mon
     monkeypatch.setattr(os, "replace", immutable)
     found, _, error = morpholab(f"codesign --problem rocket.py --out a --generations 3 {SHORT}")
     assert found == code and error.startswith(f"morpholab codesign: {told}") and error.count("\n") == 1
+
+
+@pytest.mark.parametrize("harm", ["[]", "3", "{", '{"kind": []}', 7])
+def test_a_damaged_design_is_told_in_a_line(harm):
+    description = {"kind": "file", "file": "bar.py", "sha256": "0", DESIGN: harm}
+    if harm == '{"kind": []}':
+        assert kind_of_description(description) is None
+        return
+    for read in (kind_of_description, RecordedProblem):
+        with pytest.raises(ValueError, match=r"^problem: its design is damaged, no JSON object$"):
+            read(description)
