@@ -18,6 +18,7 @@ from taichi_sim.lattice.program import EVENT
 
 LEAST_FREQUENCY, MOST_FREQUENCY = 0.1, 100.0  # [Hz]
 SEGMENTS = 16  # straight pieces of a cycle
+ROUNDING = 1e-9  # of a weight [m/s^2]
 MOMENTS = 4  # of each piece of the last cycle that are recorded: the top of a flight lies between its nodes
 # Snapshots: the ends of the first and of the last cycle, the moments of the last cycle with both its ends, then frames.
 LAST_CYCLE = slice(2, 2 + SEGMENTS * MOMENTS + 1)
@@ -83,6 +84,15 @@ def surroundings(terrains: Sequence[Terrain], heading: float) -> dict[int, Float
         resistances = np.array([terrain.resistance for terrain in terrains])
         found |= {Quantity.RESISTANCE + part: values for part, values in enumerate(resistances.T)}
     return found
+
+
+def without_rounding(around: Mapping[int, Floats]) -> dict[int, Floats]:
+    """What is around robots, without parts of their weight that are 0 but for rounding.
+
+    A voxel with a Poisson's ratio and one link along an axis is squeezed if anything at all pulls it along this axis.
+    """
+    pulls = range(Quantity.ACCELERATION, Quantity.ACCELERATION + 3)
+    return {what: np.where(abs(part) < ROUNDING, 0.0, part) if what in pulls else part for what, part in around.items()}
 
 
 def build_cyclic_program(

@@ -14,13 +14,19 @@ from taichi_sim.base.files import write_text
 def write_plain(table: RigTable, path: str | os.PathLike[str]) -> None:
     """Write a table as CSV of numbers alone: time [s], then pressures of all lines, in the order of its channels.
 
-    A row that begins a section, and so repeats the one before, is left out.
+    The main is written as often as it is played. Rows that begin a section, and so repeat the one before, are left out.
 
     Raises:
         ValueError: if the file cannot be written.
     """
-    kept = np.append(True, np.diff(table.times) > 0)
-    rows = np.column_stack([table.times, table.pressures])[kept]
+    sections, main = np.array(table.sections), table.durations.get("main", 0.0)
+    prefix, cycle, suffix = (np.flatnonzero(sections == name) for name in SECTIONS)
+    order = np.concatenate([prefix, *[cycle] * table.loops, suffix])
+    later = np.concatenate([np.full(len(cycle), loop * main) for loop in range(table.loops)] or [np.empty(0)])
+    shift = np.concatenate([np.zeros(len(prefix)), later, np.full(len(suffix), (table.loops - 1) * main)])
+    times = table.times[order] + shift
+    kept = np.append(True, np.diff(np.maximum.accumulate(times)) > 1e-9)  # sums of times have roundings
+    rows = np.column_stack([times, table.pressures[order]])[kept]
     write_text(path, "".join(",".join(f"{value:.9g}" for value in row) + "\n" for row in rows))
 
 

@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robots.control.cyclic import FRAMES_FROM, SEGMENTS, Cycle, build_cyclic_program, cycle_events, surroundings
+from robots.control.cyclic import (
+    FRAMES_FROM,
+    SEGMENTS,
+    Cycle,
+    build_cyclic_program,
+    cycle_events,
+    surroundings,
+    without_rounding,
+)
 from robots.frames import Frames
 from robots.lattice_robot.measures import Constants, Record, measure
 from robots.lattice_robot.props import Placed
@@ -171,6 +179,8 @@ class Rollout:
         first = self.bodies[0]
         terrains = one_each(terrain, len(self.bodies))
         around = surroundings(terrains, aim.heading)
+        if any(material.poissons_ratio for body in self.bodies for material in body.materials):
+            around = without_rounding(around)
         pulls = [np.broadcast_to(around[Quantity.ACCELERATION + axis], len(self.bodies)) for axis in range(3)]
         self._pulled = np.stack(pulls, axis=1) != 0
         self.program = build_cyclic_program(

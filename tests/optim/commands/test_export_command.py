@@ -2,12 +2,15 @@ import json
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from robots.hardware import KPA_PER_UNIT, PneumaticRig, export_csv, gait_table, read_csv
 from robots.hardware.channel_table import Calibration, Rhythm, Wave, channel_table
+from robots.hardware.plain_files import write_plain
+from robots.hardware.stream import Stream
 from robots.inflatable import INCHING, ROLLING, save_design
 
 SHORT = "--method hill-climb --climbers 2 --generations 1 --geometry small --columns 2 --repeats 1 --quiet"
@@ -157,6 +160,20 @@ def test_plain_numbers_and_a_c_header(morpholab, folder):
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+@pytest.mark.parametrize("rate", [None, 20.0])
+@pytest.mark.parametrize("repeats", [1, 2, 4])
+def test_plain_numbers_play_all_cycles(tmp_path, repeats, rate):
+    design = replace(INCHING, schedule=replace(INCHING.schedule, repeats=repeats))
+    table = gait_table(design, rate=rate)
+    write_plain(table, tmp_path / "gait.txt")
+    times, *lines = np.loadtxt(tmp_path / "gait.txt", delimiter=",").T
+    assert times[-1] == pytest.approx(table.seconds, rel=1e-8) and (np.diff(times) > 0).all()
+    stream = Stream(table, PneumaticRig.load("dissertation"), table.loops, 20.0)
+    for sample in stream:
+        played = [np.interp(sample.time_s, times, line) for line in lines]
+        assert sample.pressures == pytest.approx(played, abs=1e-6)
+
+
 def test_the_c_header_compiles_and_holds_the_table(morpholab, folder):
     assert morpholab("export rolling --csv g.csv --c-header gait.h")[0] == 0
     (folder / "a.c").write_text(

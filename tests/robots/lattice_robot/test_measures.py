@@ -273,3 +273,20 @@ def test_forces_with_a_poissons_ratio_are_alike_along_a_held_bar():
     forces = squeezed_forces(body, strains, modulus, ratio, False)[0, 0]
     assert forces == pytest.approx(forces.mean(), rel=1e-6) and forces.mean() < -0.1
     assert np.ptp(strains) > 0.01
+
+
+@pytest.mark.kernels
+def test_a_heading_on_level_ground_leaves_a_body_with_a_poissons_ratio_as_it_is():
+    """The sines of 180 and 90 degrees are 0 but for rounding, and a voxel asks whether anything pulls along an axis."""
+    rubber = dataclasses.replace(RUBBER, poissons_ratio=0.45)
+    body = LatticeBody(np.argwhere(np.ones((6, 4, 2))), (rubber,), np.zeros(48, int), EDGE, regions=np.arange(48) // 24)
+    muscles = Drive("muscles", (0, 1), amplitude=0.2, phase=(0.07, 0.3), axes="xy")
+    alike, *others = (
+        LatticeRobot(body, (muscles,), settling=0.1, cycles=1, heading=heading).simulate(
+            np.zeros((1, 0)), Terrain(), record_every=500
+        )
+        for heading in (0.0, 90.0, 200.0)
+    )
+    for other in others:
+        np.testing.assert_array_equal(other.frames["positions"], alike.frames["positions"])
+        assert other.measures["energy"] == alike.measures["energy"]
