@@ -133,12 +133,14 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         interval = "" if group["low"] is None else f" [{decimal(group['low'])}, {decimal(group['high'])}]"
         mean, best = decimal(group["mean"]), decimal(group["best"])
         lines.append(f"  {group['label']} ({number}): {mean}{interval}, best {best}")
+    without = {group["label"] for group in document["groups"] if group["without_success"]}
     for difference in differences:
         found = difference.effect
         by, low, high = (decimal(each, "+") for each in (found.difference, found.low, found.high))
+        successful = " of those with success" if without & {difference.first, difference.second} else ""
         d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
         lines.append(
-            f"  {difference.second} minus {difference.first}: {by} [{low}, {high}], "
+            f"  {difference.second} minus {difference.first}: {by} [{low}, {high}]{successful}, "
             f"A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
         )
     if not differences and len(document["groups"]) > 1:

@@ -31,7 +31,7 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
     compared = [
         charted(draw, alt, caption, size=(5.0, 3.0), kind="medium"),
         _standings(standings, Objective(f"Best scores at {end:g} {axis}", score.unit).label),
-        _differences(differences),
+        _differences(differences, any(one.without_success for one in standings)),
     ]
     robust = held_out({curve.label: curve.folders for curve in curves})
     if robust:
@@ -58,11 +58,13 @@ def _overview(runs: Sequence[OneRun]) -> Html:
 
 
 def _standings(standings: Sequence[Standing], caption: str) -> Html:
-    rows = [
-        (one.label, counted(one.count, one.unit[:-1]), *map(number, (one.mean, one.low, one.high, one.best)))
-        for one in standings
-    ]
+    rows = [(one.label, _units(one), *map(number, (one.mean, one.low, one.high, one.best))) for one in standings]
     return table(caption, ("Group", "Of", "Mean", "95 % from", "to", "Best"), rows)
+
+
+def _units(one: Standing) -> str:
+    without = f", {one.without_success} without any success" if one.without_success else ""
+    return counted(one.count, one.unit[:-1]) + without
 
 
 def _held_out(found: Sequence[HeldOut], score: Objective) -> Html:
@@ -74,7 +76,7 @@ def _held_out(found: Sequence[HeldOut], score: Objective) -> Html:
     return table(caption, ("Group", "World", "Number", "Of", "Value", "95 % from", "to"), rows)
 
 
-def _differences(differences: Sequence[Difference]) -> Html:
+def _differences(differences: Sequence[Difference], unsuccessful: bool) -> Html:
     if not differences:
         return paragraph("No effect sizes: that takes at least two groups of two runs each, with other seeds.")
     rows = []
@@ -84,4 +86,7 @@ def _differences(differences: Sequence[Difference]) -> Html:
         means = map(number, (effect.difference, effect.low, effect.high))
         rows.append((f"{one.second} minus {one.first}", *means, *sizes, p))
     header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")
-    return table("Effect sizes", header, rows)
+    caption = "Effect sizes"
+    if unsuccessful:
+        caption += "; differences and Cohen's d of those with success, A12 and p of all, those without below all others"
+    return table(caption, header, rows)

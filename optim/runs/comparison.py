@@ -8,13 +8,13 @@ import itertools
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from optim.measures.statistics import Effect, effect, holm, known_interval, student_band
+from optim.measures.statistics import Effect, effect, holm, known_interval, rank_test, student_band, superiority
 from optim.problem import DESIGN, GAIT
 from optim.runs.config import GROUND_FILES, identity, usual_settings
 from optim.runs.history import History, begun
@@ -75,9 +75,13 @@ class Curve:
 
     def at(self, x: float) -> Floats:
         """Best scores at x of the units that have one, shape (at most U,); empty if x lies before the curve."""
-        reached = int(np.searchsorted(self.x, x, side="right")) - 1
-        values = self.scores[:, reached] if reached >= 0 else np.empty(0)
+        values = self.all_at(x)
         return values[~np.isnan(values)]
+
+    def all_at(self, x: float) -> Floats:
+        """Best scores at x of all units, NaN without any success, shape (U,); empty if x lies before the curve."""
+        reached = int(np.searchsorted(self.x, x, side="right")) - 1
+        return self.scores[:, reached] if reached >= 0 else np.empty(0)
 
     def band(self) -> tuple[Floats, Floats, Floats]:
         """Mean and both ends of its 95 % interval, shape (P,) each; NaN until all units have a score."""
@@ -258,14 +262,25 @@ def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
 
 
 def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
-    """Compare groups at x, each pair in which both groups have at least two units."""
+    """Compare groups at x, each pair in which both groups have at least two units with success.
+
+    Means are of units with success; A12 and p are of all, those without any success below all others.
+    """
     pairs = [
-        (a.label, b.label, effect(a.at(x), b.at(x), interval="student"))
+        (a.label, b.label, _effect(a.all_at(x), b.all_at(x)))
         for a, b in itertools.combinations(compared, 2)
         if min(len(a.at(x)), len(b.at(x))) >= 2
     ]
     adjusted = holm([found.p for *_, found in pairs])
     return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
+
+
+def _effect(a: Floats, b: Floats) -> Effect:
+    found = effect(a[~np.isnan(a)], b[~np.isnan(b)], interval="student")
+    if not np.isnan([*a, *b]).any():
+        return found
+    a, b = (np.where(np.isnan(each), -np.finfo(float).max, each) for each in (a, b))
+    return replace(found, superiority=superiority(a, b), p=rank_test(a, b))
 
 
 def standing(curve: Curve, x: float) -> Standing:

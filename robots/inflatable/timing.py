@@ -295,12 +295,14 @@ def nominal_steps(columns: int, actuation: InflatableActuation = ACTUATION) -> i
 def counted_steps(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> int:
     """Time steps by which ``InflatableResult.speed`` counts the speed of a gait; cheap.
 
-    Those of as many published columns. With times of its own, those of 16 published columns, or its own if it takes
-    longer: it is not faster for that.
+    Those of as many published columns, or with times of its own those of 16; but its own if it takes longer, as one with
+    slow strokes does: it is not faster for that.
     """
-    if schedule.has_own_times:
-        return max(nominal_steps(PUBLISHED_COLUMNS, actuation), gait_steps(schedule, actuation))
-    return nominal_steps(schedule.columns * schedule.repeats, actuation)
+    columns = PUBLISHED_COLUMNS if schedule.has_own_times else schedule.columns * schedule.repeats
+    nominal = nominal_steps(columns, actuation)
+    if schedule.has_own_times or schedule.pace is not None:
+        return max(nominal, gait_steps(schedule, actuation))
+    return nominal
 
 
 def cycle_starts(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> list[int]:

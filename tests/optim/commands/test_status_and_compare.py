@@ -5,13 +5,15 @@ import json
 import os
 import shutil
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from run_products import Kite, log, searched
+from scipy.stats import mannwhitneyu
 
 from optim.measures.statistics import superiority
-from optim.runs.comparison import Curve
+from optim.runs.comparison import Curve, differences
 from optim.runs.folder_lock import locked
 
 pytestmark = pytest.mark.usefixtures("simulator")
@@ -230,3 +232,16 @@ def test_a_folder_that_cannot_be_listed_is_told(morpholab, unlisted, tmp_path):
         "",
         "morpholab compare: error: runs: cannot be listed (Permission denied)\n",
     )
+
+
+def test_runs_without_any_success_rank_below_all_others():
+    """A method that succeeds in three of ten runs does not beat one that succeeds always, however high these come."""
+    seldom = np.array([[np.nan]] * 7 + [[1.0], [1.1], [1.2]])
+    always = np.linspace(0.45, 0.55, 10)[:, None]
+    groups = [Curve(name, (name,), "runs", np.array([1.0]), scores) for name, scores in (("a", seldom), ("b", always))]
+    (found,) = differences(groups, 1.0)
+    assert found.effect.difference == pytest.approx(-0.6) and found.effect.superiority == pytest.approx(0.7)
+    ranks = np.where(np.isnan(seldom), -1.0, seldom)[:, 0]
+    assert found.effect.p == pytest.approx(mannwhitneyu(ranks, always[:, 0], method="asymptotic").pvalue)
+    (same,) = differences([replace(groups[0], scores=seldom[7:]), groups[1]], 1.0)
+    assert same.effect.superiority == 0.0 and same.effect.difference == found.effect.difference

@@ -116,6 +116,8 @@ def test_speeds_are_counted_by_the_time_of_a_published_gait_or_by_more():
     assert counted_steps(brief) == PUBLISHED_STEPS
     assert counted_steps(settling(random_levels(1), [150_000, 90_000])) > 240_000
     assert counted_steps(INCHING.schedule) == counted_steps(unskipped(ROLLING).schedule) == PUBLISHED_STEPS
+    slow = dataclasses.replace(INCHING.schedule, pace=np.full((8, INCHING.schedule.columns), 0.1))
+    assert counted_steps(slow) == gait_steps(slow) > 5 * PUBLISHED_STEPS
     slow = settling(random_levels(1), [0, 2 * nominal])
     found = simulation.simulate(graded(slow), HILL, **ROBOT)
     assert found.speed[0] == found.speed_simulated[0]
