@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from robots.control.cyclic import SEGMENTS
+from robots.control.cyclic import MOMENTS, SEGMENTS
 from robots.control.reflexes import senses_among
 from robots.control.senses import width_of
 from robots.frames import Frames, last_whole
 from robots.lattice_robot.measures import Record
 from robots.lattice_robot.robot import LatticeRobot
-from robots.lattice_robot.rollout import Rollout, frames_from
+from robots.lattice_robot.rollout import RECORDED, Rollout, frames_from
 from robots.lattice_robot.scenes import Scenes, sharing
 from robots.lattice_robot.senses import SENSES, Anatomy, LatticeReader, Parts, check_felt
 from robots.lattice_robot.simulation import answers_in, channels_of, rollout_of, shares_in, swing_of
@@ -99,8 +99,9 @@ class Episodes:
         self._body = robot.placed.robot if robot.placed is not None else robot.body
         self.own = self._body.voxel_count
         self._found: LatticeResult | None = None
-        last = SEGMENTS * (robot.cycle.cycles + 1)  # nodes of the cycles at which a simulation records for its measures
-        self._recorded = (SEGMENTS, last, *range(last - SEGMENTS, last + 1))
+        cycle = SEGMENTS * MOMENTS  # parts of it, at the ends of which a simulation records for its measures
+        last = cycle * (robot.cycle.cycles + 1)
+        self._recorded = (cycle, last, *range(last - cycle, last + 1))
         self._told = [measure.name for measure in robot.measures_in(self.worlds)]
 
     @property
@@ -132,7 +133,7 @@ class Episodes:
         cycle, self._piece = self.robot.cycle, 0
         self._rollout.engine.restore(self._fresh)
         self.positions, self.measures = self._rollout.start, {}
-        self._noted = dict[int, tuple[Floats, Floats, Floats]]()
+        self._noted = dict[int, tuple[Floats, ...]]()
         self._found = None
         self._at = self._swing[:, :, 1]
         length = cycle.begin + cycle.segment
@@ -183,12 +184,15 @@ class Episodes:
         return found
 
     def _note(self, found: LatticeResult) -> None:
-        """Keep where a piece has ended, if measures need it, and tell them after the last one."""
-        if (node := self._piece + 1) in self._recorded:
-            self._noted[node] = found.positions[:, 1].copy(), found.strains[:, 1].copy(), found.sizes[:, 1].copy()
-        if node == self._recorded[-1]:
-            parts = zip(*(self._noted[node] for node in self._recorded), strict=True)
-            record = Record(*(np.stack(each, axis=1) for each in parts))
+        """Keep where a piece has ended and the parts of it, if measures need it, and tell them after the last one."""
+        end = (self._piece + 1) * MOMENTS
+        for snapshot, part in enumerate((end, *range(end - MOMENTS + 1, end)), start=1):
+            if part in self._recorded and snapshot < found.positions.shape[1]:
+                parts = found.positions, found.strains, found.sizes
+                self._noted[part] = tuple(each[:, snapshot].copy() for each in parts)
+        if end == self._recorded[-1]:
+            noted = [self._noted[part] for part in self._recorded]
+            record = Record(*(np.stack([one[number] for one in noted], axis=1) for number in range(3)))
             measures = self._rollout.measured(record, found.status != "ok")
             self.measures = {name: measures[name] for name in self._told}
 
@@ -199,10 +203,12 @@ class Episodes:
         return frames_from(self.robot.body, self._found, robot, 1, times)
 
     def _run(self, length: int, events: Any) -> tuple[Floats, Floats, Bools]:
-        batch = len(self._swing)
-        shots = np.tile([length - 1, length], (batch, 1))
-        found = self._rollout.engine.run(LatticeProgram(np.full(batch, length), events, shots))
-        failed = found.status != "ok"
+        batch, segment = len(self._swing), self.robot.cycle.segment
+        in_last = (self._piece + 1) * MOMENTS > self._recorded[2]
+        parts = [length - segment + part * segment // MOMENTS for part in range(1, MOMENTS)] if in_last else []
+        shots = np.tile([length - 1, length, *parts], (batch, 1))
+        run = self._rollout.engine.run(LatticeProgram(np.full(batch, length), events, shots))
+        found, failed = replace(run, **{name: getattr(run, name)[:, :2] for name in RECORDED}), run.status != "ok"
         self._found = found if self._found is None else last_whole(self._found, found)
         now = {name: getattr(found, name)[:, 0].astype(float) for name in ("positions", "orientations", "strains")}
         felt = self._reader.read(self._piece, Felt(**now))
@@ -210,7 +216,7 @@ class Episodes:
         place = found.positions[:, 1].copy()
         place[failed] = self.positions[failed]
         self.positions = place
-        self._note(found)
+        self._note(run)
         return felt, np.where(failed, 0.0, gone), failed
 
 

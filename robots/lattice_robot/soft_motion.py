@@ -22,10 +22,10 @@ class SoftMotion:
     ``taichi_sim.autodiff.arrays`` knows, and takes plain arrays just as well.
 
     Attributes:
-        times: times of 65 moments of the last cycle, from where it begins [s], shape (65,).
-        positions: of voxel centres in these moments [m], shape (B, 65, V, 3).
-        sizes: rest size of every voxel along its own axes in these moments [m], shape (B, 65, V, 3).
-        strains: of every link in these moments, shape (B, 65, L).
+        times: times of T moments of the last cycle, 65 or what steps allow, from where it begins [s], shape (T,).
+        positions: of voxel centres in these moments [m], shape (B, T, V, 3).
+        sizes: rest size of every voxel along its own axes in these moments [m], shape (B, T, V, 3).
+        strains: of every link in these moments, shape (B, T, L).
         start: voxel centres before anything moved [m], shape (B, V, 3).
         began: voxel centres where cycles begin to count, after the first one [m], shape (B, V, 3).
         ended: voxel centres after the last cycle [m], shape (B, V, 3).
@@ -52,14 +52,16 @@ class SoftMotion:
     @classmethod
     def of(cls, record: Record, constants: Constants) -> "SoftMotion":
         """Make the motion of robots without props from a record."""
-        body = constants.body
+        body, times = constants.body, constants.moments
+        moments = np.flatnonzero(np.append(True, np.diff(times) > 0))  # none twice
+        recorded = LAST_CYCLE.start + moments
         start = np.tile(body.start_positions, (len(constants.density), 1, 1))
         start[:, :, 2] += constants.raised
         return cls(
-            constants.moments.copy(),
-            sealed(record.positions[:, LAST_CYCLE]),
-            sealed(record.sizes[:, LAST_CYCLE]),
-            sealed(record.strains[:, LAST_CYCLE]),
+            times[moments],
+            sealed(record.positions[:, recorded]),
+            sealed(record.sizes[:, recorded]),
+            sealed(record.strains[:, recorded]),
             start,
             sealed(record.positions[:, 0]),
             sealed(record.positions[:, 1]),

@@ -73,6 +73,8 @@ def test_no_action_plays_the_waves(world):
     end = found.frames[0].positions[-1, 0]
     assert np.array_equal(environment._batch.episodes.positions, [end, end])
     began, own = found.frames[0].positions[0, 0], robot.body.voxel_count
+    for name, told in environment._batch.episodes.measures.items():
+        assert np.array_equal(told, np.repeat(found.measures[name], 2)), name
     assert abs(total[0]) < 2 and total[0] == total[1]
     assert total[0] * robot.length == pytest.approx((end - began)[:own, 0].mean(), abs=0.002)  # but the first piece
 

@@ -121,6 +121,15 @@ def test_freeform_robots_have_them_too_and_search_by_them():
     assert np.isfinite(best.score) and robot.design(best.point).own_measures == OWN
 
 
+def test_no_moment_comes_twice_where_steps_are_long():
+    constants, record = recorded()
+    record.positions[0, :, 0, 0] = np.arange(record.positions.shape[1])
+    moments = np.arange(65) * 3 // 4  # three steps in each sixteenth of a cycle
+    seen = SoftMotion.of(record, dataclasses.replace(constants, moments=1e-3 * moments))
+    assert seen.times == pytest.approx(1e-3 * np.arange(49)) and seen.positions.shape == (1, 49, 3, 3)
+    assert (moments[(seen.positions[0, :, 0, 0] - 2).astype(int)] == np.arange(49)).all()
+
+
 def test_moments_begin_with_the_robot_where_it_stands():
     constants, record = recorded()
     seen = SoftMotion.of(record, dataclasses.replace(constants, raised=np.array([[0.5, 0.0, 0.0]])))
