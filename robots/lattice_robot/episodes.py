@@ -185,14 +185,18 @@ class Episodes:
 
     def _note(self, found: LatticeResult) -> None:
         """Keep where a piece has ended and the parts of it, if measures need it, and tell them after the last one."""
-        end = (self._piece + 1) * MOMENTS
+        end, steps = (self._piece + 1) * MOMENTS, self.robot.cycle.segment
         for snapshot, part in enumerate((end, *range(end - MOMENTS + 1, end)), start=1):
-            if part in self._recorded and snapshot < found.positions.shape[1]:
-                parts = found.positions, found.strains, found.sizes
-                self._noted[part] = tuple(each[:, snapshot].copy() for each in parts)
+            if part not in self._recorded or snapshot >= found.positions.shape[1]:
+                continue
+            if part < end and part % MOMENTS * steps < MOMENTS:  # no step after the begin of the piece
+                self._noted[part] = self._noted[end - MOMENTS]
+            else:
+                kept = found.positions, found.strains, found.sizes
+                self._noted[part] = tuple(each[:, snapshot].copy() for each in kept)
         if end == self._recorded[-1]:
-            noted = [self._noted[part] for part in self._recorded]
-            record = Record(*(np.stack([one[number] for one in noted], axis=1) for number in range(3)))
+            moments = [self._noted[part] for part in self._recorded]
+            record = Record(*(np.stack([moment[number] for moment in moments], axis=1) for number in range(3)))
             measures = self._rollout.measured(record, found.status != "ok")
             self.measures = {name: measures[name] for name in self._told}
 

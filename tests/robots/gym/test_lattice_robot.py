@@ -11,11 +11,13 @@ from gymnasium.utils.env_checker import check_env
 import robots.gym
 from robots.gym.batch import gained_by
 from robots.gym.lattice_robot import GAINS, LatticeRobotEnvironment, LatticeRobotVector
-from robots.lattice_robot import simulate
+from robots.lattice_robot import Drive, LatticeRobot, simulate
+from robots.lattice_robot.episodes import Episodes
 from robots.lattice_robot.presets import feeling_quadruped, soft_quadruped
 from robots.tasks import builtin_tasks
 from robots.world import Terrain
-from taichi_sim.lattice import ProgramBuilder
+from taichi_sim.base.compute import Compute
+from taichi_sim.lattice import LatticeBody, Material, ProgramBuilder
 
 assert robots.gym.ENVIRONMENTS
 QUICK = {"robot": soft_quadruped(1), "threads": 1}
@@ -77,6 +79,24 @@ def test_no_action_plays_the_waves(world):
         assert np.array_equal(told, np.repeat(found.measures[name], 2)), name
     assert abs(total[0]) < 2 and total[0] == total[1]
     assert total[0] * robot.length == pytest.approx((end - began)[:own, 0].mean(), abs=0.002)  # but the first piece
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("frequency, steps", [(100.0, 2), (60.0, 2), (40.0, 3)])
+def test_measures_are_those_of_a_simulation_where_steps_are_long(frequency, steps):
+    """A sixteenth of a cycle has fewer steps than moments."""
+    jelly = Material(5e3, 1e3, static_friction=1.0, kinetic_friction=0.8, name="jelly")
+    voxels = np.argwhere(np.ones((4, 2, 1)))
+    body = LatticeBody(voxels, (jelly,), np.zeros(8, int), 0.01, regions=np.repeat(np.arange(4), 2))
+    muscles = Drive("muscles", (0, 1, 2, 3), amplitude=0.1, phase=(0.0, 0.2, 0.4, 0.6))
+    robot = LatticeRobot(body, (muscles,), frequency=frequency, cycles=2)
+    assert robot.cycle.segment == steps
+    episodes = Episodes(robot, Terrain(), 1, ("clock",), Compute())
+    episodes.begin()
+    for _ in range(episodes.steps):
+        episodes.advance(np.zeros((1, 4)))
+    found = simulate(robot, None, Terrain()).measures
+    assert all(told == found[name] for name, told in episodes.measures.items())
 
 
 @pytest.mark.kernels
