@@ -80,10 +80,14 @@ def run(args: argparse.Namespace) -> Report:
     ]
     document = {"robots": about, "files": [{"path": str(path), "bytes": size} for path, size in files]}
     told = [
-        f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {a['seconds']:.1f} s{more}"
+        f"{a['name']}: {counted(a['nodes'], 'part')}, {counted(a['frames'], 'frame')}, {_seconds(a['seconds'])}{more}"
         for a, more in zip(about, others, strict=True)
     ]
     return Report(document, "\n".join([*told, *(f"{path}: {spoken_size(size)}" for path, size in files)]))
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.1f} s" if time >= 1 else f"{time:.2g} s"
 
 
 def _others(kind: RobotKind, worlds: Sequence[World]) -> str:

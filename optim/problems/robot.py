@@ -43,9 +43,7 @@ class JudgedRobot(RobotDesigning):
     objective: Names = "mean"
     measure = ""
     summed = False
-    uncertain = ""
     risk = "mean"
-    draws = 1
     gradient_horizon: float | None = None
     relaxed_precision: str | None = "f32"  # of mixtures of designs, which only lead to results
 

@@ -34,6 +34,8 @@ class RobotDesigning(Problem):
     progress: Callable[[float], None] | None = None
 
     exportable = False  # whether hardware plays robots of this kind
+    uncertain = ""  # what is drawn for every judgement, if anything
+    draws = 1
 
     @property
     def offered(self) -> Robot | None:

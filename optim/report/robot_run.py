@@ -174,7 +174,8 @@ class RobotSubject(Subject):
         known = [measure for measure in robot.measures if any(measure.name in row for row in logged)]
         again = robot.measures if replays else ()
         labels = {m.name: Objective(m.name.replace("_", " ").capitalize(), m.unit).label for m in robot.measures}
-        header = [kind.world_option.capitalize(), *(labels[measure.name] for measure in known)]
+        drawn = f", over {self.problem.draws} draws" if self.problem.uncertain else ""
+        header = [kind.world_option.capitalize(), *(labels[measure.name] + drawn for measure in known)]
         header += [f"{labels[measure.name]}, replayed here" for measure in again]
         rows, told = [], []
         for n, world in enumerate(worlds):

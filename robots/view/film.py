@@ -85,6 +85,8 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
         if together
         else _places(robots, given.outline, GAP * float(np.ptp(given.area[0])) / 4)
     )
+    apart = np.diff(motion.times[list(poses)])
+    digits = max(1, -math.floor(math.log10(1.05 * apart[apart > 0].min(initial=1.0))))
     for k, (frame, shift) in enumerate(zip(poses, shifts, strict=True)):
         if k == 0 or not together:
             draw_ground(axes, given, shift, 10.0 * k)
@@ -93,7 +95,7 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
         draw_path(axes, passed + shift, 10.0 * k + 5)
         at = path[frame, 0] if together else rim[0, 0]
         foot = np.interp(at, rim[:2, 0], rim[:2, 1])
-        write_below(axes, f"{motion.times[frame]:.1f} s", (at + shift[0], foot + shift[1]), centred=together)
+        write_below(axes, f"{motion.times[frame]:.{digits}f} s", (at + shift[0], foot + shift[1]), centred=together)
     line = TEXT * (np.ptp(shifts[:, 0]) + np.ptp(rim[:, 0]))
     lowest = draw_scale_bar(axes, rim[:2] + shifts[-1] - (0.0, (1.6 if together else 0.4) * line))
     drawn = [np.concatenate([given.outline, robot.corners.reshape(-1, 2)]) for robot in robots]

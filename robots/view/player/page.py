@@ -15,7 +15,7 @@ import numpy as np
 from robots.view.motion import Channel, Ground, Motion, Skin, diameter
 from robots.view.player.packing import Packed, pack
 from robots.view.uneven import cut, is_plain, node_tints
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.short_text import printable
 from taichi_sim.lattice.faces import FACE_CORNERS
 from taichi_sim.rigid.model.shapes import Box, Capsule, Solid
@@ -176,8 +176,8 @@ def _solid(solid: Solid) -> dict[str, Any]:
 
 
 def _channel(channel: Channel, start: float) -> dict[str, Any]:
-    step = 1 if channel.switch else -(-len(channel.times) // MOST_VALUES)
-    times, values = channel.times[::step] - start, channel.values[::step]
+    kept = np.arange(len(channel.times)) if channel.switch else _telling(channel.values)
+    times, values = channel.times[kept] - start, channel.values[kept]
     if channel.switch:  # repeated values need not be stored
         told = np.flatnonzero(np.diff(values, prepend=np.nan) != 0) if len(times) > 200 else np.arange(len(times))
         times, values = times[told], values[told]
@@ -193,6 +193,15 @@ def _channel(channel: Channel, start: float) -> dict[str, Any]:
         "switch": channel.switch,
         "logarithmic": channel.logarithmic,
     }
+
+
+def _telling(values: Floats) -> Ints:
+    """Places of the values that a chart needs: of many, the least and the greatest of each stretch, and both ends."""
+    if len(values) <= MOST_VALUES:
+        return np.arange(len(values))
+    stretches = np.array_split(np.arange(len(values)), MOST_VALUES // 2 - 1)
+    extremes = [places[[values[places].argmin(), values[places].argmax()]] for places in stretches]
+    return np.unique(np.concatenate([[0], *extremes, [len(values) - 1]]))
 
 
 def _list(values: Floats, digits: int) -> Any:

@@ -194,3 +194,12 @@ def test_a_robot_plays_the_gait_without_the_bladders_that_options_leave_out():
     assert robot.document()["bladders"] == [1, 3, 6]
     assert ("Bladders", "1,3,6") in robot.facts_of([])
     assert robot.changed({"bladders": ()}).parts[0].body.voxel_count == 2 * SMALL.columns * SMALL.rows
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("bladders", [(1, 4, 6), (8,), (2, 8)])
+def test_bodies_of_any_bladders_can_be_shown(bladders):
+    """The highest region is that of the last bladder, which may be missing."""
+    robot = InflatableRobot(moving(bladders, columns=1)).changed({"geometry": "small", "bladders": bladders})
+    replay = robot.replay((), Terrain(), frames=4)
+    assert len(replay.motion.nodes) == robot.parts[0].body.voxel_count

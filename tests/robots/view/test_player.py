@@ -14,6 +14,7 @@ from robots.view.film import save_strip
 from robots.view.motion import CUBE, Channel, Motion, Node
 from robots.view.player import page, save_player, show
 from robots.view.player.packing import NUMBERS, TOLERANCE, Packed, pack
+from robots.view.player.page import MOST_VALUES, _channel
 from robots.view.still import save_still
 from taichi_sim.lattice.faces import rotate
 from taichi_sim.rigid import Capsule
@@ -111,6 +112,16 @@ def test_a_still_motion_takes_no_room_and_a_far_one_is_refused():
     far = made(translation=np.full((4, 3, 3), 1e6))
     with pytest.raises(ValueError, match=r"^motion: 1e\+06 m is too far for steps of [\de.-]+; show less of it$"):
         pack(far)
+
+
+def test_charts_of_many_values_keep_extremes_and_ends():
+    """Every 16th of the values of a sine with 16 nodes a cycle would be the same."""
+    times = np.arange(31841) / 64
+    told = _channel(Channel("muscle", "", times, np.sin(2 * np.pi * np.arange(31841) / 16)), 0.0)
+    assert told["range"] == pytest.approx([-1.0, 1.0]) and told["times"][-1] == times[-1]
+    assert len(told["times"]) <= MOST_VALUES and (np.diff(told["times"]) > 0).all()
+    few = _channel(Channel("muscle", "", times[:MOST_VALUES], np.arange(MOST_VALUES)), 0.0)
+    assert few["values"] == list(range(MOST_VALUES))
 
 
 def test_read_outs_are_what_channels_say_and_not_what_they_are_called():
