@@ -361,7 +361,7 @@ class FreeformRobot(Robot):
         solids = [self.solid_at(fields, row) for row in range(len(fields.presence))]
         return {
             "Cells": [str(len(solid.cells)) for solid in solids],
-            "Channels": [str(solid.count) for solid in solids],
+            "Channels": [str(solid.waves) for solid in solids],
         }
 
     def at_horizon(self, length: int) -> tuple[str, "FreeformRobot"]:

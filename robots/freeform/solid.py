@@ -26,6 +26,7 @@ class Solid:
         tissues: of each, shape (C,).
         channels: channel that drives each, -1 for passive cells, shape (C,).
         count: of the channels.
+        waves: how many of these differ; mirrored muscles have equal ones.
         fault: why it is no robot; empty if it is one.
     """
 
@@ -33,6 +34,7 @@ class Solid:
     tissues: Indices
     channels: Indices
     count: int
+    waves: int
     fault: str = ""
 
     def body(self, grid: Grid, palette: Palette) -> LatticeBody:
@@ -65,7 +67,9 @@ def solid_of(grid: Grid, palette: Palette, fields: Fields, row: int, feature: in
     tissues = fields.tissue[row, cells].argmax(axis=1) if len(cells) else np.zeros(0, np.int64)
     muscles = palette.muscles[tissues] > 0
     channel = np.full(len(cells), -1)
-    channel[muscles], count = clustered(fields.swing[row, cells[muscles]], channels)
+    swing = fields.swing[row, cells[muscles]]
+    channel[muscles], count = clustered(swing, channels)
+    waves = len(np.unique(swing, axis=0)) if count == len(swing) else count
     fault = ""
     if not len(cells):
         fault = "the body is empty"
@@ -73,7 +77,7 @@ def solid_of(grid: Grid, palette: Palette, fields: Fields, row: int, feature: in
         fault = f"the body has {len(cells)} connected cells; it needs {LEAST_CELLS}"
     elif not muscles.any():
         fault = "the body has no muscle"
-    return Solid(cells, tissues, channel, count, fault)
+    return Solid(cells, tissues, channel, count, waves, fault)
 
 
 def thick(there: Bools, feature: int) -> Bools:

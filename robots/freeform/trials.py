@@ -112,7 +112,7 @@ def _true(cases: Cases, points: Floats) -> LatticeRobotResult:
 
 def counts_of(solids: Sequence[Solid], status: NDArray[np.str_]) -> dict[str, Floats]:
     """How many cells and channels robots have, by these names, shape (N,) each; NaN of those that have no measures."""
-    counts = {"cells": [len(solid.cells) for solid in solids], "channels": [solid.count for solid in solids]}
+    counts = {"cells": [len(solid.cells) for solid in solids], "channels": [solid.waves for solid in solids]}
     return {name: np.where(status == "ok", each, np.nan) for name, each in counts.items()}
 
 

@@ -166,6 +166,16 @@ def test_few_channels_are_the_nearest_waves():
 
 
 @pytest.mark.kernels
+def test_muscles_that_are_mirror_images_count_as_one_channel():
+    """As in the table for a rig, whose lines they share."""
+    made = robot(symmetry="y", shape=(4, 4, 2), full=True, palette=Palette())
+    point = np.random.default_rng(2).uniform(0.1, 0.9, len(made.parameters))
+    found = made.run(point[None], Trial(Terrain()))
+    assert found.measures["channels"][0] == 16 and found.measures["cells"][0] == 32
+    assert made.columns(point[None])["Channels"] == ["16"]
+
+
+@pytest.mark.kernels
 @pytest.mark.parametrize("channels", [None, 3])
 def test_a_design_moves_as_the_lattice_robot_that_it_is_saved_as(channels, tmp_path):
     drive = FreeformActuation(cycles=1, frequency=12.0, settling=0.02, channels=channels)
