@@ -47,7 +47,8 @@ def vxa(array, palette=None, heat="<TempAmp>39</TempAmp><TempPeriod>0.25</TempPe
 <VXA Version="1.0">
 <Simulator><Integration><Integrator>0</Integrator><DtFrac>0.9</DtFrac></Integration>
 <Damping><BondDampingZ>0.8</BondDampingZ><ColDampingZ>0.7</ColDampingZ><SlowDampingZ>0.01</SlowDampingZ></Damping>
-<Collisions><SelfColEnabled>1</SelfColEnabled></Collisions></Simulator>
+<Collisions><SelfColEnabled>1</SelfColEnabled></Collisions>
+<Features><VolumeEffectsEnabled>1</VolumeEffectsEnabled></Features></Simulator>
 <Environment><Fixed_Regions><NumFixed>0</NumFixed></Fixed_Regions>
 <Gravity><GravEnabled>1</GravEnabled><GravAcc>-9.81</GravAcc><FloorEnabled>1</FloorEnabled></Gravity>
 <Thermal><TempEnabled>1</TempEnabled><TempBase>25</TempBase><VaryTempEnabled>1</VaryTempEnabled>{heat}</Thermal>

@@ -53,7 +53,7 @@ def load_voxel_file(path: str | PathLike[str], base: str | PathLike[str] | None 
             found = read_vxl_json(text)
         else:
             root = parse_xml(text, "file")
-            found = read_vxa(root if below is None else merged(below, root))
+            found = read_vxa(root) if below is None else read_vxa(merged(below, root), by_voxcraft=True)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if found.ignored:

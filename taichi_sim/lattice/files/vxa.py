@@ -2,7 +2,8 @@
 
 Source: the files of VoxCAD 0.9 and later, as evosoro and voxcraft-sim write them. Temperatures are relative to the
 stress-free one: T = amplitude sin(2 pi (t / period + PhaseOffset) + MaterialTempPhase), the offset of a voxel in
-periods, as in those files; the phase of a material in radians.
+periods, as in those files; the phase of a material in radians, but in files of voxcraft in periods, and there an offset
+takes its place. Without ``TempAmplitude`` the amplitude is what the peak ``TempAmp`` is above ``TempBase``.
 """
 
 import math
@@ -29,17 +30,40 @@ _MECHANICAL = {
     "uStatic": ("static_friction", 0.0),
     "uDynamic": ("kinetic_friction", 0.0),
 }
-# Damping is the simulator's, for all materials.
+# Damping is the simulator's, for all materials: what it is else in VoxCAD, and in voxcraft.
 _DAMPING = {
-    "BondDampingZ": ("internal_damping", 1.0),
-    "ColDampingZ": ("collision_damping", 1.0),
-    "SlowDampingZ": ("global_damping", 0.0),
+    "BondDampingZ": ("internal_damping", 1.0, 0.1),
+    "ColDampingZ": ("collision_damping", 1.0, 1.0),
+    "SlowDampingZ": ("global_damping", 0.0, 1.0),
 }
+_OF_VOXCRAFT = (".//EnableExpansion", ".//AttachDetach", ".//RecordHistory", ".//StopConditionFormula", "GPU")
+# Settings that the lattice does not support, with the value that changes nothing.
+_UNSUPPORTED = {
+    "FloorSlope": 0,
+    "FluidEnvironment": 0,
+    "Fixed_Regions/NumFixed": 0,
+    "Forced_Regions/NumForced": 0,
+    "Boundary_Conditions/NumBCs": 0,
+    "Collisions/SelfColEnabled": 1,
+    "AttachDetach/EnableCollision": 1,
+    "AttachDetach/EnableAttach": 0,
+    "AttachDetach/EnableDetach": 0,
+    "EnableExpansion": 1,
+    "EnableCilia": 0,
+    "Thermal/GrowthAmplitude": 0,
+    "Thermal/TurnOnThermalExpansionAfterThisManySeconds": 0,
+}
+_ADJUSTED = [f"{axis}_Dim_Adj" for axis in "XYZ"]
+_OFFSET = ["X_Line_Offset", "Y_Line_Offset", "X_Layer_Offset", "Y_Layer_Offset"]
 _SIZES = ("X_Voxels", "Y_Voxels", "Z_Voxels")
 
 
-def read_vxa(root: Element) -> VoxelFile:
+def read_vxa(root: Element, by_voxcraft: bool = False) -> VoxelFile:
     """Read a robot from the root of a ``.vxa`` file, or of a ``.vxc`` file, which has no environment.
+
+    Args:
+        root: of the file.
+        by_voxcraft: whether it is surely of voxcraft; else its entries tell.
 
     Raises:
         ValueError: for entries that are missing, damaged or not allowed.
@@ -49,18 +73,27 @@ def read_vxa(root: Element) -> VoxelFile:
         raise ValueError(f"<{root.tag}> has no robot; give a file of <VXA> with <VXC>")
     structure = _child(model, "Structure")
     ignored: list[str] = []
-    damping = {name: _number(root, f".//Damping/{tag}", usual) for tag, (name, usual) in _DAMPING.items()}
+    by_voxcraft = by_voxcraft or any(root.find(path) is not None for path in _OF_VOXCRAFT)
+    damping = {name: _number(root, f".//Damping/{tag}", usual[by_voxcraft]) for tag, (name, *usual) in _DAMPING.items()}
     palette = [_material(m, n, damping, ignored) for n, m in enumerate(model.findall("Palette/Material"), 1)]
     if not palette:
         raise ValueError("Palette: it has no materials; give at least one")
+    squeezes = root.tag == "VXC" or _switch(root, ".//VolumeEffectsEnabled")
+    if not squeezes and any(material.poissons_ratio for material, _, _ in palette):
+        palette = [(replace(material, poissons_ratio=0.0), c, phase) for material, c, phase in palette]
+        ignored.append("Poissons_Ratio without VolumeEffectsEnabled 1")
     array, offsets = _structure(structure, ignored)
     filled = array > 0
     size = _number(model, "Lattice/Lattice_Dim", 0.001)
+    for tag in _ADJUSTED:
+        if (adjusted := _number(model, f"Lattice/{tag}", 1.0)) != 1:
+            raise ValueError(f"{tag}: {adjusted:g} is not allowed, as voxels are cubes; give 1")
     held = np.array([False, *(_number(m, ".//Fixed", 0.0) != 0 for m in model.findall("Palette/Material"))])
     if int(array.max(initial=0)) > len(palette):
         raise ValueError(f"Data: material {array.max()} is unknown; the palette has 1 to {len(palette)}")
-    phases = (np.array([0.0, *(p for _, _, p in palette)])[array] / (2 * math.pi) + offsets)[filled]
-    phases %= 1.0
+    own = np.array([0.0, *(p for _, _, p in palette)])[array] / (1.0 if by_voxcraft else 2 * math.pi)
+    phases = own if offsets is None else offsets if by_voxcraft else own + offsets
+    phases = phases[filled] % 1.0
     heat = _heat(root, phases)
     regions = np.zeros(array.shape, np.int64)
     regions[filled] = labels(array[filled], phases if heat else np.zeros(len(phases)))
@@ -77,8 +110,8 @@ def read_vxa(root: Element) -> VoxelFile:
     )
 
 
-def _structure(structure: Element, ignored: list[str]) -> tuple[Ints, Floats]:
-    """Read material numbers and phase offsets [periods], shape (X, Y, Z) each; sizes are checked first."""
+def _structure(structure: Element, ignored: list[str]) -> tuple[Ints, Floats | None]:
+    """Read material numbers, and phase offsets [periods] or None, shape (X, Y, Z) each; sizes are checked first."""
     sizes = [_whole(structure, name) for name in _SIZES]
     if math.prod(sizes) > MOST_CELLS:
         raise ValueError(f"Structure: {' x '.join(map(str, sizes))} places are too many; the most is {MOST_CELLS}")
@@ -91,12 +124,12 @@ def _structure(structure: Element, ignored: list[str]) -> tuple[Ints, Floats]:
     array = _stacked("Data", data, lambda text: decode_layer(text, compression, count)).astype(np.int64)
     if (array > 0).sum() > MOST_VOXELS:
         raise ValueError(f"Data: {(array > 0).sum()} voxels are not allowed; the most is {MOST_VOXELS}")
-    offsets = np.zeros(array.shape)
-    if structure.find("PhaseOffset") is not None:
-        told = _layers(structure, "PhaseOffset", sizes[2])
-        offsets = _stacked("PhaseOffset", told, lambda text: decode_numbers(text, count))
-    shape = sizes[::-1]
-    return array.reshape(shape).transpose(2, 1, 0), offsets.reshape(shape).transpose(2, 1, 0)
+    array = array.reshape(sizes[::-1]).transpose(2, 1, 0)
+    if structure.find("PhaseOffset") is None:
+        return array, None
+    told = _layers(structure, "PhaseOffset", sizes[2])
+    offsets = _stacked("PhaseOffset", told, lambda text: decode_numbers(text, count))
+    return array, offsets.reshape(sizes[::-1]).transpose(2, 1, 0)
 
 
 def _layers(structure: Element, name: str, count: int) -> list[str]:
@@ -120,7 +153,7 @@ def _stacked(name: str, layers: list[str], decode: Callable[[str], NDArray[Any]]
 def _material(
     element: Element, number: int, damping: dict[str, float], ignored: list[str]
 ) -> tuple[Material, list[int], float]:
-    """Read a material, its colour, and its phase [rad]."""
+    """Read a material, its colour, and its phase, in the file's unit."""
     try:
         given = {name: _number(element, f"Mechanical/{tag}", usual) for tag, (name, usual) in _MECHANICAL.items()}
         modulus = _optional(element, "Mechanical/Elastic_Mod")
@@ -128,8 +161,8 @@ def _material(
             raise ValueError("Elastic_Mod: it is missing; give it")
         if _number(element, "MatType", 0.0):
             ignored.append("MatType")
-        if _number(element, "Mechanical/MatModel", 0.0):
-            ignored.append("MatModel")
+        told = ("MatModel", "Cilia", "sticky", "Sticky")
+        ignored += [tag for tag in told if _number(element, f"Mechanical/{tag}", 0.0)]
         colour = [_number(element, f"Display/{c}", 1.0) for c in ("Red", "Green", "Blue", "Alpha")]
         phase = _number(element, "Mechanical/MaterialTempPhase", 0.0)
         name = (element.findtext("Name") or "").strip()
@@ -144,7 +177,10 @@ def _heat(root: Element, phases: Floats) -> Heat | None:
     thermal = root.find(".//Thermal")
     if thermal is None or not _switch(thermal, "TempEnabled"):
         return None
-    amplitude = _number(thermal, "TempAmplitude", _number(thermal, "TempAmp", 0.0))
+    amplitude = _optional(thermal, "TempAmplitude")
+    if amplitude is None:
+        base = _number(thermal, "TempBase", 25.0)
+        amplitude = _number(thermal, "TempAmp", base) - base
     if not amplitude:
         return None
     if not _switch(thermal, "VaryTempEnabled"):
@@ -165,11 +201,11 @@ def _gravity(root: Element) -> float | None:
 def _environment(root: Element) -> list[str]:
     """Names of the simulator and environment settings in the file that the lattice does not support."""
     found = []
-    for path in ("FloorSlope", "FluidEnvironment", "Fixed_Regions/NumFixed", "Forced_Regions/NumForced"):
-        if root.find(f".//{path}") is not None and _number(root, f".//{path}", 0.0):
-            found.append(path)
-    if (contact := _switch(root, ".//Collisions/SelfColEnabled")) is not None and not contact:
-        found.append("SelfColEnabled 0")
+    for path, neutral in _UNSUPPORTED.items():
+        if _number(root, f".//{path}", neutral) != neutral:
+            found.append(f"{path.rpartition('/')[2]} 0" if neutral else path)
+    found += [tag for tag in _OFFSET if _number(root, f".//Lattice/{tag}", 0.0)]
+    found += ["ForceField"] * (root.find(".//ForceField") is not None)
     return found
 
 

@@ -45,7 +45,7 @@ def write_vxa(file: VoxelFile) -> str:
 <Damping><BondDampingZ>{damping.internal_damping!r}</BondDampingZ><ColDampingZ>{damping.collision_damping!r}\
 </ColDampingZ><SlowDampingZ>{damping.global_damping!r}</SlowDampingZ></Damping>
 <Collisions><SelfColEnabled>1</SelfColEnabled></Collisions>
-</Simulator>
+{_features(file)}</Simulator>
 <Environment>
 {_gravity(file)}{_thermal(file.heat)}</Environment>
 <VXC Version="0.93">
@@ -100,6 +100,13 @@ def _material(number: int, material: Material, colour: Ints, fixed: bool) -> str
     )
 
 
+def _features(file: VoxelFile) -> str:
+    """What simulators leave out unless they are told: Poisson's effect, and swelling with heat in voxcraft."""
+    squeezed = any(material.poissons_ratio for material in file.body.materials)
+    effects = "<Features><VolumeEffectsEnabled>1</VolumeEffectsEnabled></Features>\n" if squeezed else ""
+    return effects + ("<EnableExpansion>1</EnableExpansion>\n" if file.heat is not None else "")
+
+
 def _gravity(file: VoxelFile) -> str:
     if file.gravity is None and file.floor is None:
         return ""
@@ -113,8 +120,8 @@ def _thermal(heat: Heat | None) -> str:
         return ""
     amplitude = float(heat.amplitude or heat.mean)
     return (
-        f"<Thermal><TempEnabled>1</TempEnabled><TempAmp>{amplitude!r}</TempAmp><TempBase>0</TempBase>"
-        f"<VaryTempEnabled>{int(heat.amplitude != 0)}</VaryTempEnabled>"
+        f"<Thermal><TempEnabled>1</TempEnabled><TempAmplitude>{amplitude!r}</TempAmplitude><TempAmp>{amplitude!r}</TempAmp>"
+        f"<TempBase>0</TempBase><VaryTempEnabled>{int(heat.amplitude != 0)}</VaryTempEnabled>"
         f"<TempPeriod>{float(heat.period)!r}</TempPeriod></Thermal>\n"
     )
 
@@ -122,7 +129,8 @@ def _thermal(heat: Heat | None) -> str:
 def _structure(kinds: Ints, phases: Floats, driven: bool) -> str:
     data = ["".join(chr(ord("0") + n) for n in layer.T.ravel().tolist()) for layer in np.moveaxis(kinds, 2, 0)]
     sizes = "".join(f"<{axis}_Voxels>{n}</{axis}_Voxels>" for axis, n in zip("XYZ", kinds.shape, strict=True))
-    layers = "".join(f"<Layer><![CDATA[{layer}]]></Layer>\n" for layer in data)
+    texts = [layer.replace("]]>", "]]]]><![CDATA[>") for layer in data]  # these three end a CDATA
+    layers = "".join(f"<Layer><![CDATA[{text}]]></Layer>\n" for text in texts)
     offsets = ""
     if driven:
         told = [",".join(map(repr, layer.T.ravel().tolist())) for layer in np.moveaxis(phases, 2, 0)]

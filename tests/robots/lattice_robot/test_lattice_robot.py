@@ -299,7 +299,7 @@ def heated(tmp_path, phases=None, name="robot.vxa"):
     palette = [material("muscle", "5e4", "1e3", more=""), material("bone", "1e5", "1e3", cte="-0.01")]
     array[3] *= 2
     more = "" if phases is None else numbers(phases)
-    text = vxa(array, palette, heat="<TempAmp>14</TempAmp><TempPeriod>0.25</TempPeriod>", more=more)
+    text = vxa(array, palette, heat="<TempAmp>39</TempAmp><TempPeriod>0.25</TempPeriod>", more=more)
     path = tmp_path / name
     path.write_text(text.replace("0.35", "0").replace("<Lattice_Dim>0.05", "<Lattice_Dim>0.02"))
     return path

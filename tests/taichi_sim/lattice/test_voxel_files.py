@@ -53,7 +53,7 @@ def test_voxcad_bodies_are_read_whatever_packs_their_layers(tmp_path, compressio
     assert (muscle.internal_damping, muscle.collision_damping, muscle.global_damping) == (0.8, 0.7, 0.01)
     assert found.colours.tolist() == [[255, 128, 0, 255]] * 2 and found.time_step_fraction == 0.9
     assert (found.gravity, found.floor) == (9.81, True) and found.ignored == ()
-    assert (found.heat.amplitude, found.heat.period) == (39, 0.25) and not found.heat.phase.any()
+    assert (found.heat.amplitude, found.heat.period) == (14, 0.25) and not found.heat.phase.any()
 
 
 def test_every_voxel_has_its_thermal_phase_and_materials_add_theirs(tmp_path):
@@ -119,7 +119,7 @@ def replacing(part, path="VXA.VXC.Structure"):
 def test_differences_replace_the_structure_of_their_base(tmp_path, compression):
     part = replacing(structure(ARRAY, compression, more=numbers(PHASES)))
     found = difference(tmp_path, f"<VXD>{part}</VXD>")
-    assert np.array_equal(array_of_body(found.body), ARRAY) and found.heat.amplitude == 39
+    assert np.array_equal(array_of_body(found.body), ARRAY) and found.heat.amplitude == 14
     assert found.heat.phase == pytest.approx(PHASES[ARRAY > 0] % 1)
 
 
