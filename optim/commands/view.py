@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> Report:
 
 
 def _seconds(time: float) -> str:
-    return f"{time:.1f} s" if time >= 1 else f"{time:.2g} s"
+    return f"{time:.1f} s" if time >= 0.95 else f"{time:.2g} s"
 
 
 def _others(kind: RobotKind, worlds: Sequence[World]) -> str:

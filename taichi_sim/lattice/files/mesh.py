@@ -31,6 +31,7 @@ _LARGE = 5.0  # units of a mesh that is hardly in metres
 _COARSE = 0.1  # part of the volume that voxels may lack, or have too much, without a word
 # Columns are moved off the grid by so much of the pitch: none runs along an edge of a mesh made of round numbers.
 _SHIFT = np.array([2**0.5, 3**0.5]) * 1e-7
+_TIE = 5**0.5 * 1e-7  # heights that are so little above a place are at it, as rounding would decide else
 
 
 @dataclass(frozen=True)
@@ -303,6 +304,6 @@ def _turns(triangles: Floats, counts: Ints) -> Ints:
         inside = (first >= 0) & (second >= 0) & (third >= 0)
         height = first * corner[0, 2] + second * corner[1, 2] + third * corner[2, 2]
         i, j = np.nonzero(inside)
-        above = np.clip(np.ceil(height[i, j]), 0, counts[2]).astype(int)
+        above = np.clip(np.ceil(height[i, j] - _TIE), 0, counts[2]).astype(int)
         changes[i + low[0], j + low[1], above] += -1 if double > 0 else 1  # a column meets a triangle once
     return np.asarray(np.cumsum(changes, axis=2, dtype=np.int16)[:, :, :-1])

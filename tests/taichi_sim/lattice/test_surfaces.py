@@ -91,6 +91,18 @@ def test_a_printed_body_becomes_the_same_voxels(tmp_path):
     assert np.array_equal(back.filled, array) and back.pitch == pytest.approx(0.01)
 
 
+@pytest.mark.filterwarnings("ignore:.* of its volume")
+@pytest.mark.parametrize("height", [2.5, 7.5, 12.5, 17.5, 22.5])
+def test_a_face_through_the_centres_of_a_layer_takes_all_of_it_or_nothing(tmp_path, height):
+    """Beside a tower that decides where centres lie, so that rounding would decide place by place."""
+    for width in (40, 60, 80, 100):
+        block = trimesh.creation.box(bounds=[[0, 0, 0], [width, 30, height]])
+        tower = trimesh.creation.box(bounds=[[-20, 0, 0], [0, 30, 30]])
+        trimesh.util.concatenate([block, tower]).export(tmp_path / "body.stl")
+        layers = voxelise(tmp_path / "body.stl", 5.0).filled[4:].reshape(width // 5 * 6, -1)
+        assert (layers.all(axis=0) == layers.any(axis=0)).all()
+
+
 def test_files_are_in_millimetres_and_name_their_parts(tmp_path):
     body = body_from_array(np.ones((3, 2, 1)), SOFT, 0.01)
     parts = [Part('soft & "blue"', body_surface(body), "#0072B2"), Part("b", body_surface(body))]
