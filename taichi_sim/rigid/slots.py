@@ -31,12 +31,14 @@ ROOT, ROOT_RIGHT, SLIP_STRENGTH, HEAD = 13, 34, 40, 41
 CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
 STATE_WIDTH = 12
 # Work: rotation, place relative to the base, hinge as a spatial vector, drift off the tree, inertia about the base,
-# momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row.
+# momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row, with
+# the rate and the side (1 lower, -1 upper, else 0) of a stop that its motor leaves.
 ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 12, 21, 24, 30, 33, 39
 ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
 TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
 MOVING = MOMENTUM  # after a step: its velocity, that of its centre
-BODY_WIDTH = 92
+STOP, SIDE = 92, 93
+BODY_WIDTH = 94
 
 # Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
 # axis; of its motor: torque, desired rate = by command, by angle, offset; stops; the motor's largest rate.
@@ -68,4 +70,6 @@ LIMIT, SATURATED, WITHIN, SANDY_POINT_WIDTH = 0, 1, 2, 3
 PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
 
 NO_STOP = 1e20  # an angle, an impulse or a rate that is out of reach
-MODE_DRIVEN = 0.0  # of a hinge's row: the rate is as desired; else its impulse is at the upper (1) or lower (-1) bound
+# Of a hinge's row: its rate is as desired; else its impulse is at the upper (1) or lower (-1) bound, or its rate is
+# that of the lower (2) or upper (-2) stop, which the motor has not the torque to leave.
+MODE_DRIVEN = 0.0

@@ -13,6 +13,7 @@ from taichi_sim.rigid import Hinge
 
 COMPLIANCE, ROUNDING = 2e-9, 1e-12  # s/kg, of normals, as in the engine in f64
 REPETITIONS = 8  # of friction in its cone
+ROUNDS = 20
 
 
 def complementarity(matrix, right, low, high):
@@ -96,9 +97,31 @@ class Oracle:
         linear = linear + h * self.world.gravity * np.outer(self.masses, [0, 0, 1])
         matrix = np.einsum("bij,bik,bkl->jl", jacobians[:, :3], inertias, jacobians[:, :3])
         matrix += np.einsum("bij,b,bil->jl", jacobians[:, 3:], self.masses, jacobians[:, 3:])
-        pushes, rows, demands = self.hinges(commands)
-        right = np.einsum("bij,bi->j", jacobians, np.hstack([spin, linear])) + pushes
+        momenta = np.einsum("bij,bi->j", jacobians, np.hstack([spin, linear]))
         contacts = self.contacts(rotations, places + drift, jacobians)
+        held = set()
+        for _ in range(ROUNDS):  # which stops hold what motors have not the torque to leave
+            pushes, rows, demands, left = self.hinges(commands, held)
+            u = self.respond(matrix, momenta + pushes, rows, demands, contacts, rotations, drift)
+            wrong = {
+                n
+                for n, (side, back, wanted) in left.items()
+                if side * (u[n] - (wanted if n in held else back)) * (1 if n in held else -1) > 1e-12
+            }
+            if not wrong:
+                break
+            held ^= wrong
+        self.carry(places, inertias, jacobians @ u)
+        self.velocities[:, 3:] -= push_out * drift
+        self.own = self.own + h * self.velocities[:, 3:]
+        w, q = u[:3], self.orientation
+        moved = q + h / 2 * np.array([-w @ q[1:], *(q[0] * w + np.cross(w, q[1:]))])
+        self.orientation = moved / np.linalg.norm(moved)
+        self.position, self.angles = self.position + h * u[3:6], self.angles + h * u[6:]
+
+    def respond(self, matrix, right, rows, demands, contacts, rotations, drift):
+        """Velocities that momenta and pushes lead to, with rows of hinges, each with its demand, and contacts."""
+        h, push_out = self.world.time_step, self.world.error_reduction / self.world.time_step
         if self.yield_per_depth is None:
             demands += [(push_out * (depth + drift[b, 2]), 0.0, np.inf) for depth, b, *_ in contacts]
         else:
@@ -109,19 +132,15 @@ class Oracle:
         rows = np.array(rows + [motion[2] for *_, motion, _ in contacts]).reshape(-1, len(right))
         slides = [(motion[:2], push_out * drift[b, :2]) for _, b, motion, _ in contacts]
         ploughs = [lambda way, each=each: self.ploughing(each, rotations, way) for each in contacts]
-        u = self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides, ploughs)
-        self.carry(places, inertias, jacobians @ u)
-        self.velocities[:, 3:] -= push_out * drift
-        self.own = self.own + h * self.velocities[:, 3:]
-        w, q = u[:3], self.orientation
-        moved = q + h / 2 * np.array([-w @ q[1:], *(q[0] * w + np.cross(w, q[1:]))])
-        self.orientation = moved / np.linalg.norm(moved)
-        self.position, self.angles = self.position + h * u[3:6], self.angles + h * u[6:]
+        return self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides, ploughs)
 
-    def hinges(self, commands):
-        """Impulses of motors at stops; rows of motors and stops, each with its rate, lowest and highest impulse."""
+    def hinges(self, commands, held):
+        """Impulses of motors at stops; rows of motors and stops, each with its rate, lowest and highest impulse.
+
+        Beside them the stops that motors leave: side, rate of the stop, rate of the motor. Those in ``held`` hold.
+        """
         h, unit = self.world.time_step, np.eye(6 + len(self.angles))
-        pushes, rows, demands = np.zeros(len(unit)), [], []
+        pushes, rows, demands, left = np.zeros(len(unit)), [], [], {}
         for n, (joint, angle) in enumerate(zip(self.tree.hinges, self.angles, strict=True), 6):
             motor, (lower, upper) = joint.motor, joint.stops or (-np.inf, np.inf)
             wanted, strength = 0.0, 0.0
@@ -131,12 +150,22 @@ class Oracle:
             if angle <= lower or angle >= upper:
                 pushes[n] = strength if wanted > 0 or (wanted == 0 and angle >= upper) else -strength
                 back = self.world.error_reduction / h * ((lower if angle <= lower else upper) - angle)
+                side = 1 if angle <= lower else -1
+                if self.world.integration != "velocity" and lower < upper and side * (wanted - back) > 0:
+                    left[n] = side, back, wanted
+                    if n not in held:
+                        pushes[n] = 0.0
+                        demands.append((wanted, -strength, strength))
+                        rows.append(unit[n])
+                        continue
+                elif self.world.integration != "velocity":
+                    pushes[n] = -side * strength
                 demands.append((back, 0.0, np.inf) if angle <= lower else (back, -np.inf, 0.0))
                 rows.append(unit[n])
             elif strength:
                 demands.append((wanted, -strength, strength))
                 rows.append(unit[n])
-        return pushes, rows, demands
+        return pushes, rows, demands, left
 
     def contacts(self, rotations, places, jacobians):
         """Depth, body, Jacobian and number of each point on the ground."""

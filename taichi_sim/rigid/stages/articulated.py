@@ -74,11 +74,13 @@ def collect(robots: ti.template(), phase):
             screw = ti.static(row(robots, body + slots.SCREW, 6))
             column = ti.static(spatial.times(inertia, screw))
             mode = read(robots, body + slots.MODES + phase)
-            driven = (mode > -0.5) & (mode < 0.5)
+            held = (mode > 1.5) | (mode < -1.5)
+            driven = held | ((mode > -0.5) & (mode < 0.5))
             bound = select(mode > 0.0, read(robots, body + slots.HIGH), read(robots, body + slots.LOW))
             inverse = 1.0 / spatial.dot(screw, column)
             free = (read(robots, body + slots.PUSH) + bound + spatial.dot(screw, impulse)) * inverse
-            rate = select(driven, read(robots, body + slots.TARGET), free)
+            given = select(held, read(robots, body + slots.STOP), read(robots, body + slots.TARGET))
+            rate = select(driven, given, free)
             inverse = select(driven, 0.0, inverse)
             put(robots, body + slots.COLUMN, column)
             write(robots, body + slots.INVERSE, inverse)
@@ -152,6 +154,12 @@ def switch_rows(robots: ti.template(), phase, together):
             passed = ((mode > 0.5) & (ahead > tolerance)) | ((mode < -0.5) & (ahead < 0.0 - tolerance))
             kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
             after = select(driven, beyond, kept)
+            stop, side = read(robots, body + slots.STOP), read(robots, body + slots.SIDE)
+            sinks = (read(robots, body + slots.RATE) - stop) * side < 0.0 - tolerance
+            after = select((mode * mode > 0.5) & (side * side > 0.5) & sinks, 2.0 * side, after)
+            lifted = ((mode > 1.5) & (impulse < high - tolerance)) | ((mode < -1.5) & (impulse > low + tolerance))
+            held = (mode > 1.5) | (mode < -1.5)
+            after = select(held, select(lifted, 0.5 * mode, mode), after)
             if together == 0:
                 after = select(changes > 0.0, mode, after)
             write(robots, body + slots.MODES + phase, after)

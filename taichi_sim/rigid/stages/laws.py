@@ -200,25 +200,36 @@ def moved_base(*values: Any) -> tuple[Any, ...]:
 def hinge_row(*values: Any) -> tuple[Any, ...]:
     """A hinge's row: the rate it should have, what pushes beside it, and the least and largest impulse for that rate.
 
-    At a stop the row is the stop's, and the motor pushes with all its torque the way it wants to go (ODE's rule for a
-    powered joint at its stop).
+    The motor holds its rate as far as its torque goes. At a stop that it presses on the row is the stop's, and it
+    pushes with all its torque; at one that it leaves the row is its own, and the stop, whose rate and side come last,
+    holds what it has not the torque to leave. In the studies' solver the row at a stop is always the stop's, and the
+    motor pushes with all its torque the way it wants to go, whatever rate that gives (ODE's rule).
 
     Values: angle; torque, by_command, by_angle, offset and fastest rate of the motor; command; then stops, time step,
-    correction.
+    correction, drifting.
     """
-    angle, torque, by_command, by_angle, offset, fastest, command, lower, upper, time_step, correction = values
+    angle, torque, by_command, by_angle, offset, fastest, command, lower, upper = values[:9]
+    time_step, correction, drifting = values[9:]
     wanted = by_command * command + by_angle * angle + offset
     wanted = select(wanted > fastest, fastest, select(wanted < 0.0 - fastest, 0.0 - fastest, wanted))
     strength = time_step * torque
     none = 0.0 * strength
     at_lower, at_upper = angle <= lower, angle >= upper
-    stopped = at_lower | at_upper
-    upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
-    target = select(stopped, correction * (select(at_lower, lower, upper) - angle), wanted)
-    push = select(stopped, select(upwards, strength, 0.0 - strength), none)
-    low = select(stopped, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
-    high = select(stopped, select(at_lower, none + slots.NO_STOP, none), strength)
-    return target, push, low, high
+    stop = correction * (select(at_lower, lower, upper) - angle)
+    if drifting:
+        held, leaves, free_below = at_lower | at_upper, none, at_lower
+        upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
+    else:
+        free_below = at_lower & (angle < upper)
+        rises, falls = free_below & (wanted > stop), at_upper & (angle > lower) & (wanted < stop)
+        held = (at_lower & ((wanted <= stop) | at_upper)) | (at_upper & ((wanted >= stop) | at_lower))
+        leaves = select(rises, none + 1.0, select(falls, none - 1.0, none))
+        upwards = at_upper
+    target = select(held, stop, wanted)
+    push = select(held, select(upwards, strength, 0.0 - strength), none)
+    low = select(held, select(free_below, none, none - slots.NO_STOP), 0.0 - strength)
+    high = select(held, select(at_lower, none + slots.NO_STOP, none), strength)
+    return target, push, low, high, stop, leaves
 
 
 @primitive

@@ -1,0 +1,87 @@
+"""Stops of hinges: motors that press on them, that leave them, and that have not the torque to leave."""
+
+import numpy as np
+import pytest
+
+from taichi_sim.rigid import Body, Hinge, Motor, RigidEngine, Tree, World, slots
+
+pytestmark = pytest.mark.kernels
+
+STEP = 1e-3
+MASS, ARM, INERTIA = 0.5, 0.2, 4e-3
+ABOUT = INERTIA + MASS * ARM**2  # the hinge [kg m^2]
+LOAD = MASS * 9.81 * ARM  # of the arm that lies at its stop [N m]
+BASE = Body("base", (0.0, 0.0, 0.0), 20.0, inertia=np.eye(3))
+WEIGHT = Body("arm", (ARM, 0.0, 0.0), MASS, inertia=np.diag([1e-3, INERTIA, INERTIA]))
+
+
+def arm(torque, wanted, stops=(0.0, 1.5), up=-1.0, swings=0.0):
+    """An arm that lies on its stop, fixed to the world; its motor, which wants a rate, lifts it about ``up`` y."""
+    motor = Motor(torque, swings, offset=wanted)
+    hinge = Hinge("base", "arm", (0.0, 0.0, 0.0), (0.0, up, 0.0), motor, 0, stops)
+    return Tree((BASE, WEIGHT), (hinge,), fixed=True)
+
+
+def angles(tree, seconds, **world):
+    run = RigidEngine([tree], World(STEP, **world), threads=1).run(round(seconds / STEP), record_every=1)
+    return run.frames.angles.reshape(-1)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize("torque", [10.0, 100.0, 1e4])
+def test_a_motor_leaves_a_stop_at_the_rate_that_it_wants_and_no_faster(torque, side):
+    stops = (0.0, 1.5) if side > 0 else (-1.5, 0.0)
+    found = side * angles(arm(torque, 2.0 * side, stops, up=-1.0 * side), 1.0)
+    rates = np.diff(found) / STEP
+    assert rates.max() < 2.0 + 1e-9 and found.max() < 1.5 + 2.0 * STEP
+    held = rates[round(0.2 / STEP) : round(0.6 / STEP)]
+    assert held == pytest.approx(np.full(len(held), 2.0), rel=1e-9)
+    assert rates[0] == pytest.approx(min(2.0, STEP * (torque - LOAD) / ABOUT), rel=1e-4)
+
+
+@pytest.mark.parametrize("share, leaves", [(0.5, False), (0.99, False), (1.01, True)])
+def test_a_motor_leaves_a_stop_with_the_torque_that_lifts_its_load(share, leaves):
+    found = angles(arm(share * LOAD, 2.0), 0.3)
+    if not leaves:
+        assert abs(found).max() < 1e-12
+        return
+    falls = 0.5 * 0.01 * LOAD / ABOUT * 0.1**2  # of a hundredth of the load, before the arm is higher
+    assert found[round(0.1 / STEP)] == pytest.approx(falls, rel=0.05)
+
+
+def test_a_motor_that_presses_stays_at_its_stop():
+    assert abs(angles(arm(100.0, -3.0), 0.2)).max() < 1e-12
+
+
+def test_a_loaded_arm_that_falls_on_its_stop_is_held():
+    weak = arm(0.2 * LOAD, 5.0, stops=(-0.4, 0.4))
+    found = angles(weak, 3.0)
+    assert found.min() > -0.42 and found[-500:] == pytest.approx(np.full(500, -0.4), abs=1e-4)
+
+
+def test_stops_of_the_studies_are_as_they_were():
+    """ODE's rule: the whole torque in a step, whatever rate that gives."""
+    found = angles(arm(100.0, 2.0), 0.01, integration="velocity")
+    assert found[1] / STEP > 3.0
+
+
+@pytest.mark.parametrize("torque", [0.5 * LOAD, 1.2 * LOAD, 50.0])
+def test_gradients_past_stops_are_those_of_differences(torque):
+    """By torque and rate of a motor that swings to and fro between stops: presses, leaves, or cannot leave them."""
+    steps, change = 400, 1e-6
+    commands = np.sin(0.05 * np.arange(steps))[None, :, None]
+
+    def robot(torque, rate):
+        return RigidEngine([arm(torque, rate, (-0.02, 0.03), swings=3.0)], World(STEP), threads=1)
+
+    def last(torque, rate):
+        return robot(torque, rate).run(steps, commands=commands).angles[0, 0]
+
+    given = torque, 0.4
+    tape = robot(*given).record(steps, commands=commands)
+    found = tape.pull_back(angles=np.ones((1, 1))).parameters[0, 1, [slots.TORQUE, slots.OFFSET]]
+    for number, slope in enumerate(found):
+        ahead, behind = (np.add(given, sign * change * np.eye(2)[number]) for sign in (1, -1))
+        assert slope == pytest.approx((last(*ahead) - last(*behind)) / (2 * change), rel=1e-5, abs=1e-9)
+    visited = robot(*given).run(steps, commands=commands, record_every=1).frames.angles.reshape(-1)
+    assert (visited <= -0.02).sum() > 10
