@@ -4,9 +4,10 @@ import io
 import warnings
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, content_of, why_unread
@@ -62,15 +63,23 @@ def brightness_of(content: bytes, suffix: str) -> Floats:
     Raises:
         UNREADABLE: one of these for a damaged image, and one of too many pixels.
     """
-    from matplotlib.image import imread
-
     _check_pixels(content)
-    raw = np.asarray(imread(io.BytesIO(content), format=suffix[1:].lower() or None))
+    raw = _raw_pixels(content, suffix)
     most = np.iinfo(raw.dtype).max if np.issubdtype(raw.dtype, np.integer) else 1
     table: Floats = raw / most
     if table.ndim == 3:  # grey, or colours and maybe how opaque they are
         table = table[..., :3].mean(axis=2) if table.shape[2] >= 3 else table[..., 0]
     return table[::-1].T  # upwards is along y, to the right along x
+
+
+def _raw_pixels(content: bytes, suffix: str) -> NDArray[Any]:
+    from matplotlib.image import imread
+    from PIL import Image
+
+    with Image.open(io.BytesIO(content)) as image:
+        if image.format == "PNG" and image.mode == "L":  # Matplotlib takes 2 and 4 bits for narrower than they come
+            return np.divide(np.asarray(image), 255, dtype=np.float32)
+    return np.asarray(imread(io.BytesIO(content), format=suffix[1:].lower() or None))
 
 
 def _clear_pixels(image: "Image.Image") -> int:
