@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robots.ground_images import FORMATS, brightness_of, check_image
-from robots.ground_kinds import COVERS, LEVEL, Cover, GroundKind, ground_kind, read_numbers, ways
+from robots.ground_kinds import COVERS, LEVEL, TIE, Cover, GroundKind, ground_kind, read_numbers, ways
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
 from taichi_sim.base.short_text import shortest
@@ -254,6 +254,7 @@ def _relief(given: Ground, heading: float, edge: float, changed: int | None) -> 
     from taichi_sim.lattice import Relief
 
     spacing = _spacing(edge)
+    _check_fineness(given, spacing)
     angle = math.radians(heading)
     cosine, sine = math.cos(angle), math.sin(angle)
     corners = [(cosine * x - sine * y, sine * x + cosine * y) for x in (-BEHIND, AHEAD) for y in (-BESIDE, BESIDE)]
@@ -266,6 +267,17 @@ def _relief(given: Ground, heading: float, edge: float, changed: int | None) -> 
         return Relief(heights, spacing, origin, friction, **given.laws)
     except ValueError as refused:
         raise ValueError(f"terrain: {given.text!r} on a grid of {spacing:g} m: {refused}") from None
+
+
+def _check_fineness(ground: Ground, spacing: float) -> None:
+    """Refuse ground with shapes that the nodes of its grid could miss, however it is turned."""
+    kind, values = ground._checked()
+    for number, value in zip(kind.numbers if kind is not None else (), values, strict=False):
+        if number.nodes and value < (least := number.nodes * spacing) - TIE:
+            raise ValueError(
+                f"terrain: {number.name} {shortest(value)} of {ground.text!r} is not allowed on this robot's grid of "
+                f"{1e3 * spacing:.3g} mm; give at least {shortest(float(f'{least:.3g}'))}"
+            )
 
 
 def _values(ground: Ground, along: Floats, across: Floats) -> tuple[Floats, Floats | None]:

@@ -23,6 +23,7 @@ START = 0.3  # m ahead of a robot's origin, where stairs, ramps and gaps begin; 
 WATER_DENSITY = 1000.0  # kg/m^3
 # Beyond these, the numbers of cells could exceed the range of integers.
 SHORTEST, FARTHEST = 1e-4, 1e4  # m
+TIE = 1e-9  # of a cell or in m: nodes so little before an edge are on it, as rounding would decide else
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class Number:
         whole: whether it must be a whole number below 2^32.
         start: whether it is the distance ahead of a robot's origin at which the ground begins to differ [m].
         lifts: whether the ground is raised or lowered by it somewhere, unless it is 0.
+        nodes: how many distances between nodes of the ground's grid it must have at least.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Number:
     start: bool = False
     high: float = math.inf
     lifts: bool = False
+    nodes: int = 0
 
     def check(self, value: float, text: str) -> None:
         """Check a value of the parameter; ``text`` is the name of the ground, for messages.
@@ -181,11 +184,11 @@ def _rough(x: Floats, y: Floats, height: float, size: float, seed: float) -> Flo
 
 
 def _blocks(x: Floats, y: Floats, height: float, size: float, seed: float) -> Floats:
-    return height * _drawn(np.floor(x / size), np.floor(y / size), seed)
+    return height * _drawn(np.floor(x / size + TIE), np.floor(y / size + TIE), seed)
 
 
 def _stairs(x: Floats, y: Floats, rise: float, run: float, start: float) -> Floats:
-    return rise * np.maximum(np.floor((x - start) / run) + 1, 0.0)
+    return rise * np.maximum(np.floor((x - start) / run + TIE) + 1, 0.0)
 
 
 def _ramp(x: Floats, y: Floats, degrees: float, start: float) -> Floats:
@@ -193,7 +196,7 @@ def _ramp(x: Floats, y: Floats, degrees: float, start: float) -> Floats:
 
 
 def _gap(x: Floats, y: Floats, width: float, depth: float, start: float) -> Floats:
-    return np.where((x >= start) & (x < start + width), -depth, 0.0)
+    return np.where((x >= start - TIE) & (x < start + width - TIE), -depth, 0.0)
 
 
 def _wave(x: Floats, y: Floats, height: float, length: float) -> Floats:
@@ -201,7 +204,7 @@ def _wave(x: Floats, y: Floats, height: float, length: float) -> Floats:
 
 
 def _patches(x: Floats, y: Floats, low: float, high: float, size: float, seed: float) -> Floats:
-    return low + (high - low) * _drawn(np.floor(x / size), np.floor(y / size), seed)
+    return low + (high - low) * _drawn(np.floor(x / size + TIE), np.floor(y / size + TIE), seed)
 
 
 def _level(x: Floats, y: Floats, *_: float) -> Floats:
@@ -234,7 +237,7 @@ def _height(name: str, default: float | None = None) -> Number:
 
 
 def _length(name: str, default: float | None = None) -> Number:
-    return Number(name, default, SHORTEST, open=False, high=FARTHEST)
+    return Number(name, default, SHORTEST, open=False, high=FARTHEST, nodes=2 if name == "LENGTH" else 1)
 
 
 def _factor(name: str, default: float | None = None) -> Number:

@@ -40,7 +40,7 @@ def explore(
 
     Example (in a notebook)::
 
-        explore("soft-quadruped", slope=(-10, 10), terrain=["flat", "rough:0.01"])
+        explore("soft-quadruped", terrain=["flat", "rough:0.01"], ground_friction=["1,0.8", "0.3,0.2"])
     """
     height = whole_number("height", height, 200)
     exploration = Exploration(source, choices, measures, precision, threads)

@@ -53,7 +53,8 @@ def solid_of(grid: Grid, palette: Palette, fields: Fields, row: int, feature: in
     """The robot that one row of fields says.
 
     Cells above a half that lie in a cube of ``feature`` cells that all are, so that nothing is thinner; the largest
-    part whose cells share faces, the first of equals; of each the tissue of the largest weight.
+    part whose cells share faces and that is as symmetric as the grid, the first of equals; of each the tissue of the
+    largest weight.
 
     Args:
         grid, palette: of the robot.
@@ -63,7 +64,7 @@ def solid_of(grid: Grid, palette: Palette, fields: Fields, row: int, feature: in
         channels: at most so many; None for one for each muscle.
     """
     there = thick(fields.presence[row].reshape(grid.shape) > 0.5, feature)
-    cells = np.flatnonzero(largest_part(there))
+    cells = np.flatnonzero(largest_part(there, grid.symmetry))
     tissues = fields.tissue[row, cells].argmax(axis=1) if len(cells) else np.zeros(0, np.int64)
     muscles = palette.muscles[tissues] > 0
     channel = np.full(len(cells), -1)
@@ -72,7 +73,7 @@ def solid_of(grid: Grid, palette: Palette, fields: Fields, row: int, feature: in
     waves = len(np.unique(swing, axis=0)) if count == len(swing) else count
     fault = ""
     if not len(cells):
-        fault = "the body is empty"
+        fault = "its mirrored parts do not touch" if there.any() else "the body is empty"
     elif len(cells) < LEAST_CELLS:
         fault = f"the body has {len(cells)} connected cells; it needs {LEAST_CELLS}"
     elif not muscles.any():
@@ -88,12 +89,16 @@ def thick(there: Bools, feature: int) -> Bools:
     return found
 
 
-def largest_part(there: Bools) -> Bools:
-    """The largest part of a grid whose cells share faces, the first of equals."""
+def largest_part(there: Bools, symmetry: str = "") -> Bools:
+    """The largest part of a grid whose cells share faces and that is its own mirror image, the first of equals."""
     part, count = ndimage.label(there)
-    if not count:
+    sizes = np.bincount(part.ravel(), minlength=count + 1)
+    sizes[0] = 0
+    for axis in symmetry:  # a part that is mirrored into another is half a body
+        sizes[np.unique(part[part != np.flip(part, "xyz".index(axis))])] = 0
+    if not sizes.any():
         return np.zeros(there.shape, bool)
-    return np.asarray(part == 1 + np.argmax(np.bincount(part.ravel())[1:]))
+    return np.asarray(part == np.argmax(sizes))
 
 
 def clustered(swing: Floats, channels: int | None) -> tuple[NDArray[np.int64], int]:

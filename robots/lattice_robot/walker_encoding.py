@@ -41,7 +41,7 @@ class DirectBody(WalkerEncoding):
 
     def design(self, values: Floats) -> WalkerDesign:
         """The materials as they are."""
-        return WalkerDesign(np.asarray(values, np.int8).reshape(self.shape))
+        return WalkerDesign(np.rint(np.asarray(values, float)).astype(np.int8).reshape(self.shape))
 
 
 BODY_WIRING = PatternWiring(inputs=("x", "y", "z", "radius"), outputs=("presence", *KINDS[PASSIVE:]))

@@ -513,3 +513,36 @@ def test_the_earlier_name_of_blocks_is_read():
     assert old.spoken == new.spoken.replace("blocks:", "steps:") and batch_key(old) == batch_key(new)
     with pytest.raises(ValueError, match=r"^terrain: 'steps' lacks HEIGHT; give blocks:HEIGHT\[,SIZE\]\[,SEED\]$"):
         Terrain.parse("steps")
+
+
+@pytest.mark.parametrize("name", ["stairs:0.01,0.06,0.13", "gap:0.03,0.01,0.19", "stairs:0.025,0.06,0.13"])
+def test_edges_at_nodes_do_not_hang_on_rounding(name):
+    """Edges that lie at nodes do so at all headings, so a turned robot meets the same ground."""
+    ahead = np.arange(-0.1, 0.6, EDGE / 2)
+    reliefs = [Ground(name).relief(heading, EDGE) for heading in (0.0, 90.0, 180.0, 360.0, -90.0)]
+    expected = reliefs[0].height(ahead, np.zeros(len(ahead)))
+    assert np.ptp(expected) > 0
+    for relief, (x, y) in zip(reliefs, ((1, 0), (0, 1), (-1, 0), (1, 0), (0, -1)), strict=True):
+        for aside in (-0.21, 0.0, 0.34):
+            found = relief.height(x * ahead - y * aside, y * ahead + x * aside)
+            np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "name, told",
+    [
+        (
+            "gap:0.003,0.01",
+            "WIDTH 0.003 of 'gap:0.003,0.01' is not allowed on this robot's grid of 5 mm; give at least 0.005",
+        ),
+        (
+            "wave:0.004,0.009",
+            "LENGTH 0.009 of 'wave:0.004,0.009' is not allowed on this robot's grid of 5 mm; give at least 0.01",
+        ),
+        ("blocks:0.001,0.004", "SIZE 0.004 of"),
+        ("stairs:0.001,0.004", "RUN 0.004 of"),
+    ],
+)
+def test_ground_that_its_grid_cannot_show_is_refused(name, told):
+    with pytest.raises(ValueError, match=f"^terrain: {told}"):
+        Ground(name).relief(0.0, 0.01)

@@ -396,3 +396,22 @@ def test_a_tissue_of_a_file_gives_a_name_once(tmp_path):
     message = f"palette: {path}: 'density' is given twice, which is not allowed; give it once"
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         make_robot(kind, source, {"palette": str(path)})
+
+
+def test_parts_of_a_symmetric_grid_are_mirror_images_of_themselves():
+    """Of two halves that do not touch none is a body; a smaller part in the middle is one."""
+    there = np.zeros((5, 4, 2), bool)
+    there[:, 0] = there[:, 3] = True
+    assert largest_part(there).sum() == 10 and not largest_part(there, "y").any()
+    there[0, 1:3] = True
+    assert largest_part(there, "y").all() == there.all() and largest_part(there, "y").sum() == 24
+    assert not largest_part(there, "xy").any()
+    there[0, 1:3], there[:2, 1:3, 0] = False, False
+    there[2, 1:3] = True
+    np.testing.assert_array_equal(largest_part(there, "xy"), there)
+    apart = robot(symmetry="y", shape=(4, 4, 2), palette=Palette())
+    fields = apart.parametrisation(np.full((1, len(apart.parameters)), 0.3))
+    presence = np.zeros((4, 4, 2))
+    presence[:, 0] = presence[:, 3] = 1.0
+    solid = apart.solid_at(dataclasses.replace(fields, presence=presence.reshape(1, -1)), 0)
+    assert solid.fault == "its mirrored parts do not touch"

@@ -15,6 +15,7 @@ from robots.lattice_robot.walker import (
     save_walker,
     simulate,
 )
+from robots.lattice_robot.walker_encoding import DirectBody
 from robots.lattice_robot.walker_robot import WalkerRobot
 from robots.robot import Trial
 from robots.world import Terrain
@@ -210,3 +211,8 @@ def test_a_walker_that_nothing_has_designed_is_a_block_that_moves():
     outcome = offered.simulate(offered.start[None], offered.worlds[0])
     assert outcome.status[0] == "ok" and outcome.measures["voxels"][0] == 16
     assert [parameter.first for parameter in offered.parameters] == [1.0] * 16
+
+
+def test_whole_numbers_that_are_given_as_fractions_are_rounded():
+    body = DirectBody((2, 1, 1))
+    np.testing.assert_array_equal(body.design(np.array([1.9, 2.2])).materials.reshape(-1), [2, 2])
