@@ -11,6 +11,7 @@ from taichi_sim.base.arrays import Floats, Ints
 
 KINDS = ("level", "slope", "ridges", "slippery")  # of stretches; every second one is level
 RIDGE = 0.04  # m: from one ridge to the next
+TIE = 1e-9  # of a cell or in m: nodes so little before an edge are on it, as rounding would decide else
 SHORTEST, LONGEST = 0.75, 1.25  # stretches, in their mean length
 
 
@@ -67,7 +68,7 @@ class Course:
 
     def stretch(self, x: Floats) -> Ints:
         """The number of the stretch at places along the way [m]."""
-        return np.minimum(np.searchsorted(self.ends, x, side="right"), len(self.ends) - 1)
+        return np.minimum(np.searchsorted(self.ends, x + TIE, side="right"), len(self.ends) - 1)
 
     def kind(self, x: Floats) -> Ints:
         """The kind of ground at places along the way [m], numbers in ``KINDS``."""

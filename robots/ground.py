@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robots.course import TIE
 from robots.ground_images import FORMATS, brightness_of, check_image
-from robots.ground_kinds import COVERS, LEVEL, TIE, Cover, GroundKind, ground_kind, read_numbers, ways
+from robots.ground_kinds import COVERS, LEVEL, Cover, GroundKind, ground_kind, read_numbers, ways
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import UNREADABLE, array_of, content_of, copy_in, why_unread
 from taichi_sim.base.short_text import shortest
@@ -276,7 +277,7 @@ def _check_fineness(ground: Ground, spacing: float) -> None:
         if number.nodes and value < (least := number.nodes * spacing) - TIE:
             raise ValueError(
                 f"terrain: {number.name} {shortest(value)} of {ground.text!r} is not allowed on this robot's grid of "
-                f"{1e3 * spacing:.3g} mm; give at least {shortest(float(f'{least:.3g}'))}"
+                f"{1e3 * spacing:.3g} mm; give at least {math.ceil(1e5 * least - 1e-6) / 1e5:g}"
             )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robots.course import Course, hashed
+from robots.course import TIE, Course, hashed
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import MOST_FRICTION, STEEPEST_GROUND
 from taichi_sim.base.short_text import shortest
@@ -23,7 +23,6 @@ START = 0.3  # m ahead of a robot's origin, where stairs, ramps and gaps begin; 
 WATER_DENSITY = 1000.0  # kg/m^3
 # Beyond these, the numbers of cells could exceed the range of integers.
 SHORTEST, FARTHEST = 1e-4, 1e4  # m
-TIE = 1e-9  # of a cell or in m: nodes so little before an edge are on it, as rounding would decide else
 
 
 @dataclass(frozen=True)

@@ -295,8 +295,8 @@ def nominal_steps(columns: int, actuation: InflatableActuation = ACTUATION) -> i
 def counted_steps(schedule: GaitSchedule, actuation: InflatableActuation = ACTUATION) -> int:
     """Time steps by which ``InflatableResult.speed`` counts the speed of a gait; cheap.
 
-    Those of as many published columns, or with times of its own those of 16; its own if it takes longer by them, or by
-    slow strokes: it is not faster for that.
+    Those of as many published columns, or with times of its own those of 16 published columns. With times or paces of
+    its own, the gait's own steps if these are more.
     """
     columns = PUBLISHED_COLUMNS if schedule.has_own_times else schedule.columns * schedule.repeats
     nominal = nominal_steps(columns, actuation)

@@ -85,8 +85,8 @@ def draw_strip(axes: "Axes", motion: Motion, poses: Sequence[int], colour: str =
         if together
         else _places(robots, given.outline, GAP * float(np.ptp(given.area[0])) / 4)
     )
-    apart = np.diff(motion.times[list(poses)])
-    digits = max(1, -math.floor(math.log10(1.05 * apart[apart > 0].min(initial=1.0))))
+    times = motion.times[list(poses)]
+    digits = next((d for d in range(1, 6) if len({f"{time:.{d}f}" for time in times}) == len(set(times))), 6)
     for k, (frame, shift) in enumerate(zip(poses, shifts, strict=True)):
         if k == 0 or not together:
             draw_ground(axes, given, shift, 10.0 * k)

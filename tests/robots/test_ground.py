@@ -540,9 +540,16 @@ def test_edges_at_nodes_do_not_hang_on_rounding(name):
             "LENGTH 0.009 of 'wave:0.004,0.009' is not allowed on this robot's grid of 5 mm; give at least 0.01",
         ),
         ("blocks:0.001,0.004", "SIZE 0.004 of"),
+        ("gap:0.002,0.001", r"WIDTH 0.002 of .* on this robot's grid of 5 mm; give at least 0.005$"),
         ("stairs:0.001,0.004", "RUN 0.004 of"),
     ],
 )
 def test_ground_that_its_grid_cannot_show_is_refused(name, told):
     with pytest.raises(ValueError, match=f"^terrain: {told}"):
         Ground(name).relief(0.0, 0.01)
+
+
+def test_the_least_that_a_refusal_names_is_allowed():
+    with pytest.raises(ValueError, match=r"grid of 3\.33 mm; give at least 0\.00334$"):
+        Ground("gap:0.002,0.001").relief(0.0, 0.005)
+    Ground("gap:0.00334,0.001").relief(0.0, 0.005)

@@ -36,7 +36,14 @@ _DAMPING = {
     "ColDampingZ": ("collision_damping", 1.0, 1.0),
     "SlowDampingZ": ("global_damping", 0.0, 1.0),
 }
-_OF_VOXCRAFT = (".//EnableExpansion", ".//AttachDetach", ".//RecordHistory", ".//StopConditionFormula", "GPU")
+_OF_VOXCRAFT = (
+    ".//EnableExpansion",
+    ".//AttachDetach",
+    ".//RecordHistory",
+    ".//StopConditionFormula",
+    "GPU",
+    "RawPrint",
+)
 # Settings that the lattice does not support, with the value that changes nothing.
 _UNSUPPORTED = {
     "FloorSlope": 0,
@@ -50,8 +57,7 @@ _UNSUPPORTED = {
     "AttachDetach/EnableDetach": 0,
     "EnableExpansion": 1,
     "EnableCilia": 0,
-    "Thermal/GrowthAmplitude": 0,
-    "Thermal/TurnOnThermalExpansionAfterThisManySeconds": 0,
+    "GrowthAmplitude": 0,
 }
 _ADJUSTED = [f"{axis}_Dim_Adj" for axis in "XYZ"]
 _OFFSET = ["X_Line_Offset", "Y_Line_Offset", "X_Layer_Offset", "Y_Layer_Offset"]
@@ -99,6 +105,8 @@ def read_vxa(root: Element, by_voxcraft: bool = False) -> VoxelFile:
     regions[filled] = labels(array[filled], phases if heat else np.zeros(len(phases)))
     body = body_from_array(array, [m for m, _, _ in palette], size, regions=regions, fixed=held[array])
     ignored += _environment(root)
+    if by_voxcraft and heat and root.find(".//EnableExpansion") is None:  # there voxels only shrink with heat
+        ignored.append("EnableExpansion 0")
     return replace(
         VoxelFile.of_body(body),
         colours=np.array([c for _, c, _ in palette], np.uint8),
@@ -161,7 +169,7 @@ def _material(
             raise ValueError("Elastic_Mod: it is missing; give it")
         if _number(element, "MatType", 0.0):
             ignored.append("MatType")
-        told = ("MatModel", "Cilia", "sticky", "Sticky")
+        told = ("MatModel", "Cilia", "sticky", "Sticky", "TurnOnThermalExpansionAfterThisManySeconds")
         ignored += [tag for tag in told if _number(element, f"Mechanical/{tag}", 0.0)]
         colour = [_number(element, f"Display/{c}", 1.0) for c in ("Red", "Green", "Blue", "Alpha")]
         phase = _number(element, "Mechanical/MaterialTempPhase", 0.0)
@@ -202,8 +210,8 @@ def _environment(root: Element) -> list[str]:
     """Names of the simulator and environment settings in the file that the lattice does not support."""
     found = []
     for path, neutral in _UNSUPPORTED.items():
-        if _number(root, f".//{path}", neutral) != neutral:
-            found.append(f"{path.rpartition('/')[2]} 0" if neutral else path)
+        if (value := _number(root, f".//{path}", neutral)) != neutral:
+            found.append(f"{path.rpartition('/')[2]} {value:g}" if neutral else path)
     found += [tag for tag in _OFFSET if _number(root, f".//Lattice/{tag}", 0.0)]
     found += ["ForceField"] * (root.find(".//ForceField") is not None)
     return found

@@ -120,7 +120,8 @@ def _thermal(heat: Heat | None) -> str:
         return ""
     amplitude = float(heat.amplitude or heat.mean)
     return (
-        f"<Thermal><TempEnabled>1</TempEnabled><TempAmplitude>{amplitude!r}</TempAmplitude><TempAmp>{amplitude!r}</TempAmp>"
+        f"<Thermal><TempEnabled>1</TempEnabled><TempAmplitude>{amplitude!r}</TempAmplitude>"
+        f"<TempAmp>{amplitude!r}</TempAmp>"
         f"<TempBase>0</TempBase><VaryTempEnabled>{int(heat.amplitude != 0)}</VaryTempEnabled>"
         f"<TempPeriod>{float(heat.period)!r}</TempPeriod></Thermal>\n"
     )

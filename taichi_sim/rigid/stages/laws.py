@@ -217,17 +217,16 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
     at_lower, at_upper = angle <= lower, angle >= upper
     stop = correction * (select(at_lower, lower, upper) - angle)
     if drifting:
-        held, leaves, free_below = at_lower | at_upper, none, at_lower
+        held, leaves = at_lower | at_upper, none
         upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
     else:
-        free_below = at_lower & (angle < upper)
-        rises, falls = free_below & (wanted > stop), at_upper & (angle > lower) & (wanted < stop)
-        held = (at_lower & ((wanted <= stop) | at_upper)) | (at_upper & ((wanted >= stop) | at_lower))
+        rises, falls = at_lower & (wanted > stop), at_upper & (wanted < stop)
+        held = (at_lower & (wanted <= stop)) | (at_upper & (wanted >= stop))
         leaves = select(rises, none + 1.0, select(falls, none - 1.0, none))
         upwards = at_upper
     target = select(held, stop, wanted)
     push = select(held, select(upwards, strength, 0.0 - strength), none)
-    low = select(held, select(free_below, none, none - slots.NO_STOP), 0.0 - strength)
+    low = select(held, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
     high = select(held, select(at_lower, none + slots.NO_STOP, none), strength)
     return target, push, low, high, stop, leaves
 

@@ -159,7 +159,6 @@ def test_plain_numbers_and_a_c_header(morpholab, folder):
         assert code == 2 and told in error
 
 
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 @pytest.mark.parametrize("rate", [None, 20.0])
 @pytest.mark.parametrize("repeats", [1, 2, 4])
 def test_plain_numbers_play_all_cycles(tmp_path, repeats, rate):
@@ -174,6 +173,7 @@ def test_plain_numbers_play_all_cycles(tmp_path, repeats, rate):
         assert sample.pressures == pytest.approx(played, abs=1e-6)
 
 
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 def test_the_c_header_compiles_and_holds_the_table(morpholab, folder):
     assert morpholab("export rolling --csv g.csv --c-header gait.h")[0] == 0
     (folder / "a.c").write_text(

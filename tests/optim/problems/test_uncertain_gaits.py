@@ -8,6 +8,7 @@ import pytest
 from linear_robot import Linear
 
 from optim.problems.inflatable.problem import GaitProblem
+from robots.inflatable import INCHING
 from robots.inflatable.perturbed import perturbed_design, perturbed_drive
 from robots.inflatable.timing import counted_steps, gait_steps
 from robots.uncertainty import Perturbation, Uncertainty
@@ -107,6 +108,16 @@ def test_slopes_count_the_time_by_which_speeds_of_drawn_timing_are_counted(timin
     schedule, drive = perturbed_design(design, drawn).schedule, perturbed_drive(made.actuation, drawn)
     result = SimpleNamespace(steps=np.array([gait_steps(schedule, drive)]), status=np.array(["ok"]))
     assert made._counted(result, [drive])[0] == counted_steps(schedule, drive)
+
+
+@pytest.mark.parametrize("pace", [None, 0.1])
+def test_slopes_of_a_given_gait_count_the_time_that_slow_strokes_take(pace):
+    columns = INCHING.schedule.columns
+    schedule = dataclasses.replace(INCHING.schedule, pace=None if pace is None else np.full((8, columns), pace))
+    given = {"schedule": schedule, "columns": columns, "repeats": schedule.repeats}
+    made = GaitProblem((Terrain(),), geometry="small", **given)
+    result = SimpleNamespace(steps=np.array([gait_steps(schedule, made.actuation)]), status=np.array(["ok"]))
+    assert made._counted(result)[0] == counted_steps(schedule, made.actuation)
 
 
 def test_the_worst_counts_no_more_than_cvar_and_the_mean(linear):

@@ -107,7 +107,9 @@ def test_materials_may_be_fixed_to_the_world(tmp_path):
 
 
 def difference(tmp_path, text, base=None, name="robot.vxd"):
-    (tmp_path / "base.vxa").write_text(vxa(np.ones((1, 1, 1), int)) if base is None else base)
+    text_of_base = vxa(np.ones((1, 1, 1), int)) if base is None else base
+    swelling = text_of_base.replace("<Simulator>", "<Simulator><EnableExpansion>1</EnableExpansion>")
+    (tmp_path / "base.vxa").write_text(swelling)
     return load(tmp_path, text, name)
 
 

@@ -65,7 +65,9 @@ def test_voxcrafts_damping_is_its_own(tmp_path):
 @pytest.mark.parametrize(
     "place, setting, told",
     [
-        (SIMULATOR, "<AttachDetach><EnableCollision>0</EnableCollision></AttachDetach>", "EnableCollision 0"),
+        (OF_VOXCRAFT, "<AttachDetach><EnableCollision>0</EnableCollision></AttachDetach>", "EnableCollision 0"),
+        (SIMULATOR, "<RecordHistory/>", "EnableExpansion 0"),
+        (SIMULATOR, "<GrowthAmplitude>2</GrowthAmplitude>", "GrowthAmplitude"),
         (SIMULATOR, "<EnableExpansion>0</EnableExpansion>", "EnableExpansion 0"),
         (SIMULATOR, "<EnableCilia>1</EnableCilia>", "EnableCilia"),
         (SIMULATOR, "<ForceField><x_forcefield/></ForceField>", "ForceField"),
@@ -79,7 +81,8 @@ def test_voxcrafts_damping_is_its_own(tmp_path):
     ],
 )
 def test_what_would_change_the_motion_is_named(tmp_path, place, setting, told):
-    assert load(tmp_path, vxa(ARRAY).replace(place, place + setting))[1].endswith(f"ignored are {told}")
+    text = vxa(ARRAY).replace(SIMULATOR, place) if place == OF_VOXCRAFT else vxa(ARRAY)
+    assert load(tmp_path, text.replace(place, place + setting))[1].endswith(f"ignored are {told}")
 
 
 def test_stretched_voxels_are_refused(tmp_path):
