@@ -32,12 +32,12 @@ CARRIED, OWN, ANGLE, MODES = 0, 6, 9, 10
 STATE_WIDTH = 12
 # Work: rotation, place relative to the base, hinge as a spatial vector, drift off the tree, inertia about the base,
 # momentum; the articulated inertia and momentum, the hinge's column, inverse, rate and contact impulse; its row, with
-# the rate and the side (1 lower, -1 upper, else 0) of a stop that its motor leaves.
+# the least and the largest rate that its stops allow.
 ROTATION, PLACE, SCREW, DRIFT, INERTIA, MOMENTUM = 12, 21, 24, 30, 33, 39
 ARTICULATED, IMPULSE, COLUMN, INVERSE, FREE_RATE, CONTACT, RATE = 45, 66, 72, 78, 79, 80, 81
 TARGET, PUSH, LOW, HIGH, VELOCITY = 82, 83, 84, 85, 86
 MOVING = MOMENTUM  # after a step: its velocity, that of its centre
-STOP, SIDE = 92, 93
+LEAST_RATE, MOST_RATE = 92, 93
 BODY_WIDTH = 94
 
 # Parameters of a body: mass, inertia at rest, from the anchor to the centre, from the parent's centre to the anchor,
@@ -71,5 +71,5 @@ PARENT, HINGED, MOTOR, PATH_LENGTH, TOUCH, BODY_COLUMNS = range(6)
 
 NO_STOP = 1e20  # an angle, an impulse or a rate that is out of reach
 # Of a hinge's row: its rate is as desired; else its impulse is at the upper (1) or lower (-1) bound, or its rate is
-# that of the lower (2) or upper (-2) stop, which the motor has not the torque to leave.
+# the least (2) or the largest (-2) that its stops allow, with an impulse beyond the bounds of its motor.
 MODE_DRIVEN = 0.0

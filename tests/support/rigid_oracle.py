@@ -99,18 +99,15 @@ class Oracle:
         matrix += np.einsum("bij,b,bil->jl", jacobians[:, 3:], self.masses, jacobians[:, 3:])
         momenta = np.einsum("bij,bi->j", jacobians, np.hstack([spin, linear]))
         contacts = self.contacts(rotations, places + drift, jacobians)
-        held = set()
-        for _ in range(ROUNDS):  # which stops hold what motors have not the torque to leave
-            pushes, rows, demands, left = self.hinges(commands, held)
+        held = {}  # stops that hold, by hinge: 1 the lower, -1 the upper one
+        for _ in range(ROUNDS):
+            pushes, rows, demands, ranges = self.hinges(commands, held)
             u = self.respond(matrix, momenta + pushes, rows, demands, contacts, rotations, drift)
-            wrong = {
-                n
-                for n, (side, back, wanted) in left.items()
-                if side * (u[n] - (wanted if n in held else back)) * (1 if n in held else -1) > 1e-12
-            }
-            if not wrong:
+            fits = {n: self.fitting(u[n], held.get(n, 0), *each) for n, each in ranges.items()}
+            fits = {n: side for n, side in fits.items() if side}
+            if fits == held:
                 break
-            held ^= wrong
+            held = fits
         self.carry(places, inertias, jacobians @ u)
         self.velocities[:, 3:] -= push_out * drift
         self.own = self.own + h * self.velocities[:, 3:]
@@ -134,38 +131,46 @@ class Oracle:
         ploughs = [lambda way, each=each: self.ploughing(each, rotations, way) for each in contacts]
         return self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides, ploughs)
 
+    def fitting(self, rate, side, wanted, least, most):
+        """Which stop of a hinge should hold at a rate: 1 the lower, -1 the upper, 0 none; ``side`` is what held."""
+        if side:
+            return side if side * (rate - np.clip(wanted, least, most)) < 1e-12 else 0
+        return int(rate < least - 1e-12) - int(rate > most + 1e-12)
+
     def hinges(self, commands, held):
         """Impulses of motors at stops; rows of motors and stops, each with its rate, lowest and highest impulse.
 
-        Beside them the stops that motors leave: side, rate of the stop, rate of the motor. Those in ``held`` hold.
+        Beside them the rate that each hinge's motor wants, and the least and largest that its stops allow.
         """
         h, unit = self.world.time_step, np.eye(6 + len(self.angles))
-        pushes, rows, demands, left = np.zeros(len(unit)), [], [], {}
+        pushes, rows, demands, ranges = np.zeros(len(unit)), [], [], {}
         for n, (joint, angle) in enumerate(zip(self.tree.hinges, self.angles, strict=True), 6):
             motor, (lower, upper) = joint.motor, joint.stops or (-np.inf, np.inf)
             wanted, strength = 0.0, 0.0
             if motor is not None:
                 wanted = motor.by_command * commands[joint.command] + motor.by_angle * angle + motor.offset
                 strength = h * motor.torque
-            if angle <= lower or angle >= upper:
+            back = self.world.error_reduction / h
+            if self.world.integration != "velocity":
+                least = (lower - angle) * (back if angle <= lower else 1 / h)
+                most = (upper - angle) * (back if angle >= upper else 1 / h)
+                ranges[n], side = (wanted, least, most), held.get(n, 0)
+                pushes[n] = side * strength
+                if side:
+                    demands.append((least, 0.0, np.inf) if side > 0 else (most, -np.inf, 0.0))
+                elif strength:
+                    demands.append((np.clip(wanted, least, most), -strength, strength))
+                if side or strength:
+                    rows.append(unit[n])
+            elif angle <= lower or angle >= upper:
                 pushes[n] = strength if wanted > 0 or (wanted == 0 and angle >= upper) else -strength
-                back = self.world.error_reduction / h * ((lower if angle <= lower else upper) - angle)
-                side = 1 if angle <= lower else -1
-                if self.world.integration != "velocity" and lower < upper and side * (wanted - back) > 0:
-                    left[n] = side, back, wanted
-                    if n not in held:
-                        pushes[n] = 0.0
-                        demands.append((wanted, -strength, strength))
-                        rows.append(unit[n])
-                        continue
-                elif self.world.integration != "velocity":
-                    pushes[n] = -side * strength
-                demands.append((back, 0.0, np.inf) if angle <= lower else (back, -np.inf, 0.0))
+                rate = back * ((lower if angle <= lower else upper) - angle)
+                demands.append((rate, 0.0, np.inf) if angle <= lower else (rate, -np.inf, 0.0))
                 rows.append(unit[n])
             elif strength:
                 demands.append((wanted, -strength, strength))
                 rows.append(unit[n])
-        return pushes, rows, demands, left
+        return pushes, rows, demands, ranges
 
     def contacts(self, rotations, places, jacobians):
         """Depth, body, Jacobian and number of each point on the ground."""

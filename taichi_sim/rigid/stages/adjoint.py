@@ -133,7 +133,7 @@ def prepare_adjoint(robots: ti.template(), motion: ti.template(), cotangents: ti
         write(motion, body + slots.PUSH, read(cotangents, body + slots.RATE))
         put(motion, body + slots.TARGET, (zero,))
         put(motion, body + slots.LOW, (zero, zero))
-        put(motion, body + slots.STOP, (zero,))
+        put(motion, body + slots.LEAST_RATE, (zero, zero))
     if ti.static(motion.granular):
         sand.forget_limits(motion)
 
@@ -220,12 +220,12 @@ def undo_command(robots: ti.template(), motion: ti.template(), cotangents: ti.te
             mode, rate = read(robots, body + slots.MODES + rows), read(motion, body + slots.RATE)
             none = 0.0 * mode
             driven = (mode > -0.5) & (mode < 0.5)
-            held = (mode > 1.5) | (mode < -1.5)
             of_rate = 0.0 - row_impulse(motion, body)
-            of_target, of_stop = select(driven, of_rate, none), select(held, of_rate, none)
+            of_target = select(driven, of_rate, none)
+            of_least, of_most = select(mode > 1.5, of_rate, none), select(mode < -1.5, of_rate, none)
             by_low = select((mode < -0.5) & (mode > -1.5), rate, none)
             by_high = select((mode > 0.5) & (mode < 1.5), rate, none)
-            seeds = ti.static((of_target, rate, by_low, by_high, of_stop, none))
+            seeds = ti.static((of_target, rate, by_low, by_high, of_least, of_most))
             pieces = ti.static(hinge_slots(robots, b))
             inputs = ti.static(gather(robots, pieces) + (commanded(robots, b),))
             constants = ti.static(row(robots, given_at(robots, b) + slots.LOWER, 2) + (h, push_out, robots.drifting))

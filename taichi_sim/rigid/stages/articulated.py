@@ -79,7 +79,8 @@ def collect(robots: ti.template(), phase):
             bound = select(mode > 0.0, read(robots, body + slots.HIGH), read(robots, body + slots.LOW))
             inverse = 1.0 / spatial.dot(screw, column)
             free = (read(robots, body + slots.PUSH) + bound + spatial.dot(screw, impulse)) * inverse
-            given = select(held, read(robots, body + slots.STOP), read(robots, body + slots.TARGET))
+            stop = select(mode > 0.0, read(robots, body + slots.LEAST_RATE), read(robots, body + slots.MOST_RATE))
+            given = select(held, stop, read(robots, body + slots.TARGET))
             rate = select(driven, given, free)
             inverse = select(driven, 0.0, inverse)
             put(robots, body + slots.COLUMN, column)
@@ -135,9 +136,10 @@ def row_impulse(robots: ti.template(), body):
 
 @ti.func
 def switch_rows(robots: ti.template(), phase, together):
-    """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one, change; whether any did.
+    """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one or a stop's, change by a level.
 
-    All at once; where that goes on in circles, ``together`` being 0, the last one only, which ends (Murty).
+    Returns whether any did. All at once; where that goes on in circles, ``together`` being 0, the last one only, which
+    ends (Murty).
     """
     tolerance = setting(robots, slots.TOLERANCE)
     changes = 0.0 * read(robots, 0)
@@ -149,16 +151,16 @@ def switch_rows(robots: ti.template(), phase, together):
             low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
             ahead = read(robots, body + slots.RATE) - read(robots, body + slots.TARGET)
             mode = read(robots, body + slots.MODES + phase)
-            driven = (mode > -0.5) & (mode < 0.5)
+            driven, held = (mode > -0.5) & (mode < 0.5), (mode > 1.5) | (mode < -1.5)
             beyond = select(impulse > high + tolerance, 1.0, select(impulse < low - tolerance, -1.0, 0.0 * impulse))
             passed = ((mode > 0.5) & (ahead > tolerance)) | ((mode < -0.5) & (ahead < 0.0 - tolerance))
             kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
             after = select(driven, beyond, kept)
-            stop, side = read(robots, body + slots.STOP), read(robots, body + slots.SIDE)
-            sinks = (read(robots, body + slots.RATE) - stop) * side < 0.0 - tolerance
-            after = select((mode * mode > 0.5) & (side * side > 0.5) & sinks, 2.0 * side, after)
+            rate, passive = read(robots, body + slots.RATE), low >= high
+            below = ((mode > 0.5) | passive) & (rate < read(robots, body + slots.LEAST_RATE) - tolerance)
+            above = ((mode < -0.5) | passive) & (rate > read(robots, body + slots.MOST_RATE) + tolerance)
+            after = select(driven, after, select(below, 2.0, select(above, -2.0, after)))
             lifted = ((mode > 1.5) & (impulse < high - tolerance)) | ((mode < -1.5) & (impulse > low + tolerance))
-            held = (mode > 1.5) | (mode < -1.5)
             after = select(held, select(lifted, 0.5 * mode, mode), after)
             if together == 0:
                 after = select(changes > 0.0, mode, after)

@@ -79,11 +79,9 @@ def command_hinges(robots: ti.template()):
             motor = ti.static(gather(robots, hinge_slots(robots, b)))
             wanted = ti.static(laws.hinge_row(*motor, commanded(robots, b), *stops, h, push_out, robots.drifting))
             put(robots, body + slots.TARGET, wanted[:4])
-            put(robots, body + slots.STOP, wanted[4:])
-            side = read(robots, body + slots.SIDE)
+            put(robots, body + slots.LEAST_RATE, wanted[4:])
             low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
             for phase in ti.static(range(2)):  # a bound that is out of reach holds nothing
                 mode = read(robots, body + slots.MODES + phase)
                 absent = ((mode > 0.5) & (high >= slots.NO_STOP)) | ((mode < -0.5) & (low <= 0.0 - slots.NO_STOP))
-                absent = absent | ((mode > 1.5) & (side < 0.5)) | ((mode < -1.5) & (side > -0.5))
                 write(robots, body + slots.MODES + phase, select(absent, 0.0 * mode, mode))

@@ -198,12 +198,12 @@ def moved_base(*values: Any) -> tuple[Any, ...]:
 
 @primitive
 def hinge_row(*values: Any) -> tuple[Any, ...]:
-    """A hinge's row: the rate it should have, what pushes beside it, and the least and largest impulse for that rate.
+    """A hinge's row: the rate it should have, what pushes beside it, bounds of its impulse and of its rate.
 
-    The motor holds its rate as far as its torque goes. At a stop that it presses on the row is the stop's, and it
-    pushes with all its torque; at one that it leaves the row is its own, and the stop, whose rate and side come last,
-    holds what it has not the torque to leave. In the studies' solver the row at a stop is always the stop's, and the
-    motor pushes with all its torque the way it wants to go, whatever rate that gives (ODE's rule).
+    The motor holds its rate as far as its torque goes. Stops keep the rate within what leads no farther than to them,
+    with whatever impulse that takes; from beyond a stop they lead back. In the studies' solver stops act only once they
+    are passed: the row is then the stop's, and the motor pushes with all its torque the way it wants to go, whatever
+    rate that gives (ODE's rule for a powered joint at its stop).
 
     Values: angle; torque, by_command, by_angle, offset and fastest rate of the motor; command; then stops, time step,
     correction, drifting.
@@ -215,20 +215,19 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
     strength = time_step * torque
     none = 0.0 * strength
     at_lower, at_upper = angle <= lower, angle >= upper
-    stop = correction * (select(at_lower, lower, upper) - angle)
-    if drifting:
-        held, leaves = at_lower | at_upper, none
-        upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
-    else:
-        rises, falls = at_lower & (wanted > stop), at_upper & (wanted < stop)
-        held = (at_lower & (wanted <= stop)) | (at_upper & (wanted >= stop))
-        leaves = select(rises, none + 1.0, select(falls, none - 1.0, none))
-        upwards = at_upper
-    target = select(held, stop, wanted)
-    push = select(held, select(upwards, strength, 0.0 - strength), none)
-    low = select(held, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
-    high = select(held, select(at_lower, none + slots.NO_STOP, none), strength)
-    return target, push, low, high, stop, leaves
+    if not drifting:
+        at_once = 1.0 / time_step
+        least = select(at_lower, correction, at_once) * (lower - angle)
+        most = select(at_upper, correction, at_once) * (upper - angle)
+        target = select(wanted < least, least, select(wanted > most, most, wanted))
+        return target, none, 0.0 - strength, strength, least, most
+    stopped = at_lower | at_upper
+    upwards = (wanted > 0.0) | ((wanted >= 0.0) & at_upper)
+    target = select(stopped, correction * (select(at_lower, lower, upper) - angle), wanted)
+    push = select(stopped, select(upwards, strength, 0.0 - strength), none)
+    low = select(stopped, select(at_lower, none, none - slots.NO_STOP), 0.0 - strength)
+    high = select(stopped, select(at_lower, none + slots.NO_STOP, none), strength)
+    return target, push, low, high, none - slots.NO_STOP, none + slots.NO_STOP
 
 
 @primitive

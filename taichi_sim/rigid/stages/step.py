@@ -26,7 +26,8 @@ from taichi_sim.rigid.stages.sand import limit_normals
 from taichi_sim.rigid.stages.water import immerse
 from taichi_sim.runtime import ti
 
-MOST_SWITCHES, SWITCHES_TOGETHER = 30, 8  # solutions a phase, while hinges' rows change; all at once in the first
+MOST_SWITCHES, SWITCHES_TOGETHER = 120, 8  # solutions a phase, while hinges' rows change; all at once in the first
+SWITCHES_OF_STUDIES = 30  # at most, in their solver
 FARTHEST = 1e6  # m, or m/s: beyond it a robot has exploded
 HIGH_ABOVE = 1e4  # m: where a robot is put that exploded
 
@@ -64,7 +65,8 @@ def solve_phase(robots: ti.template(), count, phase):
     """Velocities of all bodies, and impulses of hinges and normals that go with them."""
     rows = ti.min(phase, 1)  # phases after the first share its memory
     push_out = setting(robots, slots.PUSH_OUT)
-    left = MOST_SWITCHES
+    most = ti.static(SWITCHES_OF_STUDIES if robots.drifting else MOST_SWITCHES)
+    left = most
     choose_members(robots, count, rows)
     while left > 0:
         assemble(robots, count, phase, push_out)
@@ -77,7 +79,7 @@ def solve_phase(robots: ti.template(), count, phase):
             apply_normals(robots, count, rows)
         spread(robots)
         together = 0
-        if left > MOST_SWITCHES - SWITCHES_TOGETHER:
+        if left > most - SWITCHES_TOGETHER:
             together = 1
         changes = switch_rows(robots, rows, together)
         left -= 1

@@ -334,7 +334,7 @@ def test_a_plate_at_rest_stays_so_on_four_corners_that_carry_its_weight(integrat
 @BOTH
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_stop_holds_what_falls_on_it(integration, side):
-    """Seen when it is behind the stop, the arm is pushed back by a part of its way in each step, and comes to rest."""
+    """It comes to rest there; in the studies' solver the arm is seen behind it, and pushed back by a part in a step."""
     stand = Body("stand", (0, 0, 3), 1.0, [Sphere(0.05)])
     arm = Body("arm", (0.5, 0, 3), 2.0, [Capsule(0.05, 0.5, (1, 0, 0))])
     hinge = Hinge("stand", "arm", (0, 0, 3), (0, side, 0), stops=(-0.6, 0.6))  # it falls to the side of the axis
@@ -342,7 +342,7 @@ def test_a_stop_holds_what_falls_on_it(integration, side):
     found = simulate(Tree([stand, arm], [hinge], fixed=True), world, 400)
     angles = side * found.frames.angles[:, 0, 0]
     fastest = np.diff(angles).max()
-    assert 0.6 < angles.max() < 0.6 + fastest
+    assert 0.6 - 1e-9 < angles.max() < 0.6 + (fastest if integration == "velocity" else 1e-9)
     assert np.abs(angles[-100:] - 0.6).max() < 1e-3 + fastest / 20
 
 
