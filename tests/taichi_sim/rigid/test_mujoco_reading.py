@@ -14,6 +14,7 @@ from random_urdf import random_urdf
 from small_mjcf import ball, classed, default, leg
 
 from taichi_sim.rigid.model.files import read_model
+from taichi_sim.rigid.model.mjcf import DAMPED_AT_LIMITS
 
 HERE = Path(__file__)
 ROOT = HERE.parents[3]
@@ -273,3 +274,9 @@ def test_what_has_no_name_is_called_as_nothing_else_is():
 )
 def test_what_passed_in_silence_is_named(text, note):
     assert note in read_model(text).ignored and refusal(text) is None
+
+
+@pytest.mark.parametrize("limit, told", [("", False), ('forcerange="-1 1"', True)])
+def test_damping_that_a_drive_at_its_limit_lacks_is_named(limit, told):
+    text = leg('damping="3"', f'<position joint="hip" kp="50" ctrlrange="-1 1" {limit}/>')
+    assert (DAMPED_AT_LIMITS in read_model(text).ignored) is told

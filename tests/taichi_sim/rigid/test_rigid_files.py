@@ -96,6 +96,7 @@ def test_what_is_ignored_is_named_in_one_warning():
     assert set(model.ignored) == {
         "<jointpos> sensors",
         "damping of joints",
+        "damping of joints whose drives are at their limits of force",
         "gains of drives",
         "how stiff drives are, but not kp / kv",
         "torques of motors, which are driven by rate",
