@@ -163,7 +163,7 @@ def _readable(part: Mapping[str, Any], definition: str) -> Iterator[str]:
         rows = where(part["cells"], measure=name)
         robots, cells = distinct(rows, "robot"), {(row["fitness"], row["robot"]): row for row in rows}
         yield f"## {name}: {title}\n"
-        yield "Mean ± standard deviation, [95 % interval], published mean.\n"
+        yield "Mean ± standard deviation, [95 % bootstrap interval, too narrow for few runs], published mean.\n"
         lines = [(way, *(_cell(cells.get((way, robot))) for robot in robots)) for way in distinct(rows, "fitness")]
         yield from markdown((name, *robots), "l" * (1 + len(robots)), lines)
         marked = [_mark(t["first"], t["second"]) for t in part["tests"][name] if t["significant"]]
