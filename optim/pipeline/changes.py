@@ -15,7 +15,7 @@ from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
 from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
-from optim.pipeline.trials import KeptSimulations, State
+from optim.pipeline.trials import KeptSimulations, State, part_name
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg
 from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
@@ -72,11 +72,6 @@ def find_change(before: State, after: State, trials: KeptSimulations, progress: 
         if not tried[-1].faults:
             break
     return min(tried, key=lambda change: (len(change.faults), -np.nan_to_num(change.next_speed, nan=-np.inf)))
-
-
-def part_name(key: str) -> str:
-    """A key as the name of a part in a results folder."""
-    return "".join(c if c.isalnum() else "_" for c in key)
 
 
 def _play(legs: Sequence[Leg], trials: KeptSimulations, progress: Progress) -> Arrays:

@@ -124,7 +124,7 @@ def write_package(package: Package, folder: Path) -> list[str]:
         write_text(folder / PLAYER, player(motions[:MOST_MOTIONS], "From terrain to terrain"))
         written.append(PLAYER)
     if task.calibration is not None:
-        save_properties(task.calibration, task.geometry, folder / RIG_FILE)
+        save_properties(task.calibration, task.geometry, folder / RIG_FILE, task.weight)
         written.append(RIG_FILE)
     write_json(folder / MACHINE, machine_document(package.states, package.changes, task))
     write_json(folder / NUMBERS, package.numbers())

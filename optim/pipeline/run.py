@@ -33,6 +33,10 @@ def find_gaits(
 ) -> dict[str, InflatableDesign]:
     """All candidates by name that are short enough and that the rig can play; searches go on where they were."""
     found = dict(task.gaits)
+    if taken := [name for name in found if task.search and name.startswith(FOUND)]:
+        raise ValueError(
+            f"gaits: {taken[0]} is not allowed beside a search, whose gaits are called so; rename its file"
+        )
     for place, terrain in enumerate(task.terrains if task.search else ()):
         best = _search(task, terrain, folder / slug(terrain), part_of(progress, place, len(task.terrains)), threads)
         if best is not None:
@@ -108,7 +112,7 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
     return {
         "terrains": [terrain.document for terrain in task.terrains],
         "gaits": {
-            name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats]
+            name: [d.pressure, d.orientation, d.schedule.to_text(), d.schedule.repeats, *_own_body(d)]
             for name, d in task.gaits.items()
         },
         "search": None if task.search is None else dataclasses.asdict(task.search),
@@ -121,6 +125,14 @@ def settings_of(task: PipelineTask) -> dict[str, Any]:
         **({} if task.weight == "published" else {"weight": task.weight}),
         **({GROUND_FILES: files} if (files := ground_files(task.terrains)) else {}),
     }
+
+
+def _own_body(design: InflatableDesign) -> list[Any]:
+    """What a design says of its body; nothing if it says nothing."""
+    if design.materials is None and design.bladders is None:
+        return []
+    materials = None if design.materials is None else dataclasses.asdict(design.materials)
+    return [materials, design.bladders]
 
 
 def _choose(

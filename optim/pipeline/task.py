@@ -7,7 +7,7 @@ from typing import Any
 
 from optim.problems.inflatable.problem import GaitProblem
 from optim.search import METHODS, build_method, default_settings
-from robots.calibration import Properties, load_calibration, robot_of
+from robots.calibration import Properties, load_calibration, robot_of, weight_of_calibration
 from robots.hardware import PneumaticRig, RigViolation, gait_table, read_design
 from robots.inflatable.actuation import PUBLISHED_COLUMNS, PUBLISHED_STEPS, WEIGHTS
 from robots.inflatable.body import NAMED_GEOMETRIES
@@ -158,6 +158,7 @@ def read_task(path: Path) -> PipelineTask:
     terrains = _names("terrains", given["terrains"], "give names, such as ['flat', 'hill:15']")
     beside = _file("calibration", given, path, "give the calibration.json of morpholab calibrate")
     calibration, geometry = load_calibration(beside) if beside else (None, "published")
+    weight = {"weight": weight_of_calibration(beside)} if beside else {}
     rig = _file("rig", given, path, "give the name of a rig, or its file")
     return PipelineTask(
         _grounds([Terrain.parse(name) for name in terrains], given),
@@ -166,7 +167,7 @@ def read_task(path: Path) -> PipelineTask:
         limits=_limits(path, given.get("limits", {}), calibration),
         rig=PneumaticRig.load(str(rig if rig.is_file() else given["rig"])) if rig else PneumaticRig(),
         calibration=calibration,
-        **{"geometry": geometry, **{name: given[name] for name in PLAIN if name in given}},
+        **{"geometry": geometry, **weight, **{name: given[name] for name in PLAIN if name in given}},
     )
 
 

@@ -17,12 +17,19 @@ from robots.inflatable.robustness import NOISE
 from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Floats
+from taichi_sim.base.files import sha256
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.base.short_text import decimal
 
 
 class NoWorkingGait(RuntimeError):
     """A terrain has no gait that works."""
+
+
+def part_name(key: str) -> str:
+    """A key as the name of a part in a results folder, with a digest, as different keys may have the same letters."""
+    letters = "".join(c if c.isalnum() and c.isascii() else "_" for c in key)
+    return f"{letters}_{sha256(key.encode())[:8]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +84,7 @@ class KeptSimulations:
             return {"speeds": simulation.simulate(copies, terrain, **self.noisy, progress=progress).speed}
 
         check = partial(check_arrays, {"speeds": Allowed((self.task.runs,), failed=np.nan)})
-        return cached(self.folder, f"speed_{name}_{slug(terrain)}".replace("-", "_"), play, check)["speeds"]
+        return cached(self.folder, part_name(f"speed {name} {slug(terrain)}"), play, check)["speeds"]
 
 
 def speeds_of(

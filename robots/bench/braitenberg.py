@@ -76,7 +76,7 @@ def _warping_rate(samples: int) -> float:
 def lines(figures: dict[str, Any]) -> list[str]:
     """Lines of a table of the rates."""
     found = [
-        f"{name}  rollouts, one core       {rate['median']:>8.0f} of 10,000 steps/s (best {rate['best']:.0f})"
+        f"{name}  rollouts, one core       {rate['median']:>8.0f} of up to 10,000 steps/s (best {rate['best']:.0f})"
         for name, rate in figures["rollouts_per_core_second"].items()
         if name != "prototype"
     ]

@@ -23,5 +23,6 @@ if TYPE_CHECKING:
     from robots.calibration.properties import load_calibration as load_calibration
     from robots.calibration.properties import robot_of as robot_of
     from robots.calibration.properties import save_properties as save_properties
+    from robots.calibration.properties import weight_of_calibration as weight_of_calibration
 
 __getattr__, __dir__, __all__ = exported_names(__name__)

@@ -198,7 +198,9 @@ class Gait:
         heading = travel_directions(np.array([self.design.orientation]))[0]
         found = (middle[:, 1:] - middle[:, :1]) @ heading
         if self.mean_speed:
-            found = found / ((snapshots[:, 1:] - snapshots[:, :1]) * laboratory.time_step)
+            played_for = (snapshots[:, 1:] - snapshots[:, :1]) * laboratory.time_step
+            late = np.isfinite(times) & (times > played_for + laboratory.time_step)  # the robot rests after its gait
+            found = found / np.where(late, times, played_for)
         return np.where((run.status == "ok")[:, None], found[:, place], np.nan)
 
 

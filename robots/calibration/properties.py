@@ -7,7 +7,7 @@ from os import PathLike
 from types import MappingProxyType
 from typing import Annotated, Any, Self
 
-from robots.inflatable.actuation import ACTUATION, InflatableActuation
+from robots.inflatable.actuation import ACTUATION, WEIGHTS, InflatableActuation
 from robots.inflatable.body import NAMED_GEOMETRIES, PUBLISHED, InflatableGeometry
 from taichi_sim.base.checks import check_fields, choice, positive
 from taichi_sim.base.files import read_record, write_record
@@ -117,6 +117,7 @@ class _Calibration:
     format: str
     geometry: str
     properties: Properties
+    weight: str = "published"
 
 
 def robot_of(
@@ -136,12 +137,24 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
     return read_record(path, CALIBRATION_FORMAT, _calibration)
 
 
-def save_properties(properties: Properties, geometry: str, path: str | PathLike[str]) -> None:
+def weight_of_calibration(path: str | PathLike[str]) -> str:
+    """Read with which weight of bladders the properties in a file of a calibration were fitted; errors as above."""
+    return choice("weight", read_record(path, CALIBRATION_FORMAT, _fields).weight, WEIGHTS)
+
+
+def save_properties(
+    properties: Properties, geometry: str, path: str | PathLike[str], weight: str = "published"
+) -> None:
     """Write properties, and the name of their geometry, for :func:`load_calibration`."""
-    write_record(path, CALIBRATION_FORMAT, {"geometry": geometry, "properties": asdict(properties)})
+    more = {} if weight == "published" else {"weight": weight}
+    write_record(path, CALIBRATION_FORMAT, {"geometry": geometry, **more, "properties": asdict(properties)})
 
 
 def _calibration(record: dict[str, Any]) -> tuple[Properties, str]:
-    read = [each.name for each in fields(_Calibration)]
-    found = checked(_Calibration, {name: value for name, value in record.items() if name in read})
+    found = _fields(record)
     return found.properties, choice("geometry", found.geometry, NAMED_GEOMETRIES)
+
+
+def _fields(record: dict[str, Any]) -> _Calibration:
+    read = [each.name for each in fields(_Calibration)]
+    return checked(_Calibration, {name: value for name, value in record.items() if name in read})

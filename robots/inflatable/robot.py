@@ -131,12 +131,14 @@ class InflatableRobot(Robot):
 
     def changed(self, options: Mapping[str, Any]) -> "InflatableRobot":
         """This robot with another body, properties of another rig, part of the gait, or noise, as options say."""
-        from robots.calibration import load_calibration
+        from robots.calibration import load_calibration, weight_of_calibration
 
         rig = load_calibration(options["calibration"]) if "calibration" in options else None
         gait = {name: options[name] for name in ("pressure", "orientation") if name in options}
         schedule = self.gait.schedule.cut(options.get("columns"), options.get("repeats"))
         own = {"properties": rig[0], "calibration": options["calibration"]} if rig else {}
+        if rig:  # the body with which they were fitted
+            own["weight"] = weight_of_calibration(options["calibration"])
         if "columns" in options or "repeats" in options:
             own["speeds"] = None  # they are counted by the whole gait
         more = {name: options[name] for name in ("geometry", "weight", "perturbation", "seed") if name in options}

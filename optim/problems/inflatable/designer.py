@@ -239,10 +239,11 @@ def _choose_robot(settings: dict[str, Any], args: SimpleNamespace, asked: Reques
     from optim.problems.uncertain import uncertain_settings
 
     if args.calibration is not None:
-        from robots.calibration import load_calibration
+        from robots.calibration import load_calibration, weight_of_calibration
 
         settings["properties"], own = load_calibration(args.calibration)
         settings.setdefault("geometry", own)
+        settings.setdefault("weight", weight_of_calibration(args.calibration))
     settings |= asked.chosen((*SETTINGS, *COMPUTE))
     settings |= uncertain_settings(asked.given, asked.known)
     settings["terrains"] = tuple(args.terrain or settings.get("terrains", ()))

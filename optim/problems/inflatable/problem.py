@@ -394,7 +394,7 @@ class GaitProblem(GaitPoints):
         if self.properties is None:
             (folder / RIG_FILE).unlink(missing_ok=True)  # of a run that ended before it began
         else:
-            save_properties(self.properties, self.geometry, folder / RIG_FILE)
+            save_properties(self.properties, self.geometry, folder / RIG_FILE, self.weight)
 
     def save(self, point: ArrayLike, path: Path) -> None:
         """Write the design of a point as JSON, for ``robots.inflatable.load_design``."""

@@ -309,6 +309,25 @@ def test_a_crossing_is_kept_for_its_own_gaits_alone(tmp_path, monkeypatch):
         assert len(played) == again  # those with noise if they are new, and the one that is shown
 
 
+def test_gaits_of_similar_names_are_simulated_apart(tmp_path, monkeypatch):
+    speeds = iter([0.1, 0.2])
+    monkeypatch.setattr(trials.simulation, "simulate", lambda *_, **__: SimpleNamespace(speed=np.full(2, next(speeds))))
+    task = task_of(tmp_path, "terrains = ['flat']\ngaits = ['rolling']\nruns = 2")
+    kept = KeptSimulations(task, ResultsFolder(tmp_path / "kept", "pipeline", {}))
+    found = [kept.speeds(name, INCHING, task.terrains[0], None)[0] for name in ("w-1", "w_1", "w-1")]
+    assert found == [0.1, 0.2, 0.1]
+
+
+def test_settings_tell_gaits_of_other_bodies_apart(tmp_path):
+    task = task_of(tmp_path, "terrains = ['flat']\ngaits = ['rolling']\nruns = 2")
+    (name, design), *_ = task.gaits.items()
+    other = dataclasses.replace(task, gaits={name: design.with_layout((1, 2, 3))})
+    assert (
+        pipeline_run.settings_of(other) != pipeline_run.settings_of(task)
+        and len(pipeline_run.settings_of(task)["gaits"][name]) == 4
+    )
+
+
 def interrupted(*_args, **_options):
     raise KeyboardInterrupt
 

@@ -22,12 +22,15 @@ from robots.calibration import (
     Trial,
     load_calibration,
     read_measurements,
+    save_properties,
+    weight_of_calibration,
     write_measurements,
 )
 from robots.calibration.experiments import LENGTH, WIDTH
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, InflatableGeometry, simulate
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.schedule import GaitSchedule
+from robots.kind import KINDS
 from robots.world import Terrain
 from taichi_sim.lattice import LatticeBody, LatticeEngine, Material, ProgramBuilder, Quantity
 
@@ -185,6 +188,17 @@ def test_a_gait_goes_as_simulate_says():
     speed = dataclasses.replace(gait, mean_speed=True).predict([Trial(own)], robot)[0, 0]
     result = simulate(STEP, Terrain(5.0), geometry=TINY, actuation=QUICK, threads=1)
     assert speed == pytest.approx(result.speed_simulated[0] * TINY.body_length, rel=1e-3)
+    late = dataclasses.replace(gait, at=np.array([50.0]), values=np.ones(1), mean_speed=True)  # it rests after its gait
+    assert late.predict([Trial(own)], robot)[0, 0] == pytest.approx(said / 50.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("weight", ["published", "physical"])
+def test_a_fitted_robot_has_the_weight_with_which_it_was_fitted(tmp_path, weight):
+    save_properties(Properties.of(), "small", tmp_path / "fit.json", weight)
+    options = {"calibration": str(tmp_path / "fit.json")}
+    robot = KINDS["inflatable"].build("inching", options)
+    assert robot.parts[1].weight == weight == weight_of_calibration(tmp_path / "fit.json")
+    assert KINDS["inflatable"].build("inching", {**options, "weight": "published"}).parts[1].weight == "published"
 
 
 # fit
