@@ -157,8 +157,7 @@ class GaitProblem(GaitPoints):
         each = each_actuation(self.actuation if drives is None else drives, len(result.status))
         if not self._timed:
             nominal = np.array([nominal_steps(self.columns * self.repeats, drive) for drive in each])
-            slow = self.schedule is not None and self.schedule.pace is not None
-            return np.maximum(result.steps, nominal) if slow else nominal
+            return np.maximum(result.steps, nominal) if self._paced else nominal
         if not self._set.isdisjoint(GRADED_OPTIONS):
             return np.maximum(result.steps, self.most_steps)
         return np.maximum(result.steps, [nominal_steps(PUBLISHED_COLUMNS, drive) for drive in each])

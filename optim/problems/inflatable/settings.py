@@ -260,6 +260,11 @@ class GaitSettings(RobotDesigning):
         """Whether gaits have times of their own."""
         return self.graded if self.schedule is None else self.schedule.has_own_times
 
+    @property
+    def _paced(self) -> bool:
+        """Whether the gait is given, with paces of its own."""
+        return self.schedule is not None and self.schedule.pace is not None
+
     def facts(self) -> Facts:
         """Terrains, what is free, what is fixed, and the simulation."""
         geometry = self.body
