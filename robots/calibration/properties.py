@@ -138,7 +138,11 @@ def load_calibration(path: str | PathLike[str]) -> tuple[Properties, str]:
 
 
 def weight_of_calibration(path: str | PathLike[str]) -> str:
-    """Read with which weight of bladders the properties in a file of a calibration were fitted; errors as above."""
+    """Read the weight of bladders with which a calibration was fitted from its file, ``"published"`` or ``"physical"``.
+
+    Raises:
+        ValueError: if the file cannot be read as such; names the file and what is wrong.
+    """
     return choice("weight", read_record(path, CALIBRATION_FORMAT, _fields).weight, WEIGHTS)
 
 
