@@ -17,7 +17,7 @@ from robots.lattice_robot.scenes import Scenes
 from robots.lattice_robot.simulation import rollout_of, swing_of
 from robots.robot import Trial
 from robots.world import Terrain
-from taichi_sim.base.arrays import Floats
+from taichi_sim.base.arrays import Ints
 from taichi_sim.lattice import LatticeBody, Material
 
 FINER, BODIES = 16, 8
@@ -67,7 +67,7 @@ def recorded(robot: LatticeRobot) -> tuple[dict[str, float], dict[str, float]]:
     run = own.engine.run(replace(own.program, snapshots=fine))
     lost = run.status != "ok"
 
-    def told(moments: Floats) -> dict[str, float]:
+    def told(moments: Ints) -> dict[str, float]:
         taken = np.concatenate([[0, 1], LAST_CYCLE.start + moments]).astype(int)
         parts = (np.ascontiguousarray(each[:, taken]) for each in (run.positions, run.strains, run.sizes))
         found = own.measured(Record(*parts), lost)
