@@ -13,13 +13,15 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robots.calibration import Experiment, Laboratory, Properties, Trial
-from taichi_sim.base.arrays import Bools, Floats
+from taichi_sim.base.arrays import Floats, Ints
 
 ASSUMED = 0.02  # standard deviation where none is given, relative to an experiment's largest value
 SMALLEST = 0.002  # least such deviation, because readings are rounded and gauges are no better
 DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
 REPLICAS = 8  # simulations with different start noise, from which the simulator's scatter is estimated
 FAR_OFF = 1e3  # residual of simulations that diverge
+GIVEN = -1  # experiment of points whose standard deviation is given
+LEAST_FREEDOM = 1.5  # degrees of freedom from which an experiment's own noise is told by its residuals
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +55,10 @@ class Misfit:
         return np.concatenate([experiment.values for experiment in self.experiments])
 
     @cached_property
-    def given(self) -> Bools:
-        """Whether the standard deviation of each point is given rather than assumed, shape (N,)."""
-        return np.concatenate([np.full(len(e.values), e.deviations is not None) for e in self.experiments])
+    def assumed(self) -> Ints:
+        """Experiment of each point whose standard deviation is assumed, ``GIVEN`` where it is given, shape (N,)."""
+        numbered = enumerate(self.experiments)
+        return np.concatenate([np.full(len(e.values), i if e.deviations is None else GIVEN) for i, e in numbered])
 
     @cached_property
     def deviations(self) -> Floats:
@@ -127,27 +130,54 @@ class Uncertainty:
     noise: float  # root of the residuals' sum of squares over the degrees of freedom [standard deviations]
 
 
-def uncertainty(found: Linearised, given: Bools, share: Floats) -> Uncertainty:
+def uncertainty(found: Linearised, assumed: Ints, share: Floats) -> Uncertainty:
     """Uncertainty of a fit, from the linearised misfit at its end.
 
-    Assumed variances are scaled to the residuals, but never to deviations below ``SMALLEST``, as a few readings may be
-    equal, or on the curve, by chance. Given variances are only ever scaled up. The simulator's scatter counts once for
-    the single run of the rig, which is as chaotic, and once for the mean of the replicas.
+    Assumed variances are scaled to the residuals, those of each experiment to its own, but never to deviations below
+    ``SMALLEST``, as a few readings may be equal, or on the curve, by chance. Given variances are only ever scaled up.
+    The simulator's scatter counts once for the single run of the rig, which is as chaotic, and once for the mean of the
+    replicas. Scaled variances are themselves uncertain: the intervals follow Student's distribution, with the effective
+    degrees of freedom of a sum of such variances (Satterthwaite, Biometrics Bulletin 2, 1946).
 
     Args:
         found: linearised misfit.
-        given: whether the standard deviation of each point is given rather than assumed, shape (N,).
+        assumed: experiment of each point whose deviation is assumed, ``GIVEN`` where it is given, shape (N,).
         share: share of the measurement in the variance by which each residual is weighted, shape (N,).
     """
-    slopes, freedom = found.slopes, found.slopes.shape[0] - found.slopes.shape[1]
-    scale = float(found.residuals @ found.residuals) / freedom
-    solve = np.linalg.pinv(slopes)
-    measured = share * np.where(given, max(scale, 1.0), max(scale, (SMALLEST / ASSUMED) ** 2))
+    slopes, solve = found.slopes, np.linalg.pinv(found.slopes)
+    squares, left = found.residuals**2, 1 - np.einsum("nk,kn->n", slopes, solve)
+    parts = [
+        (_noise(squares, left, assumed, group), share * (assumed == group)) for group in np.unique(assumed).tolist()
+    ]
+    measured = sum((scale * points for (scale, _), points in parts), np.zeros(len(squares)))
     noise = (solve * measured) @ solve.T
     chaos = solve @ (found.scatter * (1 + 1 / REPLICAS)) @ solve.T
     covariance = noise + chaos
     errors = np.sqrt(np.diag(covariance))
     safe = np.where(errors > 0, errors, 1.0)
+    doubt = sum((scale * (solve**2 @ points) / safe**2) ** 2 / freedom for (scale, freedom), points in parts)
     level = (1 + CONFIDENCE) / 2
-    reach = errors * float(norm.ppf(level) if given.all() else t.ppf(level, freedom))
-    return Uncertainty(errors, reach, covariance / np.outer(safe, safe), np.diag(chaos) / safe**2, scale**0.5)
+    reach = errors * np.where(doubt > 0, t.ppf(level, 1 / np.where(doubt > 0, doubt, 1.0)), norm.ppf(level))
+    overall = float(np.sqrt(squares.sum() / left.sum()))
+    return Uncertainty(errors, reach, covariance / np.outer(safe, safe), np.diag(chaos) / safe**2, overall)
+
+
+def _noise(squares: Floats, left: Floats, assumed: Ints, group: int) -> tuple[float, float]:
+    """Factor of the variances of a group of points, and with how many degrees of freedom it is known.
+
+    Each residual leaves 1 - leverage degrees of freedom (Horn, Horn & Duncan, JASA 70, 1975). A group in which too few
+    are left takes the factor of all points whose deviation is assumed, or given, as its own or, if these are too few,
+    that of all points.
+
+    Args:
+        squares: squares of the residuals, shape (N,).
+        left: degrees of freedom that each leaves, shape (N,).
+        assumed: experiment of each point whose deviation is assumed, shape (N,).
+        group: that experiment, or ``GIVEN``: given variances are taken as known.
+    """
+    known = group == GIVEN
+    candidates = (assumed == group, (assumed == GIVEN) == known, np.ones(len(assumed), bool))
+    points = next((each for each in candidates if left[each].sum() >= LEAST_FREEDOM), candidates[-1])
+    freedom = float(left[points].sum())
+    factor = float(squares[points].sum()) / freedom
+    return (max(factor, 1.0), np.inf) if known else (max(factor, (SMALLEST / ASSUMED) ** 2), freedom)
