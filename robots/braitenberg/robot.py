@@ -193,7 +193,8 @@ class VehicleRobot(Robot):
         fields = ("starts", "lights", "radius", "time_step", "steps")
         task = {name: np.asarray(getattr(self.task, name)).tolist() for name in fields}
         body = None if self.body is None else [list(site) for site in self.body.sensors]
-        return {"body": body, "controller": self.controller, "sensors": self.sensors, "task": task}
+        fixed = {} if self.matrix is None else {"matrix": self.matrix.tolist()}
+        return {"body": body, "controller": self.controller, "sensors": self.sensors, "task": task, **fixed}
 
     def facts(self) -> Facts:
         """Sensors, controller, and the task."""
@@ -301,13 +302,14 @@ def load_vehicle(path: Path) -> VehicleRobot:
 
 def vehicle_of_description(description: Mapping[str, Any]) -> VehicleRobot:
     """The robot that ``describe`` described."""
-    known_names(description, "body", "controller", "sensors", "task")
+    known_names(description, "body", "controller", "sensors", "task", "matrix")
     body = description["body"]
     return VehicleRobot(
         None if body is None else VehicleBody(body),
         description["controller"],
         description["sensors"],
         built(VehicleTask, description["task"]),
+        numbers("matrix", description["matrix"], 2, "S") if "matrix" in description else None,
     )
 
 

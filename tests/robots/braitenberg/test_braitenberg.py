@@ -1,6 +1,7 @@
 """Bodies on the published grid, sweeps by symmetry and on disk, and the problem behind co-design."""
 
 import itertools
+import json
 import os
 import signal
 import subprocess
@@ -27,6 +28,7 @@ from robots.braitenberg import (
     sweep,
     weight_grid,
 )
+from robots.braitenberg.robot import VehicleRobot, one_vehicle, vehicle_of_description
 from robots.braitenberg.sweeps import Sweep, read_sweep
 from taichi_sim.base.results_folder import ResultsFolder
 
@@ -276,6 +278,17 @@ def test_a_problem_judges_what_the_vehicle_does(controller, body, tmp_path):
     assert VehicleProblem.from_description(problem.describe()).describe() == problem.describe()
     problem.save(points[0], tmp_path / "a.json")
     assert '"sensors"' in (tmp_path / "a.json").read_text()
+
+
+@pytest.mark.kernels
+def test_a_vehicle_with_a_controller_of_its_own_is_described_with_it():
+    one, other = (one_vehicle(VehicleBody.published(162), weights, SHORT) for weights in ((0.5, 0.4), (0.5, -0.4)))
+    assert one.describe() != other.describe() and "matrix" not in VehicleRobot().describe()
+    again = vehicle_of_description(json.loads(json.dumps(one.describe())))
+    assert again.describe() == one.describe()
+    for world in one.worlds:
+        first, second = (each.simulate((), world).measures["closest"] for each in (one, again))
+        assert first == second
 
 
 def test_the_description_of_another_kind_of_problem_is_refused():
