@@ -49,7 +49,7 @@ def plan_of(tree: Tree, senses: Senses, commands: int = 0, *, wet: bool = False,
     """
     points = [n for n, _, _ in tree.points()]
     eyes = [tree.place_of(name) for name, _ in senses.light]
-    portions = [n for n, *_ in tree.portions()] if wet else []
+    portions = [n for n, _ in tree.portions()] if wet else []
     rows, paths = _structure(tree, senses)
     bodies, depth, sensors, motors, pairs = (
         *paths.shape,
@@ -143,8 +143,8 @@ def points_of(tree: Tree) -> Floats:
 def portions_of(tree: Tree, pressure_drag: float, friction_drag: float) -> Floats:
     """What water knows of the portions of a tree, (portions, PORTION_WIDTH), see ``slots``."""
     lower, found = np.tril_indices(3), []
-    for _, each, faces in tree.portions():
-        drag = pressure_drag * faces.pressure + friction_drag * faces.friction
+    for _, each in tree.portions():
+        drag = pressure_drag * each.faces.pressure + friction_drag * each.faces.friction
         found.append((*each.centre, *each.spread[lower], each.volume, each.is_ball, *drag[lower]))
     return np.array(found).reshape(-1, slots.PORTION_WIDTH)
 

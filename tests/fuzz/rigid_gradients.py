@@ -259,7 +259,7 @@ def water_signature(relief: Relief, tree: Tree, bodies: np.ndarray, position: np
     """Which portions are wholly, partly or not in the water, and whether they go in or come out."""
     assert relief.water is not None
     sides, ways = [], []
-    for n, portion, _ in tree.portions():
+    for n, portion in tree.portions():
         body = bodies[:, n]
         rotation = body[:, slots.ROTATION : slots.ROTATION + 9].reshape(-1, 3, 3)
         up = rotation[:, 2]

@@ -62,6 +62,22 @@ Size = Annotated[float, _size]
 
 
 @dataclass(frozen=True, eq=False)
+class Faces:
+    """Areas by which a fluid resists a portion of a solid, as symmetric matrices in the axes at rest, (3, 3) [m^2].
+
+    They are what drag on faces, as of lattice robots, comes to where a solid moves along one of its own axes: pressure
+    on a face by the square of the cosine between its normal and the motion, friction by that of the sine.
+
+    Attributes:
+        pressure: that meet the fluid.
+        friction: that it flows along.
+    """
+
+    pressure: Floats
+    friction: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class Portion:
     """A part of a solid as water sees it.
 
@@ -70,12 +86,14 @@ class Portion:
         spread: three times the covariance of its places about its centre, (3, 3) [m^2]; along a direction n its heights
             lie evenly within sqrt(n.spread n) of the centre's, so that of a block at rest is exact.
         volume: [m^3].
+        faces: its part of the solid's surface.
         is_ball: whether it is a ball instead, exactly; ``spread`` has its squared radius then.
     """
 
     centre: Floats
     spread: Floats
     volume: float
+    faces: Faces
     is_ball: bool = False
 
 
@@ -95,26 +113,6 @@ class Patch:
     length: float = 0.0
     axis: Vector = ORIGIN
     edges: Vector = ORIGIN
-
-
-@dataclass(frozen=True, eq=False)
-class Faces:
-    """Areas by which a fluid resists a solid that moves, as symmetric matrices in the axes at rest, (3, 3) [m^2].
-
-    They are what drag on faces, as of lattice robots, comes to where a solid moves along one of its own axes: pressure
-    on a face by the square of the cosine between its normal and the motion, friction by that of the sine.
-
-    Attributes:
-        pressure: that meet the fluid.
-        friction: that it flows along.
-    """
-
-    pressure: Floats
-    friction: Floats
-
-    def shared(self, count: int) -> "Faces":
-        """One of so many equal shares."""
-        return Faces(self.pressure / count, self.friction / count)
 
 
 def _about(axis: Floats, along: float, across: float) -> Floats:
@@ -152,12 +150,9 @@ class Sphere:
 
     def portions(self) -> list[Portion]:
         """Return the ball itself as its only portion."""
-        return [Portion(np.array(self.centre), self.radius**2 * np.eye(3), self.volume, is_ball=True)]
-
-    def faces(self) -> Faces:
-        """Areas that a fluid resists."""
         section = math.pi * self.radius**2
-        return Faces(section / 2 * np.eye(3), 8 / 3 * section * np.eye(3))
+        faces = Faces(section / 2 * np.eye(3), 8 / 3 * section * np.eye(3))
+        return [Portion(np.array(self.centre), self.radius**2 * np.eye(3), self.volume, faces, is_ball=True)]
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
@@ -203,17 +198,14 @@ class Capsule:
         r, axis, cap = self.radius, unit("axis", self.axis), 3 / 8 * self.radius  # of a half ball, to its centre
         thick = self.length / SLICES
         middles = thick * (np.arange(SLICES) + 0.5) - self.length / 2
-        slices = [(at, _about(axis, thick**2 / 4, 3 / 4 * r**2), math.pi * r**2 * thick) for at in middles]
-        half = _about(axis, 57 / 320 * r**2, 3 / 5 * r**2), 2 / 3 * math.pi * r**3
-        ends = [(side * (self.length / 2 + cap), *half) for side in (-1.0, 1.0)]
-        return [Portion(np.array(self.centre) + at * axis, spread, volume) for at, spread, volume in slices + ends]
-
-    def faces(self) -> Faces:
-        """Areas that a fluid resists."""
-        r, l, axis = self.radius, self.length, unit("axis", self.axis)
-        ends, side = math.pi * r**2, math.pi * r * l
-        pressure = _about(axis, ends / 2, ends / 2 + 4 / 3 * r * l)
-        return Faces(pressure, _about(axis, 8 / 3 * ends + 2 * side, 8 / 3 * ends + side))
+        section, side = math.pi * r**2, math.pi * r * thick
+        round_about = Faces(_about(axis, 0.0, 4 / 3 * r * thick), _about(axis, 2 * side, side))
+        piece = _about(axis, thick**2 / 4, 3 / 4 * r**2), section * thick, round_about
+        faces = Faces(section / 4 * np.eye(3), 4 / 3 * section * np.eye(3))
+        half = _about(axis, 57 / 320 * r**2, 3 / 5 * r**2), 2 / 3 * section * r, faces
+        ends = [(side * (self.length / 2 + cap), half) for side in (-1.0, 1.0)]
+        slices = [(at, piece) for at in middles]
+        return [Portion(np.array(self.centre) + at * axis, *each) for at, each in slices + ends]
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""
@@ -262,15 +254,13 @@ class Box:
         size = np.array(self.size)
         edges = size / BLOCKS
         spread, volume = np.diag((edges / 2) ** 2), float(np.prod(edges))
+        x, y, z = size
+        pressure, friction = np.diag([y * z, z * x, x * y]), 2 * np.diag([x * (y + z), y * (z + x), z * (x + y)])
+        faces = Faces(pressure / BLOCKS**3, friction / BLOCKS**3)
         places = (
             np.array(self.centre) + edges * (np.add(n, 0.5)) - size / 2 for n in np.ndindex(BLOCKS, BLOCKS, BLOCKS)
         )
-        return [Portion(place, spread, volume) for place in places]
-
-    def faces(self) -> Faces:
-        """Areas that a fluid resists."""
-        x, y, z = self.size
-        return Faces(np.diag([y * z, z * x, x * y]), 2 * np.diag([x * (y + z), y * (z + x), z * (x + y)]))
+        return [Portion(place, spread, volume, faces) for place in places]
 
     def inertia(self, mass: float) -> Floats:
         """Inertia of the solid with this mass about its own centre, (3, 3) [kg m^2]."""

@@ -12,7 +12,7 @@ import numpy as np
 from taichi_sim.base import checks
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.checks import Finite, NotNegative, Positive, check_fields, number, positive
-from taichi_sim.rigid.model.shapes import Faces, Patch, Portion, Solid, Vector, unit, vector
+from taichi_sim.rigid.model.shapes import Patch, Portion, Solid, Vector, unit, vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,14 +256,14 @@ class Tree:
         """Return the part of the surface that belongs to each of the ``points``, for forces of sand."""
         return [patch for body, _ in self.ordered for shape in body.shapes for patch in shape.patches()]
 
-    def portions(self) -> list[tuple[int, Portion, Faces]]:
-        """Portions that stand for the bodies in water: place of the body, and each with its share of drag areas."""
-        found = []
-        for n, (body, _) in enumerate(self.ordered):
-            for shape in (*body.shapes, *body.immersed):
-                parts = shape.portions()
-                found += [(n, part, shape.faces().shared(len(parts))) for part in parts]
-        return found
+    def portions(self) -> list[tuple[int, Portion]]:
+        """Portions that stand for the bodies in water, each with the place of its body."""
+        return [
+            (n, part)
+            for n, (body, _) in enumerate(self.ordered)
+            for shape in (*body.shapes, *body.immersed)
+            for part in shape.portions()
+        ]
 
     def balls(self) -> tuple[Floats, Floats]:
         """Return centres (N, 3) and radii (N,) at rest of balls that may touch ground, or of bodies' centres [m]."""

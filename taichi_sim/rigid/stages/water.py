@@ -10,7 +10,9 @@ is the slope of a potential by d and, where it turns, by h: so it floats as Arch
   aslant has a pressure in proportion to the sine (Kirchhoff's plate; Hoerner, Fluid-Dynamic Drag, 1965, ch. III).
 - Added mass is half the mass of the water displaced, that of a ball (Lamb, Hydrodynamics, 1932, art. 92). What goes in
   must bring its added mass to its own speed, the slamming of von Karman (NACA TN 321, 1929); what comes out leaves it
-  behind. So water never gives more than it took.
+  behind. The speed that it has is that of the step before, in the pose of then: with the arms of the new pose the
+  added mass of a body whose middle is elsewhere would turn with it without a push, and give energy. So water never
+  gives more than it took.
 
 Drag and added mass are part of a step's linear system, the drag's speed being that before the step: so they slow a body
 whatever the time step, and never turn it round. The surface stays level: no waves, no wake, no lift across the motion.
@@ -47,16 +49,34 @@ LEAST = 1e-30  # (m/s)^2, keeps the speed's derivative finite
 
 @primitive
 def own_motion(*values: Any) -> tuple[Any, ...]:
-    """Angular velocity and velocity of a body at the start of a step (6), from what it carries.
+    """Angular velocity and velocity of a body at the end of the step before (6), from what it carries.
 
-    Values: mass, inertia at rest (6), rotation (9), place (3), carried (6); then drifting.
+    Values: mass, inertia at rest (6), rotation (9), place (3), carried (6); then drifting and the time step.
+
+    A body that carries momentum had its angular velocity in the pose that it had then, which is found by turning back.
     """
     (mass,), at_rest, rotation, place, angular, linear = spatial.cut(values, 1, 6, 9, 3, 3, 3)
-    if values[25]:
+    drifting, time_step = values[25:]
+    if drifting:
         return (*angular, *linear)
-    spin = spatial.minus_times(angular, spatial.cross(place, linear), 1.0)
-    turning = _solved(at_rest, [spatial.dot(rotation[i::3], spin) for i in range(3)])
-    return (*spatial.turned(rotation, turning), *(x / mass for x in linear))
+    own = spatial.minus_times(angular, spatial.cross(place, linear), 1.0)
+    spin = _turning(at_rest, rotation, own)
+    spin = _turned_by(spin, 0.0 - time_step, _turning(at_rest, rotation, _turned_by(spin, time_step, own)))
+    return (*spin, *(x / mass for x in linear))
+
+
+@primitive
+def _turning(at_rest: Reals, rotation: Reals, momentum: Reals) -> Reals:
+    """Angular velocity of a body of this inertia at rest, rotation, and angular momentum."""
+    return spatial.turned(rotation, _solved(at_rest, [spatial.dot(rotation[i::3], momentum) for i in range(3)]))
+
+
+@primitive
+def _turned_by(spin: Reals, time: Any, v: Reals) -> Reals:
+    """A vector that turns with ``spin`` for a time, to the second order."""
+    first = spatial.cross(spin, v)
+    half = spatial.plus_times(first, spatial.cross(spin, first), emit(0.5 * time))
+    return spatial.plus_times(v, half, time)
 
 
 @primitive
@@ -85,11 +105,11 @@ def water_on(*values: Any) -> tuple[list[Any], ...]:
     rotation, place, drift, (base,), spin, velocity = spatial.cut(values[17:], 9, 3, 3, 1, 3, 3)
     level, weight, carried, half_density, time_step, push_out, drifting = values[39:]
     arm = spatial.turned(rotation, offset)
-    at = spatial.plus(place, arm)
+    at, arm_before = spatial.plus(place, arm), _turned_by(spin, 0.0 - time_step, arm)
     spread_up = spatial.times_triangle(spread, rotation[6:])
     reach = emit(sqrt(spatial.dot(rotation[6:], spread_up)))
     depth = emit(level - base - at[2] - drift[2])
-    moving = spatial.plus(velocity, spatial.cross(spin, arm))
+    moving = spatial.plus(velocity, spatial.cross(spin, arm_before))
     share, by_reach = wet_share(depth / reach, is_ball)
     before, _ = wet_share((depth + time_step * moving[2]) / reach, is_ball)
     added = emit(carried * volume)
@@ -175,7 +195,7 @@ def immerse(robots: ti.template()):
     """What water adds to each body's spatial inertia, and to its momentum."""
     constants = ti.static(_constants(robots))
     for b in range(robots.plan[slots.BODIES]):
-        motion = ti.static(own_motion(*gather(robots, _motion_slots(robots, b)), robots.drifting))
+        motion = ti.static(own_motion(*gather(robots, _motion_slots(robots, b)), constants[-1], constants[4]))
         put(robots, _wet_at(robots, b) + slots.MOTION_BEFORE, motion)
         for c in range(slots.WATER_INERTIA, slots.WET_BODY_WIDTH):
             write(robots, _wet_at(robots, b) + c, 0.0 * read(robots, slots.POSITION))
@@ -206,5 +226,5 @@ def undo_immerse(robots: ti.template(), motion: ti.template(), cotangents: ti.te
     for b in range(robots.plan[slots.BODIES]):
         pieces = ti.static(_motion_slots(robots, b))
         seeds = ti.static(row(cotangents, _wet_at(robots, b) + slots.MOTION_BEFORE, 6))
-        to = ti.static(pull_back(own_motion, gather(robots, pieces), (robots.drifting,), seeds))
+        to = ti.static(pull_back(own_motion, gather(robots, pieces), (constants[-1], constants[4]), seeds))
         scatter(cotangents, pieces, to)

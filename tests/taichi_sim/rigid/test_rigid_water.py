@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from taichi_sim.ground import Relief
 from taichi_sim.ground.relief import Water
-from taichi_sim.rigid import Body, Box, Capsule, Hinge, RigidEngine, Sphere, Tree, World
+from taichi_sim.rigid import Body, Box, Capsule, Hinge, Motor, RigidEngine, Sphere, Tree, Weld, World
 from taichi_sim.rigid.pose import rotation_matrix
 
 pytestmark = pytest.mark.kernels
@@ -126,7 +126,7 @@ def energy(engine: RigidEngine, done) -> float:
     spin, velocity = done.velocities[0, 0, :3], done.velocities[0, 0, 3:]
     turning = spin @ rotation @ np.asarray(body.inertia) @ rotation.T @ spin
     found = 0.5 * (body.mass * velocity @ velocity + turning) + GRAVITY * body.mass * place[2]
-    for _, part, _ in tree.portions():
+    for _, part in tree.portions():
         arm = rotation @ part.centre
         reach = math.sqrt((rotation @ part.spread @ rotation.T)[2, 2])
         s = np.clip((1 - (place[2] + arm[2]) / reach) / 2, 0, 1)
@@ -149,6 +149,68 @@ def test_water_at_rest_never_gives_energy(solid, drag, integration):
     excess = (energies - np.minimum.accumulate(energies)).max()
     assert excess < 2e-3 * (energies[0] - energies[-1] if drag else energies[0])
     assert energies[-1] < 0.9 * energies[0]
+
+
+KEEL = Body("it", (0.0, 0.0, -0.2), 3.0, [], np.diag([0.02, 0.02, 0.01]), [Sphere(0.1, (0.0, 0.0, 0.2))])
+UNLIKE = Body("it", (0.0, 0.0, -5.0), 4.0, [], np.diag([0.01, 0.012, 0.014]), [Box((0.4, 0.1, 0.1))])
+
+
+@pytest.mark.parametrize("integration", BOTH)
+@pytest.mark.parametrize(
+    ("body", "motion"),
+    [
+        (KEEL, (3.0, 0.0, 6.0, 0.5, 0.0, 0.0)),  # the middle of its mass is below that of its water
+        (UNLIKE, (3.0, 6.0, 1.0, 0.0, 0.0, 0.0)),  # its mass and its water turn most easily about other axes
+        (one(SOLIDS["box"], 500.0).bodies[0], (0.0, 15.0, 0.0, 0.0, 0.0, 0.0)),  # its wet half changes as it turns
+    ],
+    ids=["keel", "unlike", "half out"],
+)
+def test_water_at_rest_never_gives_energy_to_what_turns(body, motion, integration):
+    """Momentum of water that turned with a body without a push would give a quarter of it in a second."""
+    engine = engine_of(Tree([body]), time_step=1e-3, integration=integration, pressure_drag=0.0, friction_drag=0.0)
+    session = engine.session(start=replace(engine.rest(), velocity=np.array([motion])))
+    energies = np.array([energy(engine, session.advance(steps=10)) for _ in range(300)])
+    assert (energies - np.minimum.accumulate(energies)).max() < 2e-3 * np.ptp(energies)
+
+
+@pytest.mark.parametrize("integration", BOTH)
+def test_one_body_moves_as_two_that_are_welded_together(integration):
+    """Without drag their common middle, with the water's mass, goes straight on while they turn about it."""
+    (heavy, keel), (light, float_) = (6.0, Sphere(0.03)), (0.5, Sphere(0.1))
+    apart, spin, speed, seconds = 0.3, 4.0, 0.5, 1.5
+    masses = np.array([heavy + 0.5 * DENSITY * keel.volume, light + 0.5 * DENSITY * float_.volume])
+    middle, own = apart * masses[1] / masses.sum(), apart * light / (heavy + light)
+    ends = Sphere(0.03, (-own, 0.0, 0.0)), Sphere(0.1, (apart - own, 0.0, 0.0))
+    inertia = sum(m * (0.4 * s.radius**2 * np.eye(3) + np.diag([0, 1, 1]) * s.centre[0] ** 2)
+                  for m, s in zip((heavy, light), ends, strict=True))  # fmt: skip
+    alone = Tree([Body("it", (own, 0.0, 0.0), heavy + light, [], inertia, ends)])
+    welded = Tree(
+        [Body("keel", (0.0, 0.0, 0.0), heavy, [keel]), Body("float", (apart, 0.0, 0.0), light, [float_])],
+        [Weld("keel", "float")],
+    )
+    angle = spin * seconds
+    there = [middle * (1 - math.cos(angle)), (speed + spin * middle) * seconds - middle * math.sin(angle)]
+    for tree, lever in ((alone, own), (welded, 0.0)):
+        world = {"gravity": 0.0, "pressure_drag": 0.0, "friction_drag": 0.0, "integration": integration}
+        engine = engine_of(tree, sea(20.0), 5e-4, **world)
+        start = replace(engine.rest(), velocity=np.array([[0, 0, spin, 0, speed + spin * lever, 0.0]]))
+        done = engine.run(int(seconds / 5e-4), start=start)
+        at = done.position[0] - rotation_matrix(done.orientation)[0] @ [lever, 0.0, 0.0]
+        assert at[:2] == pytest.approx(there, abs=0.01)
+
+
+@pytest.mark.parametrize("centre", [0.135, 0.03], ids=["middle of the solid", "elsewhere"])
+def test_a_limb_that_swings_in_still_water_without_drag_takes_its_robot_nowhere(centre):
+    """Wherever the limb's mass is: as in a vacuum, the robot is back after each whole swing."""
+    base = Body("base", (0.0, 0.0, 0.0), 1.7, [Sphere(0.08)])
+    solid = Capsule(0.04, 0.23, (1.0, 0.0, 0.0), (0.135 - centre, 0.0, 0.0))
+    limb = Body("limb", (0.1 + centre, 0.0, 0.0), 0.8, [], np.diag([0.002, 0.004, 0.004]), [solid])
+    hinge = Hinge("base", "limb", (0.1, 0.0, 0.0), (0.0, 0.0, 1.0), Motor.velocity(10.0, 1e3), 0)
+    engine = engine_of(Tree([base, limb], [hinge]), sea(50.0), gravity=0.0, pressure_drag=0.0, friction_drag=0.0)
+    swing = 0.6 * np.cos(2 * math.pi * (np.arange(500) + 0.5) / 500)
+    done = engine.run(1000, commands=np.tile(swing, 2)[None, :, None])
+    assert np.abs(done.position[0]).max() < 5e-3
+    assert np.abs(done.orientation[0, 1:]).max() < 1e-3
 
 
 @pytest.mark.parametrize("ground", [shore(), sea(0.25, -1.0)], ids=["shore", "sea"])

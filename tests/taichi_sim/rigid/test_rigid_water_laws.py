@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from taichi_sim.rigid import Box, Capsule, Sphere
 from taichi_sim.rigid.pose import rotation_matrix
@@ -92,6 +93,42 @@ def test_portions_have_the_volume_centre_and_spread_of_their_solid(solid):
     assert inertia == pytest.approx(solid.inertia(solid.volume), rel=1e-9, abs=1e-12)
 
 
+def surface(solid: Capsule, count: int = 200) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of a capsule along x, outward normals and areas."""
+    r, half, around = solid.radius, solid.length / 2, (np.arange(count) + 0.5) * 2 * math.pi / count
+    out = np.column_stack([0 * around, np.cos(around), np.sin(around)])
+    places, normals, areas = [], [], []
+    for x in (np.arange(count) + 0.5) / count * solid.length - half:
+        places.append(r * out + [x, 0, 0])
+        normals.append(out)
+        areas.append(np.full(count, solid.length / count * 2 * math.pi * r / count))
+    for tilt in (np.arange(count) + 0.5) * math.pi / 2 / count:
+        for side in (-1, 1):
+            normal = math.sin(tilt) * out + [side * math.cos(tilt), 0, 0]
+            places.append(r * normal + [side * half, 0, 0])
+            normals.append(normal)
+            areas.append(np.full(count, r**2 * math.sin(tilt) * math.pi / 2 / count * 2 * math.pi / count))
+    return np.concatenate(places), np.concatenate(normals), np.concatenate(areas)
+
+
+@pytest.mark.parametrize(("radius", "share"), [(0.02, 0.95), (0.05, 0.98), (0.1, 1.04)])
+@pytest.mark.parametrize("end", [0.0, -0.5], ids=["about its middle", "about its end"])
+def test_pressure_slows_a_turning_rod_as_its_surface_says(radius, share, end):
+    """Its portions have the faces that are theirs: tips with a quarter of all would give 1.5 times the moment."""
+    rod = Capsule(radius, 1.0, (1.0, 0.0, 0.0))
+    places, normals, areas = surface(rod)
+    moving = np.cross([0.0, 0.0, 1.0], places - [end, 0, 0])
+    along = (moving * normals).sum(axis=1)
+    force = (0.5 * areas * along * np.abs(along))[:, None] * normals  # half on each side, as for lattice robots
+    expected = np.cross(places - [end, 0, 0], force)[:, 2].sum()
+    found = 0.0
+    for part in rod.portions():
+        arm = part.centre - [end, 0, 0]
+        speed = np.cross([0.0, 0.0, 1.0], arm)
+        found += np.cross(arm, np.linalg.norm(speed) * part.faces.pressure @ speed)[2]
+    assert found / expected == pytest.approx(share if end == 0 else 1.0, abs=0.03)
+
+
 @pytest.mark.parametrize("scale", [1.0, 1e-13])
 def test_own_motion_is_that_of_the_momentum(scale):
     """However small the body."""
@@ -103,5 +140,21 @@ def test_own_motion_is_that_of_the_momentum(scale):
     at_rest = 0.0 * place if scale < 1 else place  # the moment of the momentum would drown the spin's
     angular = rotation @ inertia @ rotation.T @ spin + np.cross(at_rest, momentum)
     given = mass, *inertia[LOWER], *rotation.ravel(), *at_rest, *angular, *momentum
-    assert own_motion(*given, False) == pytest.approx([*spin, *velocity], rel=1e-9)
-    assert own_motion(*given, True) == pytest.approx([*angular, *momentum])
+    assert own_motion(*given, False, 0.0) == pytest.approx([*spin, *velocity], rel=1e-9)
+    assert own_motion(*given, True, 2e-3) == pytest.approx([*angular, *momentum])
+
+
+def test_own_motion_is_that_in_the_pose_of_the_step_before():
+    """To the second order of the step: the angular velocity that the body had before it turned on."""
+    rng = np.random.default_rng(2)
+    rotation, spin = turned(rng), rng.normal(size=3)
+    half = rng.normal(size=(3, 3))
+    inertia = half @ half.T + np.eye(3)
+    momentum = rotation @ inertia @ rotation.T @ spin
+
+    def error(step):
+        now = Rotation.from_rotvec(step * spin).as_matrix() @ rotation
+        found = own_motion(1.0, *inertia[LOWER], *now.ravel(), *np.zeros(3), *momentum, *np.zeros(3), False, step)
+        return np.abs(found[:3] - spin).max()
+
+    assert error(1e-3) < 2e-5 and error(1e-3) == pytest.approx(4 * error(5e-4), rel=0.05)
