@@ -11,7 +11,7 @@ from optim.pipeline.changes import Change, best_single_gait, cross, find_change
 from optim.pipeline.machine import change_name
 from optim.pipeline.package import Package
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
-from optim.pipeline.task import PipelineTask, slug
+from optim.pipeline.task import FOUND, PipelineTask, slug
 from optim.pipeline.trials import KeptSimulations, State, check_working, speeds_of
 from optim.runs import open_run, run_search
 from optim.runs.config import GROUND_FILES
@@ -25,18 +25,12 @@ from robots.world import Terrain
 from taichi_sim.base.results_folder import ResultsFolder
 from taichi_sim.base.short_text import decimal
 
-FOUND = "found-"  # how names begin of what searches find
-
 
 def find_gaits(
     task: PipelineTask, folder: Path, progress: Progress = None, threads: int | None = None
 ) -> dict[str, InflatableDesign]:
     """All candidates by name that are short enough and that the rig can play; searches go on where they were."""
     found = dict(task.gaits)
-    if taken := [name for name in found if task.search and name.startswith(FOUND)]:
-        raise ValueError(
-            f"gaits: {taken[0]} is not allowed beside a search, whose gaits are called so; rename its file"
-        )
     for place, terrain in enumerate(task.terrains if task.search else ()):
         best = _search(task, terrain, folder / slug(terrain), part_of(progress, place, len(task.terrains)), threads)
         if best is not None:

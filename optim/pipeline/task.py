@@ -21,6 +21,7 @@ from taichi_sim.base.parsing import parse_toml
 
 KIND = InflatableKind()
 LEAST_RUNS = 2
+FOUND = "found-"  # how names begin of gaits that searches find
 # Keys whose values are taken as they are.
 PLAIN = ("geometry", "weight", "runs", "stretch", "seed", "precision", "frames")
 PROBLEM = ("encoding", "columns", "repeats", "steps", "warm_up", "stages", "effort")  # keys of [search] about gaits
@@ -87,11 +88,7 @@ class PipelineTask:
             )
         if self.calibration is not None:
             self.calibration.check_time_step(NAMED_GEOMETRIES[self.geometry])
-        for name, design in self.gaits.items():
-            if common_pressure(design.pressure) is None:
-                raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
-            if refusal := self.refusal(design):
-                raise ValueError(f"gaits: {name}: {refusal}")
+        self._check_gaits()
         choice("precision", self.precision, ("f32", "f64"))
         whole_number("runs", self.runs, LEAST_RUNS)
         whole_number("seed", self.seed, 0)
@@ -100,6 +97,17 @@ class PipelineTask:
         if self.search is not None:
             problem = self.problem(self.terrains[0])
             build_method(self.search.method, problem.space, self.method_settings)
+
+    def _check_gaits(self) -> None:
+        for name, design in self.gaits.items():
+            if self.search is not None and name.startswith(FOUND):
+                raise ValueError(
+                    f"gaits: {name} is not allowed beside a search, whose gaits are called so; rename its file"
+                )
+            if common_pressure(design.pressure) is None:
+                raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
+            if refusal := self.refusal(design):
+                raise ValueError(f"gaits: {name}: {refusal}")
 
     @property
     def robot(self) -> dict[str, Any]:

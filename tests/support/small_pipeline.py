@@ -6,6 +6,7 @@ from graded import TINY, settling
 from optim.pipeline import changes
 from optim.pipeline import run as pipeline_run
 from optim.pipeline.plans import Plan
+from optim.pipeline.task import read_task
 from robots.inflatable import NAMED_GEOMETRIES, transition
 from robots.inflatable.design import InflatableDesign, save_design
 
@@ -51,6 +52,13 @@ def write_task(folder, more=""):
     (folder / "rig.toml").write_text(RIG)
     (folder / "task.toml").write_text(TASK + more)
     return folder / "task.toml"
+
+
+def task_of(folder, text):
+    """Read a task from a file with this text."""
+    path = folder / "task.toml"
+    path.write_text(text)
+    return read_task(path)
 
 
 def decided(monkeypatch):
