@@ -13,7 +13,7 @@ from optim.problems.inflatable.outcomes import effort
 from optim.problems.inflatable.problem import GaitProblem
 from optim.report.robot_run import RobotSubject
 from optim.runs.comparison import JUDGED
-from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties
+from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties, weight_of_calibration
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, simulation
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.robustness import harder, judge_gait
@@ -204,6 +204,18 @@ def test_a_search_for_a_rig_end_to_end(morpholab, simulator, tmp_path):
     (tmp_path / "rig.json").unlink()  # the folder has all that it needs
     assert morpholab("codesign --resume --out a --quiet --generations 3")[0] == 0
     assert simulator.calls[-1].actuation == actuation
+
+
+def test_a_search_for_a_rig_has_the_weight_of_its_fit(morpholab, simulator, tmp_path):
+    """So does the file that it writes, with which its designs are simulated."""
+    for asked, weight in (("", "physical"), ("--weight published", "published")):
+        save_properties(FITTED, "small", tmp_path / "fit.json", "physical")
+        simulator.calls.clear()
+        folder = tmp_path / weight
+        line = f"codesign --terrain flat --calibration {tmp_path / 'fit.json'} --out {folder} {asked} {SHORT}"
+        assert morpholab(line)[0] == 0
+        assert {call.actuation.weight for call in simulator.calls} == {weight}
+        assert weight_of_calibration(folder / "calibration.json") == weight
 
 
 @pytest.mark.usefixtures("simulator", "rig")

@@ -16,7 +16,7 @@ from optim.pipeline import run as pipeline_run
 from optim.pipeline.changes import best_single_gait
 from optim.pipeline.plans import best_of_one_gait, best_of_one_shape, change_time, rank_plans, route_speed
 from optim.pipeline.trials import KeptSimulations, NoWorkingGait, State, check_working
-from robots.calibration import Properties, load_calibration, save_properties
+from robots.calibration import Properties, load_calibration, save_properties, weight_of_calibration
 from robots.hardware import read_csv
 from robots.inflatable import INCHING, ROLLING
 from taichi_sim.base.results_folder import ResultsFolder
@@ -132,6 +132,7 @@ def test_a_package_of_a_rig(task, tmp_path, morpholab):
     code, text, error = morpholab(f"pipeline {task} --out {tmp_path / 'out'} --quiet --json --threads 1")
     assert code in (0, 1) and "calibration.json" in json.loads(text)["files"], error
     assert load_calibration(package / "calibration.json") == (fitted, "small")
+    assert weight_of_calibration(package / "calibration.json") == "physical"
     machine = json.loads((package / "machine.json").read_text())
     assert machine["simulated"] == {
         "geometry": "small",

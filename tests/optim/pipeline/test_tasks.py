@@ -58,6 +58,14 @@ def test_a_task_for_a_rig_has_its_robot(tmp_path, given, most):
     assert named.robot["geometry"] == PUBLISHED
 
 
+def test_a_task_for_a_rig_has_the_weight_of_its_fit(tmp_path):
+    save_properties(Properties.of(), "small", tmp_path / "fit.json", "physical")
+    text = "terrains = ['flat']\ncalibration = 'fit.json'\ngaits = ['rolling']\n"
+    task = task_of(tmp_path, text)
+    assert task.weight == task.robot["actuation"].weight == pipeline_run.settings_of(task)["weight"] == "physical"
+    assert task_of(tmp_path, f"{text}weight = 'published'").weight == "published"
+
+
 def test_a_mark_of_byte_order_before_a_task_is_skipped(tmp_path):
     path = tmp_path / "task.toml"
     path.write_text("terrains = ['flat']\ngaits = ['rolling']\n", encoding="utf-8-sig")
