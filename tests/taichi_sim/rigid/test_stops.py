@@ -78,26 +78,27 @@ def test_stops_of_the_studies_are_as_they_were():
     assert found[1] / STEP > 3.0
 
 
+@pytest.mark.parametrize("side", [1, -1], ids=["on the lower stop", "on the upper stop"])
 @pytest.mark.parametrize("torque", [0.5 * LOAD, 1.2 * LOAD, 50.0])
-def test_gradients_past_stops_are_those_of_differences(torque):
+def test_gradients_past_stops_are_those_of_differences(torque, side):
     """By torque and rate of a motor that swings to and fro between stops: presses, leaves, or cannot leave them."""
-    steps, change = 400, 1e-6
+    steps, change, stops = 400, 1e-6, (-0.02, 0.03) if side > 0 else (-0.03, 0.02)
     commands = np.sin(0.05 * np.arange(steps))[None, :, None]
 
     def robot(torque, rate):
-        return RigidEngine([arm(torque, rate, (-0.02, 0.03), swings=3.0)], World(STEP), threads=1)
+        return RigidEngine([arm(torque, rate, stops, -1.0 * side, swings=3.0)], World(STEP), threads=1)
 
     def last(torque, rate):
         return robot(torque, rate).run(steps, commands=commands).angles[0, 0]
 
-    given = torque, 0.4
+    given = torque, 0.4 * side
     tape = robot(*given).record(steps, commands=commands)
     found = tape.pull_back(angles=np.ones((1, 1))).parameters[0, 1, [slots.TORQUE, slots.OFFSET]]
     for number, slope in enumerate(found):
         ahead, behind = (np.add(given, sign * change * np.eye(2)[number]) for sign in (1, -1))
         assert slope == pytest.approx((last(*ahead) - last(*behind)) / (2 * change), rel=1e-5, abs=1e-9)
     visited = robot(*given).run(steps, commands=commands, record_every=1).frames.angles.reshape(-1)
-    assert (visited <= -0.02).sum() > 10
+    assert (side * visited <= -0.02).sum() > 10
 
 
 def crawler(rng):
