@@ -43,7 +43,6 @@ from taichi_sim.rigid.tables import Senses
 
 _ALONG = ("stiffness", "damping", "armature", "frictionloss")  # of joints, none of which is below 0
 _OPTIONS = ("timestep", "gravity")
-FORCE_LIMITS = ("forcerange", "forcelimited")  # of actuators
 DAMPED_AT_LIMITS = "damping of joints whose drives are at their limits of force"
 _SHALLOW = 1e-4  # m, a depth in the ground that is rounding
 
@@ -235,7 +234,7 @@ class _Reader:
             motor, also = drive(actuator, span, rest, damping, self.speed, self.fastest, quickest, self.compiler)
             if actuator.tag == "position" and "damping" in lacking:  # it counts in the rate that the drive wants
                 lacking.remove("damping")
-                also += [DAMPED_AT_LIMITS] * (clamped or self.compiler.limits(actuator, *FORCE_LIMITS) is not None)
+                also.append(DAMPED_AT_LIMITS)  # each drive has a limit, that of its spring if the file sets none
             if clamped:
                 motor = replace(motor, torque=min(motor.torque, symmetric(joint, "actuatorfrcrange")))
         self.ignored |= dict.fromkeys([*(f"{each} of joints" for each in lacking), *also])

@@ -276,7 +276,11 @@ def test_what_passed_in_silence_is_named(text, note):
     assert note in read_model(text).ignored and refusal(text) is None
 
 
-@pytest.mark.parametrize("limit, told", [("", False), ('forcerange="-1 1"', True)])
-def test_damping_that_a_drive_at_its_limit_lacks_is_named(limit, told):
-    text = leg('damping="3"', f'<position joint="hip" kp="50" ctrlrange="-1 1" {limit}/>')
-    assert (DAMPED_AT_LIMITS in read_model(text).ignored) is told
+@pytest.mark.parametrize("limit", ["", 'forcerange="-1 1"'], ids=["of its spring", "of the file"])
+@pytest.mark.parametrize("damping, told", [("0", False), ("300", True)])
+def test_damping_that_a_drive_at_its_limit_lacks_is_named(limit, damping, told):
+    """Each drive has a limit of force: without one in the file it is that of its spring, here of 10 N m."""
+    text = leg(f'damping="{damping}"', f'<position joint="hip" kp="50" ctrlrange="-.1 .1" {limit}/>')
+    model = read_model(text)
+    assert (DAMPED_AT_LIMITS in model.ignored) is told
+    assert model.tree.hinges[0].motor.torque == (1.0 if limit else 10.0)
