@@ -1,8 +1,10 @@
 """A second implementation of the rigid engine's step, slow and plain: explicit Jacobians, dense matrices, pivoting.
 
 It shares descriptions (``Tree``, ``World``) with the engine and nothing else. A body's velocity is J u, u being that
-of the base and the rates of hinges; what motors, stops and normals ask of u is a linear complementarity problem. On
-sand normals have an upper bound, too.
+of the base and the rates of hinges. The impulse of a motor, its stops or a normal falls in stairs as its rate grows: a
+motor's at the rate that it wants, from all its strength one way to all of it the other way; a stop's at the rate that
+leads no farther than to it, from any impulse to none; a normal's likewise, on sand from an upper bound. In each phase
+of a step these rates and impulses are found together, and exactly.
 """
 
 import numpy as np
@@ -11,26 +13,45 @@ from scipy.spatial.transform import Rotation
 
 from taichi_sim.rigid import Hinge
 
-COMPLIANCE, ROUNDING = 2e-9, 1e-12  # s/kg, of normals, as in the engine in f64
+COMPLIANCE, ROUNDING = 2e-9, 1e-13  # s/kg, of normals, as in the engine in f64
 REPETITIONS = 8  # of friction in its cone
-ROUNDS = 20
+EARTH = 9.81  # m/s^2, of the fall that the ground lifts a point from at most
+MOST_PIVOTS = 3000
 
 
-def complementarity(matrix, right, low, high):
-    """Solve r = A x - b with x at its lower bound where r > 0, at its upper where r < 0, else r = 0; by pivoting."""
-    side, fewest, patience = np.zeros(len(right), int), len(right) + 1, 5  # -1: at the lower bound, 1: at the upper
-    for _ in range(1000):
-        x, free = np.choose(side + 1, [low, np.zeros_like(low), high]), side == 0
-        x[free] = np.linalg.solve(matrix[np.ix_(free, free)], right[free] - matrix[np.ix_(free, ~free)] @ x[~free])
-        excess = matrix @ x - right
-        after = np.where((side < 0) & (excess < -ROUNDING) | (side > 0) & (excess > ROUNDING), 0, side)
-        after[free & (x < low - ROUNDING)], after[free & (x > high + ROUNDING)] = -1, 1
-        wrong = np.nonzero(after != side)[0]
+def complementarity(matrix, free, stairs):
+    """Solve r = A x + free, x falling down its row's stairs as r grows; by pivoting: all wrong rows, or the last.
+
+    Args:
+        matrix: A, positive definite.
+        free: what r is without x.
+        stairs: of each row, by rising rate: (rate, impulse below it, impulse above it).
+
+    Raises:
+        RuntimeError: if no solution is found.
+    """
+    rows, most = np.arange(len(stairs)), max(map(len, stairs), default=0)
+    rates, levels = np.full((len(stairs), most + 2), np.inf), np.zeros((len(stairs), most + 1))
+    rates[:, 0] = -np.inf
+    for row, each in enumerate(stairs):
+        rates[row, 1 : len(each) + 1] = [rate for rate, *_ in each]
+        levels[row, : len(each) + 1] = [each[0][1], *(above for *_, above in each)]
+    # Where a row is: an even number for a tread, on which the impulse is given, an odd one for a rise, at a given rate.
+    place, fewest, patience = np.array([len(each) for each in stairs], int), len(stairs) + 1, 5
+    for _ in range(MOST_PIVOTS):
+        step, rises = place // 2, place % 2 == 1
+        x, lower, upper = levels[rows, step], rates[rows, step], rates[rows, step + 1]
+        given = upper[rises] - free[rises] - matrix[np.ix_(rises, ~rises)] @ x[~rises]
+        x[rises] = np.linalg.solve(matrix[np.ix_(rises, rises)], given)
+        r = matrix @ x + free
+        back = np.where(rises, x > levels[rows, step] + ROUNDING, r < lower - ROUNDING)
+        ahead = np.where(rises, x < levels[rows, np.minimum(step + 1, most)] - ROUNDING, r > upper + ROUNDING)
+        wrong = np.nonzero(back | ahead)[0]
         if len(wrong) == 0:
             return x
         patience, fewest = 5 if len(wrong) < fewest else patience - 1, min(fewest, len(wrong))
         changing = wrong if patience >= 0 else wrong[-1:]
-        side[changing] = after[changing]
+        place[changing] += ahead[changing].astype(int) - back[changing]
     raise RuntimeError("no solution of a complementarity problem was found")
 
 
@@ -99,15 +120,8 @@ class Oracle:
         matrix += np.einsum("bij,b,bil->jl", jacobians[:, 3:], self.masses, jacobians[:, 3:])
         momenta = np.einsum("bij,bi->j", jacobians, np.hstack([spin, linear]))
         contacts = self.contacts(rotations, places + drift, jacobians)
-        held = {}  # stops that hold, by hinge: 1 the lower, -1 the upper one
-        for _ in range(ROUNDS):
-            pushes, rows, demands, ranges = self.hinges(commands, held)
-            u = self.respond(matrix, momenta + pushes, rows, demands, contacts, rotations, drift)
-            fits = {n: self.fitting(u[n], held.get(n, 0), *each) for n, each in ranges.items()}
-            fits = {n: side for n, side in fits.items() if side}
-            if fits == held:
-                break
-            held = fits
+        pushes, rows, stairs = self.hinges(commands)
+        u = self.respond(matrix, momenta + pushes, rows, stairs, contacts, rotations, drift)
         self.carry(places, inertias, jacobians @ u)
         self.velocities[:, 3:] -= push_out * drift
         self.own = self.own + h * self.velocities[:, 3:]
@@ -116,61 +130,62 @@ class Oracle:
         self.orientation = moved / np.linalg.norm(moved)
         self.position, self.angles = self.position + h * u[3:6], self.angles + h * u[6:]
 
-    def respond(self, matrix, right, rows, demands, contacts, rotations, drift):
-        """Velocities that momenta and pushes lead to, with rows of hinges, each with its demand, and contacts."""
+    def respond(self, matrix, right, rows, stairs, contacts, rotations, drift):
+        """Velocities that momenta and pushes lead to, with rows of hinges, each with its stairs, and contacts."""
         h, push_out = self.world.time_step, self.world.error_reduction / self.world.time_step
-        if self.yield_per_depth is None:
-            demands += [(push_out * (depth + drift[b, 2]), 0.0, np.inf) for depth, b, *_ in contacts]
-        else:
-            limits = [h * self.yield_per_depth * self.surface(each, rotations, [0, 0, -1]) for each in contacts]
-            demands += [
-                (push_out * drift[each[1], 2], 0.0, limit) for each, limit in zip(contacts, limits, strict=True)
-            ]
+        for depth, b, *_ in contacts if self.yield_per_depth is None else ():
+            lifted = min(push_out * depth, np.sqrt(2 * EARTH * depth))  # no faster than after a fall through the depth
+            stairs.append([(lifted + push_out * drift[b, 2], np.inf, 0.0)])
+        for each in contacts if self.yield_per_depth is not None else ():
+            limit = h * self.yield_per_depth * self.surface(each, rotations, [0, 0, -1])
+            stairs.append([(push_out * drift[each[1], 2], limit, 0.0)])
         rows = np.array(rows + [motion[2] for *_, motion, _ in contacts]).reshape(-1, len(right))
         slides = [(motion[:2], push_out * drift[b, :2]) for _, b, motion, _ in contacts]
         ploughs = [lambda way, each=each: self.ploughing(each, rotations, way) for each in contacts]
-        return self.solve(matrix, right, rows, np.array(demands).reshape(-1, 3).T, slides, ploughs)
+        return self.solve(matrix, right, rows, stairs, slides, ploughs)
 
-    def fitting(self, rate, side, wanted, least, most):
-        """Which stop of a hinge should hold at a rate: 1 the lower, -1 the upper, 0 none; ``side`` is what held."""
-        if side:
-            return side if side * (rate - np.clip(wanted, least, most)) < 1e-12 else 0
-        return int(rate < least - 1e-12) - int(rate > most + 1e-12)
-
-    def hinges(self, commands, held):
-        """Impulses of motors at stops; rows of motors and stops, each with its rate, lowest and highest impulse.
-
-        Beside them the rate that each hinge's motor wants, and the least and largest that its stops allow.
-        """
-        h, unit = self.world.time_step, np.eye(6 + len(self.angles))
-        pushes, rows, demands, ranges = np.zeros(len(unit)), [], [], {}
+    def hinges(self, commands):
+        """Impulses beside rows; rows of hinges, each with its stairs."""
+        unit = np.eye(6 + len(self.angles))
+        pushes, rows, stairs = np.zeros(len(unit)), [], []
         for n, (joint, angle) in enumerate(zip(self.tree.hinges, self.angles, strict=True), 6):
-            motor, (lower, upper) = joint.motor, joint.stops or (-np.inf, np.inf)
+            motor, stops = joint.motor, joint.stops or (-np.inf, np.inf)
             wanted, strength = 0.0, 0.0
             if motor is not None:
                 wanted = motor.by_command * commands[joint.command] + motor.by_angle * angle + motor.offset
-                strength = h * motor.torque
-            back = self.world.error_reduction / h
-            if self.world.integration != "velocity":
-                least = (lower - angle) * (back if angle <= lower else 1 / h)
-                most = (upper - angle) * (back if angle >= upper else 1 / h)
-                ranges[n], side = (wanted, least, most), held.get(n, 0)
-                pushes[n] = side * strength
-                if side:
-                    demands.append((least, 0.0, np.inf) if side > 0 else (most, -np.inf, 0.0))
-                elif strength:
-                    demands.append((np.clip(wanted, least, most), -strength, strength))
-                if side or strength:
-                    rows.append(unit[n])
-            elif angle <= lower or angle >= upper:
-                pushes[n] = strength if wanted > 0 or (wanted == 0 and angle >= upper) else -strength
-                rate = back * ((lower if angle <= lower else upper) - angle)
-                demands.append((rate, 0.0, np.inf) if angle <= lower else (rate, -np.inf, 0.0))
+                fastest = np.inf if motor.fastest is None else motor.fastest
+                wanted, strength = np.clip(wanted, -fastest, fastest), self.world.time_step * motor.torque
+            if self.world.integration == "velocity":
+                pushes[n], own = self.studied(angle, wanted, strength, *stops)
+            else:
+                own = self.stopped(angle, wanted, strength, *stops)
+            if own:
                 rows.append(unit[n])
-            elif strength:
-                demands.append((wanted, -strength, strength))
-                rows.append(unit[n])
-        return pushes, rows, demands, ranges
+                stairs.append(own)
+        return pushes, rows, stairs
+
+    def stopped(self, angle, wanted, strength, lower, upper):
+        """Stairs of a hinge: stops keep its rate within what leads no farther than to them."""
+        back, at_once = self.world.error_reduction / self.world.time_step, 1 / self.world.time_step
+        least = (lower - angle) * (back if angle <= lower else at_once)
+        most = (upper - angle) * (back if angle >= upper else at_once)
+        every = [(least, np.inf, strength), (np.clip(wanted, least, most), strength, -strength)]
+        stairs = []
+        for rate, below, above in [*every, (most, -strength, -np.inf)]:
+            if stairs and rate == stairs[-1][0]:  # one stair as high as both
+                stairs[-1] = rate, stairs[-1][1], above
+            elif np.isfinite(rate) and below > above:
+                stairs.append((rate, below, above))
+        return stairs
+
+    def studied(self, angle, wanted, strength, lower, upper):
+        """Impulse beside the row and stairs of a hinge in the studies: stops act once they are passed."""
+        back = self.world.error_reduction / self.world.time_step
+        if not lower < angle < upper:
+            push = strength if wanted > 0 or (wanted == 0 and angle >= upper) else -strength
+            at_lower = [(back * (lower - angle), np.inf, 0.0)]
+            return push, at_lower if angle <= lower else [(back * (upper - angle), 0.0, -np.inf)]
+        return 0.0, [(wanted, strength, -strength)] if strength else []
 
     def contacts(self, rotations, places, jacobians):
         """Depth, body, Jacobian and number of each point on the ground."""
@@ -194,9 +209,10 @@ class Oracle:
         way = [*(sliding / np.linalg.norm([*sliding, 1e-10])), 0.0]
         return 0.37 * self.world.time_step * self.yield_per_depth * self.surface(contact, rotations, way)
 
-    def solve(self, matrix, right, rows, demands, slides, ploughs):
+    def solve(self, matrix, right, rows, stairs, slides, ploughs):
         """Velocities: first without friction, then with that of points that push; Coulomb's by repetition."""
-        (rates, low, high), normals = demands, np.arange(len(rows) - len(slides), len(rows))
+        normals = np.arange(len(rows) - len(slides), len(rows))
+        highest = np.array([stairs[n][0][1] for n in normals])
         soft = COMPLIANCE * (np.arange(len(rows)) >= len(rows) - len(slides))
         free = slice(6 * self.tree.fixed, None)
         strength, self.excess = np.zeros(len(slides)), 0.0
@@ -206,11 +222,11 @@ class Oracle:
             inverse = np.zeros_like(matrix)
             inverse[free, free] = np.linalg.inv(inertia[free, free])
             system = rows @ inverse @ rows.T + np.diag(soft)
-            impulses = complementarity(system, rates - rows @ inverse @ drive, low, high)
+            impulses = complementarity(system, rows @ inverse @ drive, stairs)
             u = inverse @ (drive + rows.T @ impulses)
             sliding = [motion @ u - slip for motion, slip in slides]
             speeds = np.array([np.linalg.norm([*each, 1e-6]) for each in sliding])
-            self.saturated += int(((impulses == high) & (high > 0) & (low == 0))[normals].sum())
+            self.saturated += int(((impulses[normals] == highest) & (highest > 0)).sum())
             most = self.world.time_step / self.world.slip
             if np.isinf(self.world.friction):
                 strength = np.where(impulses[normals] > 0, most, 0.0)
