@@ -6,7 +6,7 @@ the impulse along it is; in both cases u = u0 - (U.v) / D with U = I S and 1 / D
 parent sees I - U U^T / D and p - U u0. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 7, for velocities.)
 """
 
-from taichi_sim.autodiff.lanes import larger
+from taichi_sim.autodiff.lanes import larger, smaller
 from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import (
@@ -26,6 +26,9 @@ from taichi_sim.rigid.stages import spatial
 from taichi_sim.rigid.stages.friction import axes_of
 from taichi_sim.rigid.stages.water import water_inertia
 from taichi_sim.runtime import ti
+
+LARGEST_SLIP = 1e-3  # past a stop, of the hinge's range, in a step
+ROUNDINGS = 100.0  # of the size of a row's terms, in tolerances, that rounding leaves of their sum
 
 
 @ti.func
@@ -127,6 +130,15 @@ def spread(robots: ti.template()):
 
 
 @ti.func
+def repeat_rows(robots: ti.template(), touching):
+    """Robots that touch nothing have the rows of the first phase in all: whether others of their batch touch or not."""
+    for b in range(1, robots.plan[slots.BODIES]):
+        if is_hinged(robots, b):
+            first = body_at(robots, b) + slots.MODES
+            write(robots, first + 1, select(touching > 0.5, read(robots, first + 1), read(robots, first)))
+
+
+@ti.func
 def row_impulse(robots: ti.template(), body):
     """The impulse of a hinge's row, beside its push: what its body needs less what it has."""
     needed = spatial.dot(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
@@ -135,35 +147,61 @@ def row_impulse(robots: ti.template(), body):
 
 
 @ti.func
-def switch_rows(robots: ti.template(), phase, together):
-    """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one or a stop's, change by a level.
+def row_tolerances(robots: ti.template(), body):
+    """How far the impulse and the rate of a hinge's row may be from their bounds: beyond what rounding leaves of them.
 
-    Returns whether any did. All at once; where that goes on in circles, ``together`` being 0, the last one only, which
-    ends (Murty).
+    No step passes a stop by more than a thousandth of the range. The studies' solver has one tolerance for all.
     """
     tolerance = setting(robots, slots.TOLERANCE)
-    changes = 0.0 * read(robots, 0)
+    contact = read(robots, body + slots.CONTACT)
+    of_impulse = 0.0 * contact + tolerance
+    of_rate = of_impulse
+    if ti.static(not robots.drifting):
+        needed = spatial.sum_of_sizes(row(robots, body + slots.COLUMN, 6), row(robots, body + slots.VELOCITY, 6))
+        given = spatial.sum_of_sizes(row(robots, body + slots.SCREW, 6), row(robots, body + slots.IMPULSE, 6))
+        size = needed + given + larger(contact, 0.0 - contact)
+        of_impulse = tolerance * (1.0 + ROUNDINGS * size)
+        most = LARGEST_SLIP * (read(robots, body + slots.MOST_RATE) - read(robots, body + slots.LEAST_RATE))
+        of_rate = tolerance + smaller(tolerance * ROUNDINGS * size * read(robots, body + slots.INVERSE), most)
+    return of_impulse, of_rate
+
+
+@ti.func
+def switch_rows(robots: ti.template(), phase, single, last, active):
+    """Hinges' rows whose impulse left its bounds, or whose rate passed the desired one or a stop's, change by a level.
+
+    Returns how many such rows there are. They change all at once or, in robots where ``single`` is 1, the last of them
+    only. In the ``last`` rounds, rows whose rate passes a stop are held there, and none is let go.
+    """
+    wrong = 0.0 * read(robots, 0)
     for back in range(1, robots.plan[slots.BODIES]):
         b = robots.plan[slots.BODIES] - back
         if is_hinged(robots, b):
             body = body_at(robots, b)
             impulse = row_impulse(robots, body)
+            loose, slack = row_tolerances(robots, body)
             low, high = read(robots, body + slots.LOW), read(robots, body + slots.HIGH)
             ahead = read(robots, body + slots.RATE) - read(robots, body + slots.TARGET)
             mode = read(robots, body + slots.MODES + phase)
             driven, held = (mode > -0.5) & (mode < 0.5), (mode > 1.5) | (mode < -1.5)
-            beyond = select(impulse > high + tolerance, 1.0, select(impulse < low - tolerance, -1.0, 0.0 * impulse))
-            passed = ((mode > 0.5) & (ahead > tolerance)) | ((mode < -0.5) & (ahead < 0.0 - tolerance))
+            beyond = select(impulse > high + loose, 1.0, select(impulse < low - loose, -1.0, 0.0 * impulse))
+            passed = ((mode > 0.5) & (ahead > slack)) | ((mode < -0.5) & (ahead < 0.0 - slack))
             kept = select(passed & (low < high), slots.MODE_DRIVEN, mode)
             after = select(driven, beyond, kept)
             rate, passive = read(robots, body + slots.RATE), low >= high
-            below = ((mode > 0.5) | passive) & (rate < read(robots, body + slots.LEAST_RATE) - tolerance)
-            above = ((mode < -0.5) | passive) & (rate > read(robots, body + slots.MOST_RATE) + tolerance)
-            after = select(driven, after, select(below, 2.0, select(above, -2.0, after)))
-            lifted = ((mode > 1.5) & (impulse < high - tolerance)) | ((mode < -1.5) & (impulse > low + tolerance))
+            below, above = (
+                rate < read(robots, body + slots.LEAST_RATE) - slack,
+                rate > read(robots, body + slots.MOST_RATE) + slack,
+            )
+            at_stop = select(below, 2.0, select(above, -2.0, mode))
+            stopped = (((mode > 0.5) | passive) & below) | (((mode < -0.5) | passive) & above)
+            after = select(driven, after, select(stopped, at_stop, after))
+            lifted = ((mode > 1.5) & (impulse < high - loose)) | ((mode < -1.5) & (impulse > low + loose))
             after = select(held, select(lifted, 0.5 * mode, mode), after)
-            if together == 0:
-                after = select(changes > 0.0, mode, after)
-            write(robots, body + slots.MODES + phase, after)
-            changes = larger(changes, (after - mode) * (after - mode))
-    return changes
+            if last > 0:
+                after = select(held, mode, at_stop)
+            after = select(active > 0.5, after, mode)
+            others = wrong
+            wrong = wrong + smaller((after - mode) * (after - mode), 1.0 + 0.0 * mode)
+            write(robots, body + slots.MODES + phase, select((single > 0.5) & (others > 0.5), mode, after))
+    return wrong

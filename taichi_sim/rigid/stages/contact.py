@@ -30,7 +30,8 @@ from taichi_sim.rigid.memory import (
 from taichi_sim.rigid.stages import laws, sand, spatial
 from taichi_sim.runtime import ti
 
-MOST_PIVOTS = 60
+MOST_PIVOTS = 300  # solutions with other members; 60 leave robots unsolved that are shaken hard
+PIVOTS_OF_STUDIES = 60  # in their solver
 BLOCK_FLIPS = 5.0  # of all violators at once without there being fewer; then one at a time, which always ends
 
 
@@ -180,11 +181,11 @@ def solve_members(robots: ti.template(), count, phase):
 
 
 @ti.func
-def violations(robots: ti.template(), count, phase, late):
+def violations(robots: ti.template(), count, phase, late, active):
     """Marks points that pull, sink in without pushing, or have more than sand bears; how many, and by how much at most.
 
-    A mark is 1, of robots on sand the violation. ``late`` is for batches with sand: robots on firm ground are left as
-    they are then, as they are alone.
+    A mark is 1, of robots on sand the violation, and 0 in robots that are not ``active``: these are left as they are.
+    ``late`` is for batches with sand: so are robots on firm ground then, as they are alone.
     """
     tolerance = setting(robots, slots.TOLERANCE)
     number = 0.0 * read(robots, 0)
@@ -201,7 +202,7 @@ def violations(robots: ti.template(), count, phase, late):
         amount = select(pushes, 0.0 - impulse, select(touches, short, 0.0))
         if ti.static(robots.granular):
             amount = sand.bounded_violation(robots, n, amount, impulse, short)
-        wrong = amount > tolerance
+        wrong = (amount > tolerance) & (active > 0.5)
         mark = select(wrong, 1.0, 0.0 * amount)
         if ti.static(robots.granular):
             mark = sand.marked(robots, wrong, amount, late)
@@ -209,6 +210,15 @@ def violations(robots: ti.template(), count, phase, late):
         number = number + select(mark > 0.0, 1.0, 0.0)
         worst = larger(amount, worst)
     return number, worst
+
+
+@ti.func
+def touching(robots: ti.template(), count):
+    """Whether a robot touches the ground: 1, or 0."""
+    found = 0.0 * read(robots, 0)
+    for n in range(count):
+        found = select(read(robots, listed_at(robots, n) + slots.DEEP) >= 0.0, 1.0 + 0.0 * found, found)
+    return found
 
 
 @ti.func
@@ -223,41 +233,45 @@ def choose_members(robots: ti.template(), count, phase):
 
 
 @ti.func
-def solve_normals(robots: ti.template(), count, phase):
+def solve_normals(robots: ti.template(), count, phase, active):
     """Normal impulses, exactly: those push that must, and no other point sinks in.
+
+    Robots that are not ``active``, whose step is solved, keep the points that push: others of their batch still change.
 
     Block principal pivoting: all violators change sides at once; where that stops helping, the last one does (Murty).
     Source: Judice, Pires, Computers & Operations Research 21 (1994) 587. On sand see ``sand.move_within_bounds``.
     """
     fewest = 0.0 * read(robots, 0) + 1e9
     patience = 0.0 * fewest + BLOCK_FLIPS
-    left = MOST_PIVOTS
-    if ti.static(robots.granular):
-        left = sand.MOST_ROUNDS
+    most = ti.static(PIVOTS_OF_STUDIES if robots.drifting else MOST_PIVOTS)
+    late = ti.static(sand.MOST_ROUNDS if robots.granular else most) - most
+    left = most + late
     while left > 0:
         solve_members(robots, count, phase)
-        number, worst = violations(robots, count, phase, left <= sand.MOST_ROUNDS - MOST_PIVOTS + 1)
+        number, worst = violations(robots, count, phase, left <= late + 1, active)
         left -= 1
         if ti.static(robots.granular):
-            if left == sand.MOST_ROUNDS - MOST_PIVOTS:
+            if left == late:
                 sand.give_up_on_firm(robots, worst)
         if any_lane(number > 0.5):
-            if ti.static(robots.granular):
-                sand.move_within_bounds(robots, count, phase)
-            better = number < fewest
-            patience = select(better, BLOCK_FLIPS, patience - 1.0)
-            fewest = select(better, number, fewest)
-            last_only = patience < 0.0
-            pending = 0.0 * number + 1.0
-            for back in range(count):
-                point = listed_at(robots, count - 1 - back)
-                wrong = read(robots, point + slots.EXCESS)
-                flip = select(last_only, wrong * pending, wrong)
-                pending = pending * (1.0 - wrong)
-                member = read(robots, point + slots.MEMBER)
-                write(robots, point + slots.MEMBER, member + flip * (1.0 - 2.0 * member))
             if left == 0:
-                write(robots, slots.RESIDUAL, larger(worst, read(robots, slots.RESIDUAL)))
+                before = read(robots, slots.RESIDUAL)
+                write(robots, slots.RESIDUAL, select(number > 0.5, larger(worst, before), before))
+            if left > ti.static(-1 if robots.drifting else 0):  # the studies' solver left its last ones changed
+                if ti.static(robots.granular):
+                    sand.move_within_bounds(robots, count, phase)
+                better = number < fewest
+                patience = select(better, BLOCK_FLIPS, patience - 1.0)
+                fewest = select(better, number, fewest)
+                last_only = patience < 0.0
+                pending = 0.0 * number + 1.0
+                for back in range(count):
+                    point = listed_at(robots, count - 1 - back)
+                    wrong = read(robots, point + slots.EXCESS)
+                    flip = select(last_only, wrong * pending, wrong)
+                    pending = pending * (1.0 - wrong)
+                    member = read(robots, point + slots.MEMBER)
+                    write(robots, point + slots.MEMBER, member + flip * (1.0 - 2.0 * member))
         else:
             left = 0
     for n in range(count):  # what rounding leaves of a point that does not push

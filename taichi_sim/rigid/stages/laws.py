@@ -17,6 +17,7 @@ from taichi_sim.rigid.stages import spatial
 from taichi_sim.runtime import emit
 
 Reals = Sequence[Any]
+RETURN = 10.0  # 1/s, of the way from beyond a stop, at most
 SLOWEST_SQUARE = 1e-20  # m^2/s^2, keeps the slope of a speed finite
 
 
@@ -216,9 +217,9 @@ def hinge_row(*values: Any) -> tuple[Any, ...]:
     none = 0.0 * strength
     at_lower, at_upper = angle <= lower, angle >= upper
     if not drifting:
-        at_once = 1.0 / time_step
-        least = select(at_lower, correction, at_once) * (lower - angle)
-        most = select(at_upper, correction, at_once) * (upper - angle)
+        at_once, back = 1.0 / time_step, smaller(none + correction, none + RETURN)
+        least = select(at_lower, back, at_once) * (lower - angle)
+        most = select(at_upper, back, at_once) * (upper - angle)
         target = select(wanted < least, least, select(wanted > most, most, wanted))
         return target, none, 0.0 - strength, strength, least, most
     stopped = at_lower | at_upper

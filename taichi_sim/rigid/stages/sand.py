@@ -49,7 +49,7 @@ LEAST = 1e-12  # m, keeps divisions finite
 LEAST_SQUARE = 1e-20  # m^2/s^2, likewise; a point that slides more slowly ploughs less
 UPRIGHT = 1e-4  # squared sine of an axis that stands upright, which its derivative needs
 UNBOUNDED = 1e30  # N s: what firm ground bears
-MOST_ROUNDS = 200  # solutions with other members in a phase
+MOST_ROUNDS = 300  # solutions with other members in a phase; no fewer than ``contact.MOST_PIVOTS``
 
 
 def _half_cylinder(weight: Callable[[Any], Any], power: float) -> Mapping[bool, list[float]]:

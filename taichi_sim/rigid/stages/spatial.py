@@ -9,6 +9,7 @@ momenta simply add. (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter
 from collections.abc import Sequence
 from typing import Any
 
+from taichi_sim.autodiff.lanes import larger
 from taichi_sim.autodiff.tracing import primitive, sqrt
 from taichi_sim.ground.laws import out_of_plane
 from taichi_sim.runtime import emit
@@ -49,6 +50,17 @@ def dot(a: Reals, b: Reals) -> Any:
     result = a[0] * b[0]
     for x, y in zip(a[1:], b[1:], strict=True):
         result = result + x * y
+    return emit(result)
+
+
+@primitive
+def sum_of_sizes(a: Reals, b: Reals) -> Any:
+    """Sum of the sizes of products, to which the rounding of ``dot`` is proportional."""
+    result = None
+    for x, y in zip(a, b, strict=True):
+        product = emit(x * y)
+        size = larger(product, 0.0 - product)
+        result = size if result is None else result + size
     return emit(result)
 
 

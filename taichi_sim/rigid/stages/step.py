@@ -5,12 +5,12 @@ second solution. Each is a mixed linear complementarity problem: hinges' rows by
 changes sides.
 """
 
-from taichi_sim.autodiff.lanes import any_lane
+from taichi_sim.autodiff.lanes import any_lane, larger, smaller
 from taichi_sim.autodiff.tracing import select
 from taichi_sim.rigid import slots
 from taichi_sim.rigid.memory import body_at, read, row, setting, write
 from taichi_sim.rigid.stages import spatial
-from taichi_sim.rigid.stages.articulated import assemble, collect, solve_base, spread, switch_rows
+from taichi_sim.rigid.stages.articulated import assemble, collect, repeat_rows, solve_base, spread, switch_rows
 from taichi_sim.rigid.stages.contact import (
     apply_normals,
     choose_members,
@@ -18,6 +18,7 @@ from taichi_sim.rigid.stages.contact import (
     find_contacts,
     reduce_points,
     solve_normals,
+    touching,
 )
 from taichi_sim.rigid.stages.control import clear_touch, command_hinges, sense_light, think
 from taichi_sim.rigid.stages.friction import rub
@@ -26,8 +27,8 @@ from taichi_sim.rigid.stages.sand import limit_normals
 from taichi_sim.rigid.stages.water import immerse
 from taichi_sim.runtime import ti
 
-MOST_SWITCHES, SWITCHES_TOGETHER = 120, 8  # solutions a phase, while hinges' rows change; all at once in the first
-SWITCHES_OF_STUDIES = 30  # at most, in their solver
+MOST_SWITCHES, TRIES_TOGETHER = 1000, 4  # solutions a phase; of them all at once without fewer wrong rows than ever
+SWITCHES_OF_STUDIES, TOGETHER_IN_STUDIES = 30, 8  # solutions a phase in their solver; all at once in the first
 FARTHEST = 1e6  # m, or m/s: beyond it a robot has exploded
 HIGH_ABOVE = 1e4  # m: where a robot is put that exploded
 
@@ -53,41 +54,63 @@ def respond(robots: ti.template(), count):
     if ti.static(robots.granular):
         limit_normals(robots, count)
     phases = robots.plan[slots.PHASES]
+    active = 0.0 * read(robots, slots.POSITION) + 1.0
     for phase in range(phases):
         if phase == 0 or count > 0:
-            solve_phase(robots, count, phase)
+            solve_phase(robots, count, phase, active)
+            if ti.static(not robots.drifting):
+                if phase == 0:
+                    active = touching(robots, count)
+                    repeat_rows(robots, active)
             if phase + 1 < phases:
                 rub(robots, count, phase)
 
 
 @ti.func
-def solve_phase(robots: ti.template(), count, phase):
-    """Velocities of all bodies, and impulses of hinges and normals that go with them."""
+def solve_phase(robots: ti.template(), count, phase, those):
+    """Velocities of all bodies, and impulses of hinges and normals that go with them, in ``those`` robots that are 1.
+
+    Rows that are wrong change all at once while that leaves fewer of them; where it goes on in circles, one at a time,
+    which ends (Murty), until fewer are wrong than ever before (Portugal, Judice & Vicente, Mathematics of Computation
+    63, 1994).
+    """
     rows = ti.min(phase, 1)  # phases after the first share its memory
     push_out = setting(robots, slots.PUSH_OUT)
-    most = ti.static(SWITCHES_OF_STUDIES if robots.drifting else MOST_SWITCHES)
-    left = most
+    last = ti.static(0 if robots.drifting else 1) * robots.plan[slots.BODIES]  # rounds, that let nothing past a stop
+    left = ti.static(SWITCHES_OF_STUDIES if robots.drifting else MOST_SWITCHES) + last
+    none = 0.0 * read(robots, slots.POSITION)
+    single, tries, fewest, active = none, none + TRIES_TOGETHER, none + FARTHEST, none + those
+    unsolved = read(robots, slots.RESIDUAL)
     choose_members(robots, count, rows)
     while left > 0:
+        write(
+            robots, slots.RESIDUAL, select(active > 0.5, unsolved, read(robots, slots.RESIDUAL))
+        )  # of this round only
         assemble(robots, count, phase, push_out)
         collect(robots, rows)
         solve_base(robots)
         if count > 0:
             reduce_points(robots, count, push_out)
             fill_matrix(robots, count)
-            solve_normals(robots, count, rows)
+            solve_normals(robots, count, rows, active)
             apply_normals(robots, count, rows)
         spread(robots)
-        together = 0
-        if left > most - SWITCHES_TOGETHER:
-            together = 1
-        changes = switch_rows(robots, rows, together)
         left -= 1
-        if any_lane(changes > 0.0):
-            if left == 0:
-                write(robots, slots.RESIDUAL, select(changes > 0.0, 1.0, read(robots, slots.RESIDUAL)))
+        wrong = switch_rows(robots, rows, single, ti.cast(left < last, ti.i32), active)
+        if ti.static(robots.drifting):
+            if left == ti.static(SWITCHES_OF_STUDIES - TOGETHER_IN_STUDIES):
+                single = single + 1.0
+        else:
+            tries = select(wrong < fewest, none + TRIES_TOGETHER, tries - 1.0)
+            single = select(tries > 0.0, none, none + 1.0)
+            fewest = smaller(fewest, wrong)
+            active = select(wrong > 0.0, none + 1.0, none)
+        if any_lane(wrong > 0.0):
+            if left == last:
+                unsolved = select(wrong > 0.0, 1.0, unsolved)
         else:
             left = 0
+    write(robots, slots.RESIDUAL, larger(unsolved, read(robots, slots.RESIDUAL)))
 
 
 @ti.func
