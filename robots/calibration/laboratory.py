@@ -7,7 +7,9 @@ from functools import cached_property
 from robots.calibration.properties import BOUNDS, Properties
 from robots.inflatable.actuation import ACTUATION, InflatableActuation
 from robots.inflatable.body import PUBLISHED, InflatableGeometry
+from robots.inflatable.simulation import touching_as_published
 from robots.world import Terrain, medium_of
+from taichi_sim.base.compute import Compute
 from taichi_sim.lattice import LatticeBody, LatticeEngine
 
 
@@ -77,14 +79,10 @@ class Laboratory:
         if terrain.ground:
             raise ValueError(f"terrain: uneven ground ({terrain.ground}) is not allowed for calibrations; give a plane")
         bodies = [trial.properties.body_of(self.geometry).body for trial in trials]
-        engine = LatticeEngine(
-            bodies,
-            time_step=self.time_step,
-            substeps=self.geometry.substeps(terrain.is_wet, self.actuation.largest_size),
-            **medium_of([terrain], [0.0], self.geometry.voxel_size),
-            precision=self.precision,
-            threads=self.threads,
-        )
+        substeps = self.geometry.substeps(terrain.is_wet, self.actuation.largest_size)
+        medium = medium_of([terrain], [0.0], self.geometry.voxel_size)
+        compute = Compute.given({"precision": self.precision, "threads": self.threads})
+        engine = touching_as_published(bodies, len(bodies), self.time_step, substeps, medium, compute)
         replicas = [trial.replica for trial in trials]
         engine.set_positions(bodies[0].scattered(self.perturbation, self.seed, replicas))
         return bodies[0], engine

@@ -18,7 +18,7 @@ from robots.inflatable.design import InflatableDesign, each_pressure
 from robots.inflatable.layout import told_layout
 from robots.inflatable.program import build_program
 from robots.inflatable.timing import WHOLE, Counting, counted_steps, gait_steps, predicted_steps
-from robots.world import Terrain, medium_of, one_each, standing
+from robots.world import Medium, Terrain, medium_of, one_each, standing
 from taichi_sim.base.arrays import Floats, Ints
 from taichi_sim.base.checks import number, whole_number
 from taichi_sim.base.compute import Compute, ComputeOptions
@@ -202,13 +202,20 @@ def engine_of(
     if len(parts := {geometry.substeps(is_wet, drive.largest_size) for drive in drives}) > 1:
         given = " and ".join(f"{size:g}" for size in sorted({drive.inflated for drive in drives}))
         raise ValueError(f"inflated: {given} are not allowed in one batch in water, where they take other time steps")
-    alike: dict[str, Any] = {"time_step": steps, "substeps": parts.pop(), "self_contact": "published"}
-    engine = LatticeEngine(bodies, batch, **alike, **medium, compute=compute)
+    engine = touching_as_published(bodies, batch, steps, parts.pop(), medium, compute)
     if starts is None and medium["floor"] not in (True, False):
         starts = np.tile(geometry.body.start_positions, (len(terrains), 1, 1))
     if starts is not None:
         engine.set_positions(standing(starts, medium, edge))
     return engine
+
+
+def touching_as_published(
+    bodies: Sequence[LatticeBody], batch: int, time_step: float, substeps: int, medium: Medium, compute: Compute
+) -> LatticeEngine:
+    """An engine of inflatable robots: their voxels touch as those of the published simulator do."""
+    more: dict[str, Any] = {"time_step": time_step, "substeps": substeps, "self_contact": "published"}
+    return LatticeEngine(bodies, batch, **more, **medium, compute=compute)
 
 
 def reordered(result: InflatableResult, order: np.ndarray) -> InflatableResult:
