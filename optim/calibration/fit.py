@@ -1,31 +1,32 @@
 """Fit the inflatable robot's properties to experiments on a rig by weighted least squares.
 
-Contact makes the misfit rugged far from its minimum. Therefore each property is first searched in the kind of
-experiment that determines it best, one kind after the other: friction in drags of feet, the modulus in diameters, the
-inflation rate in gaits. Each of these searches samples the whole range between the bounds, then the surroundings of
-the best sample. From there all properties are fitted together to all data, by SciPy's trust region reflective method
-(Branch, Coleman & Li, SIAM Journal on Scientific Computing 21, 1999). Properties are positive, so their logarithms are
-fitted. Derivatives are central differences, whose robots are simulated in one batch with the others of the step. The
-lattice's reverse mode would not help, as it differentiates neither the steps at which a bladder arrives, through which
-the rate acts, nor switches, through which friction acts.
+From where ``optim.calibration.look`` found them, all properties are fitted together to all data, by steps of Gauss and
+Newton within the bounds. Properties are positive, so their logarithms are fitted. Derivatives are central differences,
+whose robots are simulated in one batch with the others of the step. The lattice's reverse mode would not help, as it
+differentiates neither the steps at which a bladder arrives, through which the rate acts, nor switches, through which
+friction acts. Where gaits are chaotic, sums of squares and slopes are random: a step that is small against the errors
+is not taken, and one counts as worse only beyond the scatter of the sums.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.stats.qmc import LatinHypercube
+from scipy.optimize import lsq_linear
 
-from optim.calibration.misfit import REPLICAS, Linearised, Misfit, Uncertainty, uncertainty
-from robots.calibration import BOUNDS, KINDS, NAMES, Drag, Experiment, Laboratory, Properties, Trial
+from optim.calibration.look import Told, listed, look_around, simulated
+from optim.calibration.misfit import DIFFERENCE, REPLICAS, WIDEST, Linearised, Misfit, Uncertainty
+from optim.calibration.misfit import uncertainty as uncertainty_of
+from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
 
-Told = Callable[[float, str], None]
-LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
 STIFFER = 1.1  # times the modulus that was found: how far the last fit may go where steps depend on it
 _STEPS = 8  # maximum number of evaluations of the joint fit
-_INSIDE = 1e-6  # least distance of SciPy's start from the bounds, of the logarithm
+_FARTHEST = 0.5  # largest change of a logarithm in one of its steps
+_SMALL = 0.2  # steps in standard errors that are not worth an evaluation
+_RANDOM = 0.4  # more of those that scatter makes: of the mean of the replicas it is a third of that of a single run
+_HARDLY = 0.5**0.5  # errors, in those that the bounds leave, from which data tell less than the bounds
+_INSIDE = 1e-9  # of the bounds of a step, which may not be equal
 _NEAR_BOUND = 0.01  # distance from a bound, of the logarithm, below which a property counts as at the bound
 
 
@@ -37,15 +38,12 @@ class Calibration:
     after: Properties  # fitted properties
     names: tuple[str, ...]  # of the properties that were fitted, K
     uncertainty: Uncertainty  # of their logarithms
+    intervals: Floats  # 95 % confidence intervals, each in its own unit, shape (K, 2)
     predictions: Floats  # predictions of all points before and after the fit, shape (2, N)
     misfit: tuple[float, float]  # root mean square residual before and after, in standard deviations
+    unlikelihood: float  # minus twice the logarithm of the likelihood after the fit, up to a constant
     at_bound: tuple[str, ...]  # names of properties that ended at a bound
-
-    @property
-    def intervals(self) -> Floats:
-        """95 % confidence intervals, each in its own unit, shape (K, 2)."""
-        middle = np.log([getattr(self.after, name) for name in self.names])
-        return np.exp(middle[:, None] + np.outer(self.uncertainty.reach, [-1.0, 1.0]))
+    hardly_told: tuple[str, ...]  # names of properties of which the bounds tell more than the data
 
 
 def calibrate(
@@ -67,16 +65,16 @@ def calibrate(
     check_names(experiments, names)
     before = Properties.of(laboratory.geometry, laboratory.actuation)
     told = progress or (lambda fraction, text: None)
-    misfit = Misfit(experiments, laboratory, tuple(names), before, bounds)
-    found = _descend(replace(misfit, start=_look_around(misfit, told)), before, told, (0.6, 0.8))
+    misfit = Misfit(experiments, laboratory, tuple(names), before, bounds, known=bounds)
+    first, *_ = look_around(misfit, told)
+    found = _descend(replace(misfit, start=first), before, told, (0.6, 0.8))
     played = laboratory.as_played(found.after)
     if played.time_step == laboratory.time_step:
         return found
-    within = {
-        **bounds,
-        "modulus": modulus_near(found.after.modulus, bounds["modulus"], laboratory.geometry.most_modulus),
-    }
-    return _descend(replace(misfit, laboratory=played, start=found.after, bounds=within), before, told, (0.8, 1.0))
+    near = modulus_near(found.after.modulus, bounds["modulus"], laboratory.geometry.most_modulus)
+    within, width = {**bounds, "modulus": near}, _width(found.uncertainty)
+    there = replace(misfit, laboratory=played, start=found.after, bounds=within, width=width)
+    return _descend(there, before, told, (0.8, 1.0))
 
 
 def modulus_near(found: float, bounds: tuple[float, float], most: float) -> tuple[float, float]:
@@ -112,121 +110,98 @@ def check_names(experiments: Sequence[Experiment], names: Sequence[str]) -> None
         )
 
 
-def _look_around(misfit: Misfit, told: Told) -> Properties:
-    """Properties near the minimum: each is searched in the kind of experiment that determines it best.
-
-    Friction is searched before the properties are checked, as drags are fast and sensitivities are not.
-    """
-    told_by_drags = {experiment.informs[0] for experiment in misfit.experiments if isinstance(experiment, Drag)}
-    rubbed = tuple(name for name in misfit.names if name in told_by_drags)
-    at = _look(misfit, Drag, rubbed, told)
-    homes = _checked_homes(replace(misfit, start=at))
-    for kind in KINDS:
-        names = tuple(name for name in misfit.names if name not in rubbed and homes[name] is kind)
-        at = _look(replace(misfit, start=at), kind, names, told)
-    return at
-
-
-def _look(misfit: Misfit, kind: type, names: tuple[str, ...], told: Told) -> Properties:
-    """Best of samples between the bounds, then of samples around that best, in one kind of experiment."""
-    if not names:
-        return misfit.start
-    part = replace(misfit, experiments=[e for e in misfit.experiments if isinstance(e, kind)], names=names)
-    low, high = part.limits
-    if len(names) == 1:
-        points, width = np.linspace(0.0, 1.0, LOOK)[:, None], 2 / (LOOK - 1)
-    else:
-        points, width = LatinHypercube(len(names), rng=np.random.default_rng(0)).random(LOOK * len(names)), 0.25
-    best = _least(part, low + (high - low) * points)
-    closer = best + width * (high - low) * (points - 0.5)
-    at = part.properties(_least(part, np.clip(closer, low, high)))
-    told(0.2 * (1 + KINDS.index(kind)), f"{kind.__name__.lower()}: {_listed(names, at)}")
-    return at
-
-
-def _least(misfit: Misfit, points: Floats) -> Floats:
-    best: Floats = points[int(np.argmin(misfit.costs(points)))]
-    return best
-
-
-def _checked_homes(misfit: Misfit) -> dict[str, type]:
-    """Find the kind of experiment that determines each property best; refuse properties that the data do not determine.
-
-    The unit of each logarithm is the standard deviation of a uniform distribution between the bounds. Data determine
-    a combination of properties if its standard error is below one such unit. A property is determined best by
-    experiments made for it and, among these, or if there are none, by those with the largest slopes.
-
-    Raises:
-        ValueError: if the data do not determine a combination of properties.
-    """
-    low, high = misfit.limits
-    slopes = _simulated(misfit, misfit.of(misfit.start)).slopes * (high - low) / np.sqrt(12)
-    _, sizes, ways = np.linalg.svd(slopes, full_matrices=False)
-    if sizes[-1] < 1:
-        part = np.abs(ways[-1])
-        unclear = [name for name, p in zip(misfit.names, part, strict=True) if p > 0.5 * part.max()]
-        what = " and ".join(unclear) + (" apart" if len(unclear) > 1 else "")
-        raise ValueError(f"fit: the data cannot tell {what}; add experiments or points that do, or fit fewer")
-    edges = np.cumsum([len(experiment.values) for experiment in misfit.experiments])[:-1]
-    homes: dict[str, type] = {}
-    for name, column in zip(misfit.names, slopes.T, strict=True):
-        told = [
-            (experiment.informs[0] == name, float(part @ part))
-            for experiment, part in zip(misfit.experiments, np.split(column, edges), strict=True)
-        ]
-        homes[name] = type(misfit.experiments[told.index(max(told))])
-    return homes
-
-
 def _descend(misfit: Misfit, before: Properties, told: Told, share: tuple[float, float]) -> Calibration:
     """Fit all properties jointly; the scatter of the simulator counts as additional noise.
 
     ``share`` is where its progress begins and ends.
     """
-    begin, finish = share
-    low, high = misfit.limits
-    point = np.clip(misfit.of(misfit.start), low + _INSIDE, high - _INSIDE)
-    first = _simulated(misfit, point)
-    factors = 1 / np.sqrt(1 + (1 + 1 / REPLICAS) * np.diag(first.scatter))
-    seen = {point.tobytes(): first.weighted(factors)}
-
-    def around(x: Floats) -> Linearised:
-        if x.tobytes() not in seen:
-            seen[x.tobytes()] = misfit.linearised(x).weighted(factors)
-            done = begin + (finish - begin) * len(seen) / (_STEPS + 1)
-            told(done, f"all: {_listed(misfit.names, misfit.properties(x))}")
-        return seen[x.tobytes()]
-
-    end = least_squares(
-        lambda x: around(x).residuals,
-        point,
-        jac=lambda x: around(x).slopes,
-        bounds=(low, high),
-        xtol=1e-3,
-        ftol=1e-4,
-        max_nfev=_STEPS,
-    ).x
-    found, began = around(end), misfit.predictions([Trial(before)])[0]
+    misfit, point, first = _as_wide_as_errors(misfit)
+    factors = _factors(first)
+    end, found = _stepped(misfit, point, first.weighted(factors), factors, told, share)
+    began = misfit.predictions([Trial(before)])[0]
     predictions = np.array([began, found.predictions])
     misses = np.sqrt(np.mean(((predictions - misfit.measured) / misfit.deviations * factors) ** 2, axis=1))
-    near = np.minimum(end - low, high - end) < _NEAR_BOUND
+    low, high = misfit.limits
+    known = _uncertainty(misfit, found, factors)
+    bound, hardly = np.minimum(end - low, high - end) < _NEAR_BOUND, known.errors > _HARDLY * misfit.spans
+    around = end[:, None] + np.outer(known.reach, [-1.0, 1.0])
     return Calibration(
         before,
         misfit.properties(end),
         misfit.names,
-        uncertainty(found, misfit.assumed, factors**2),
+        known,
+        np.exp(np.where(hardly[:, None], misfit.before, around)),
         predictions,
         (float(misses[0]), float(misses[1])),
-        tuple(name for name, flag in zip(misfit.names, near, strict=True) if flag),
+        float((found.residuals**2).sum() - 2 * np.log(factors).sum()),
+        *(tuple(name for name, flag in zip(misfit.names, flags, strict=True) if flag) for flags in (bound, hardly)),
     )
 
 
-def _simulated(misfit: Misfit, point: Floats) -> Linearised:
-    found = misfit.linearised(point)
-    if not np.isfinite(found.predictions).all():
-        raise RuntimeError("the simulation diverges where the fit begins; give other bounds")
-    return found
+def _stepped(
+    misfit: Misfit, point: Floats, at: Linearised, factors: Floats, told: Told, share: tuple[float, float]
+) -> tuple[Floats, Linearised]:
+    """Where steps of Gauss and Newton from a point end, and the weighted misfit there.
+
+    A step that makes the sum of squares larger, by more than its scatter, is halved. Slopes are the mean of those of
+    all steps so far that are near, and so is the scatter.
+    """
+    (low, high), (begin, finish) = misfit.limits, share
+    here, seen, step = at, [(point, at)], _step(misfit, point, at)
+    for count in range(1, _STEPS):
+        known = _expected(misfit, at, factors)
+        if (np.abs(step) <= (_SMALL + _RANDOM * known.chaos) * known.errors).all():
+            break
+        there = np.clip(point + step, low, high)
+        alone = misfit.linearised(there).weighted(factors)
+        told(begin + (finish - begin) * count / _STEPS, f"all: {listed(misfit.names, misfit.properties(there))}")
+        if np.isfinite(alone.predictions).all():
+            seen.append((there, alone))
+        scatter = np.sqrt(8 * at.residuals @ at.scatter @ at.residuals / REPLICAS)
+        is_better = (alone.residuals**2).sum() <= (at.residuals**2).sum() + scatter
+        if is_better:
+            point, here = there, alone
+        at = here.joined([each for where, each in seen if (np.abs(where - point) <= 2 * misfit.width).all()])
+        step = _step(misfit, point, at) if is_better else step / 2
+    return point, at
 
 
-def _listed(names: Sequence[str], properties: Properties) -> str:
-    return ", ".join(f"{name} {getattr(properties, name):.4g}" for name in names)
+def _step(misfit: Misfit, point: Floats, at: Linearised) -> Floats:
+    """Step of Gauss and Newton within the bounds, which damp it as if they were measurements."""
+    (low, high), count = misfit.limits, len(point)
+    slopes, residuals = np.vstack([at.sure, np.diag(1 / misfit.spans)]), np.append(at.residuals, np.zeros(count))
+    least, most = np.maximum(low - point, -_FARTHEST), np.minimum(high - point, _FARTHEST)
+    step: Floats = lsq_linear(slopes, -residuals, (least - _INSIDE, most + _INSIDE)).x
+    return step
+
+
+def _as_wide_as_errors(misfit: Misfit) -> tuple[Misfit, Floats, Linearised]:
+    """The misfit with differences as wide as the errors at its start, that point, and what is found there."""
+    point = misfit.of(misfit.start)
+    first = simulated(misfit, point)
+    if np.ndim(misfit.width):  # errors are known of an earlier fit
+        return misfit, point, first
+    factors = _factors(first)
+    width = _width(_expected(misfit, first.weighted(factors), factors))
+    wider = replace(misfit, width=width)
+    return wider, point, first if (width <= misfit.width).all() else simulated(wider, point)
+
+
+def _width(known: Uncertainty) -> Floats:
+    """Half widths of differences between which properties are not told apart, shape (K,)."""
+    return np.clip(known.errors, DIFFERENCE, WIDEST)
+
+
+def _expected(misfit: Misfit, found: Linearised, factors: Floats) -> Uncertainty:
+    """Uncertainty at the end of a fit that goes on: its residuals will be no larger than their deviations."""
+    return _uncertainty(misfit, replace(found, residuals=np.clip(found.residuals, -1.0, 1.0)), factors)
+
+
+def _uncertainty(misfit: Misfit, found: Linearised, factors: Floats) -> Uncertainty:
+    return uncertainty_of(found, misfit.assumed, factors**2, misfit.spans)
+
+
+def _factors(found: Linearised) -> Floats:
+    """Weights of residuals whose noise is that of the measurement and the scatter of the simulator, shape (N,)."""
+    factors: Floats = 1 / np.sqrt(1 + (1 + 1 / REPLICAS) * np.diag(found.scatter))
+    return factors

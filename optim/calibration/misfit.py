@@ -3,6 +3,12 @@
 Standard errors are those of weighted nonlinear least squares (Seber & Wild, "Nonlinear Regression", 1989, ch. 2 and 5)
 for two kinds of errors: noise of the measurements, and the scatter of the simulation, because contact amplifies
 differences of the start positions, which are not known to a micrometre. The latter is correlated along a track.
+
+Scatter also makes slopes uncertain, which are differences of simulations. Two noisy slopes tell less than their size
+says: its mean is that of the slopes and of their noise. Three things keep errors honest (Fuller, "Measurement Error
+Models", 1987, ch. 1; Stein, Annals of Statistics 9, 1981; Fieller, J. Royal Stat. Soc. B 16, 1954): each slope counts
+less the less it exceeds its noise, the part of their products that is noise is subtracted, and what an error of a
+property times the noise of its slopes amounts to counts as noise of the points.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,9 +24,13 @@ from taichi_sim.base.arrays import Floats, Ints
 ASSUMED = 0.02  # standard deviation where none is given, relative to an experiment's largest value
 SMALLEST = 0.002  # least such deviation, because readings are rounded and gauges are no better
 DIFFERENCE = 0.03  # half width of central differences, of logarithms; wide enough for contacts, see docs/gradients.md
+WIDEST = 0.3  # of those of properties that are known less well: a difference over their error tells more than noise
 REPLICAS = 8  # simulations with different start noise, from which the simulator's scatter is estimated
+AROUND = 24  # simulations for the differences of all properties, at most; with the replicas two vectors of 16 robots
 FAR_OFF = 1e3  # residual of simulations that diverge
 GIVEN = -1  # experiment of points whose standard deviation is given
+ROUNDS = 100  # in which errors by the noise of slopes settle
+TOO_LARGE = 2.0  # residuals, in standard deviations, above which model and data do not agree
 LEAST_FREEDOM = 1.5  # degrees of freedom from which an experiment's own noise is told by its residuals
 
 
@@ -32,11 +42,55 @@ class Linearised:
     residuals: Floats  # (prediction - measurement) / standard deviation, shape (N,)
     slopes: Floats  # derivatives of the residuals by the logarithms of the properties, shape (N, K)
     scatter: Floats  # covariance of one replica's residuals by noise on its start, shape (N, N)
+    doubt: Floats | None = None  # covariance of each property's slopes by that noise, shape (K, N, N); None is none
+    freedom: tuple[float, float] = (np.inf, np.inf)  # degrees of freedom with which scatter and doubt are known
 
     def weighted(self, factors: Floats) -> "Linearised":
         """Copy with residuals multiplied by factors, shape (N,), for other standard deviations."""
-        slopes, scatter = self.slopes * factors[:, None], self.scatter * np.outer(factors, factors)
-        return replace(self, residuals=self.residuals * factors, slopes=slopes, scatter=scatter)
+        products = np.outer(factors, factors)
+        return replace(
+            self,
+            residuals=self.residuals * factors,
+            slopes=self.slopes * factors[:, None],
+            scatter=self.scatter * products,
+            doubt=None if self.doubt is None else self.doubt * products,
+        )
+
+    def joined(self, others: Sequence["Linearised"]) -> "Linearised":
+        """Copy with the means of slopes and scatter over others that are near, itself among them."""
+        doubts = [each.doubt for each in others if each.doubt is not None]
+        scatter, known = np.sum([each.freedom for each in others], axis=0).tolist()
+        return replace(
+            self,
+            slopes=np.mean([each.slopes for each in others], axis=0),
+            scatter=np.mean([each.scatter for each in others], axis=0),
+            doubt=np.sum(doubts, axis=0) / len(others) ** 2 if doubts else None,
+            freedom=(scatter, known),
+        )
+
+    @property
+    def variances(self) -> Floats:
+        """Variances of the slopes, shape (N, K)."""
+        none = np.zeros_like(self.slopes)
+        return none if self.doubt is None else np.diagonal(self.doubt, axis1=1, axis2=2).T
+
+    @property
+    def sure(self) -> Floats:
+        """Slopes less what may be noise: as they are far beyond it, 0 within it (James and Stein), shape (N, K)."""
+        squares = self.slopes**2
+        share = np.divide(self.variances, squares, out=np.ones_like(squares), where=squares > 0)
+        return self.slopes * np.maximum(1 - share, 0.0)
+
+    @property
+    def products(self) -> Floats:
+        """Products of the sure slopes with the true ones, without bias by noise (Stein's lemma), shape (K, K)."""
+        squares, spread = self.slopes**2, self.variances
+        beyond = squares > spread
+        share = np.divide(spread, squares, out=np.zeros_like(squares), where=beyond)
+        noise = (spread * (1 + share) * beyond).sum(axis=0)
+        found = self.sure.T @ self.slopes
+        np.fill_diagonal(found, np.maximum(np.diag(found) - noise, 0.0))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +102,8 @@ class Misfit:
     names: tuple[str, ...]  # names of the K properties that change
     start: Properties  # values of the other properties
     bounds: Mapping[str, tuple[float, float]]  # of all properties that change
+    width: Floats | float = DIFFERENCE  # half widths of differences, of all properties or of each, shape (K,)
+    known: Mapping[str, tuple[float, float]] | None = None  # what is known of them before the fit; None: their bounds
 
     @cached_property
     def measured(self) -> Floats:
@@ -73,6 +129,18 @@ class Misfit:
         low, high = np.log([self.bounds[name] for name in self.names]).T
         return low, high
 
+    @property
+    def before(self) -> Floats:
+        """Logarithms of the bounds within which properties are known to be before the fit, shape (K, 2)."""
+        bounds = self.bounds if self.known is None else self.known
+        return np.log([bounds[name] for name in self.names])
+
+    @property
+    def spans(self) -> Floats:
+        """Standard deviations of the logarithms where all between these bounds is alike, shape (K,)."""
+        spans: Floats = np.diff(self.before)[:, 0] / np.sqrt(12)
+        return spans
+
     def of(self, properties: Properties) -> Floats:
         """Point of some properties: their logarithms, clipped to the bounds, shape (K,)."""
         low, high = self.limits
@@ -88,32 +156,46 @@ class Misfit:
         """Predicted values of all experiments in T trials, shape (T, N)."""
         return np.hstack([experiment.predict(trials, self.laboratory) for experiment in self.experiments])
 
-    def costs(self, points: Floats) -> Floats:
-        """Sums of squares at points of shape (P, K), one replica each; infinity where a simulation diverges."""
+    def costs(self, points: Floats, scatter: Floats | float = 0.0) -> Floats:
+        """Sums of squares at points of shape (P, K), one replica each; infinity where a simulation diverges.
+
+        ``scatter`` is the variance of one replica's residuals, shape (N,): it counts for the replica and for the rig.
+        """
         found = self.predictions([Trial(self.properties(point)) for point in points])
-        squares = (((found - self.measured) / self.deviations) ** 2).sum(axis=1)
+        squares = (((found - self.measured) / self.deviations) ** 2 / (1 + 2 * scatter)).sum(axis=1)
         return np.where(np.isfinite(squares), squares, np.inf)
 
     def linearised(self, point: Floats) -> Linearised:
-        """Compute residuals, slopes and scatter from one batch of simulations.
+        """Compute residuals, slopes, their noise and scatter from one batch of simulations.
 
         Differences are one-sided where a bound, or a simulation that diverges, prevents a step to the other side.
         """
         count, (low, high) = len(point), self.limits
-        moves = DIFFERENCE * np.concatenate([np.eye(count), -np.eye(count)])
+        draws = min(REPLICAS, max(2, AROUND // (2 * count)))
+        moves = self.width * np.concatenate([np.eye(count), -np.eye(count)])
         points = np.clip(point + moves, low, high)
         trials = [Trial(self.properties(point), replica) for replica in range(REPLICAS)]
-        found = self.predictions([*trials, *(Trial(self.properties(moved)) for moved in points)])
-        here, around = np.split(found, [REPLICAS])
-        gone = ~np.isfinite(around).all(axis=1)
-        points[gone], around[gone] = point, here[0]
-        rise = (around[:count] - around[count:]) / self.deviations
-        widths = np.diag(points[:count] - points[count:])
-        slopes = np.divide(rise.T, widths, out=np.zeros_like(rise.T), where=(widths > 0) & np.isfinite(rise.T))
+        beside = [Trial(self.properties(moved), replica) for moved in points for replica in range(draws)]
+        found = self.predictions([*trials, *beside])
+        here, around = found[:REPLICAS], found[REPLICAS:].reshape(2 * count, draws, -1) / self.deviations
+        gone = ~np.isfinite(around).all(axis=(1, 2))
+        scatter, freedom = _pooled([here / self.deviations, *around[~gone]])
+        points[gone], around[gone] = point, here[:draws] / self.deviations
+        rises, widths = around[:count] - around[count:], np.diag(points[:count] - points[count:])
+        spread, known = _pooled(list(rises))
+        wide = np.where(widths > 0, widths, np.inf)
         middle = here.mean(axis=0)
-        scatter = np.cov((here / self.deviations).T).reshape(len(middle), -1)
         residuals = np.nan_to_num((middle - self.measured) / self.deviations, nan=FAR_OFF)
-        return Linearised(middle, residuals, slopes, np.nan_to_num(scatter))
+        slopes = np.nan_to_num(rises.mean(axis=1) / wide[:, None]).T
+        doubt = spread / draws / wide[:, None, None] ** 2
+        return Linearised(middle, residuals, slopes, scatter, doubt, (freedom, known))
+
+
+def _pooled(groups: Sequence[Floats]) -> tuple[Floats, float]:
+    """Covariance within groups of draws, of shape (D, N) each, and its degrees of freedom; 0 where they diverge."""
+    apart = np.nan_to_num(np.concatenate([group - group.mean(axis=0) for group in groups]))
+    freedom = len(apart) - len(groups)
+    return apart.T @ apart / freedom, float(freedom)
 
 
 CONFIDENCE = 0.95
@@ -130,7 +212,7 @@ class Uncertainty:
     noise: float  # root of the residuals' sum of squares over the degrees of freedom [standard deviations]
 
 
-def uncertainty(found: Linearised, assumed: Ints, share: Floats) -> Uncertainty:
+def uncertainty(found: Linearised, assumed: Ints, share: Floats, spans: Floats | None = None) -> Uncertainty:
     """Uncertainty of a fit, from the linearised misfit at its end.
 
     Assumed variances are scaled to the residuals, those of each experiment to its own, but never to deviations below
@@ -143,23 +225,55 @@ def uncertainty(found: Linearised, assumed: Ints, share: Floats) -> Uncertainty:
         found: linearised misfit.
         assumed: experiment of each point whose deviation is assumed, ``GIVEN`` where it is given, shape (N,).
         share: share of the measurement in the variance by which each residual is weighted, shape (N,).
+        spans: standard deviations of the logarithms where nothing is measured, of what the bounds leave open, shape
+            (K,): no error is larger. Infinite by default.
     """
-    slopes, solve = found.slopes, np.linalg.pinv(found.slopes)
-    squares, left = found.residuals**2, 1 - np.einsum("nk,kn->n", slopes, solve)
+    sure = found.sure
+    squares, left = found.residuals**2, 1 - np.einsum("nk,kn->n", sure, np.linalg.pinv(sure))
     parts = [
         (_noise(squares, left, assumed, group), share * (assumed == group)) for group in np.unique(assumed).tolist()
     ]
     measured = sum((scale * points for (scale, _), points in parts), np.zeros(len(squares)))
-    noise = (solve * measured) @ solve.T
+    before = np.zeros(sure.shape[1]) if spans is None else spans**-2.0
+    inverse = np.linalg.pinv(found.products + np.diag(before))
+    solve = inverse @ sure.T
+    known = (solve * measured) @ solve.T + (inverse * before) @ inverse.T
     chaos = solve @ (found.scatter * (1 + 1 / REPLICAS)) @ solve.T
-    covariance = noise + chaos
+    level = (1 + CONFIDENCE) / 2
+    covariance, from_slopes = _with_doubt(known + chaos, found, solve, before, level)
     errors = np.sqrt(np.diag(covariance))
     safe = np.where(errors > 0, errors, 1.0)
-    doubt = sum((scale * (solve**2 @ points) / safe**2) ** 2 / freedom for (scale, freedom), points in parts)
-    level = (1 + CONFIDENCE) / 2
+    doubt = sum(
+        np.minimum(scale * (solve**2 @ points) / safe**2, 1.0) ** 2 / freedom for (scale, freedom), points in parts
+    )
+    doubt += np.minimum(np.diag(chaos) / safe**2, 1.0) ** 2 / found.freedom[0]
     reach = errors * np.where(doubt > 0, t.ppf(level, 1 / np.where(doubt > 0, doubt, 1.0)), norm.ppf(level))
     overall = float(np.sqrt(squares.sum() / left.sum()))
-    return Uncertainty(errors, reach, covariance / np.outer(safe, safe), np.diag(chaos) / safe**2, overall)
+    part = np.minimum((np.diag(chaos) + from_slopes) / safe**2, 1.0)
+    return Uncertainty(errors, reach, covariance / np.outer(safe, safe), part, overall)
+
+
+def _with_doubt(
+    covariance: Floats, found: Linearised, solve: Floats, before: Floats, level: float
+) -> tuple[Floats, Floats]:
+    """Covariance with what errors of properties times the noise of their slopes add to it, and that part's diagonal.
+
+    A standard error p of a property makes noise p^2 C of the points, where C is the covariance of its slopes, and such
+    noise makes errors: p^2 = q^2 + F T p^2. With Student's quantile squared for F this is Fieller's interval of a
+    ratio. It is unbounded where the slopes are not beyond their noise; then p is what the bounds leave open.
+    """
+    alone = np.diag(covariance)
+    if found.doubt is None:
+        return covariance, np.zeros(len(alone))
+    spread = t.ppf(level, found.freedom[1]) ** 2 * np.einsum("in,knm,jm->kij", solve, found.doubt, solve)
+    most = np.divide(1.0, before, out=np.full(len(alone), np.inf), where=before > 0)
+    variances = np.minimum(alone, most)
+    for _ in range(ROUNDS):
+        variances = np.minimum(alone + np.einsum("k,kii->i", variances, spread), most)
+    added = np.einsum("k,kij->ij", variances, spread)
+    total = covariance + added
+    fewer = np.sqrt(np.divide(variances, np.diag(total), out=np.ones(len(alone)), where=np.diag(total) > 0))
+    return total * np.outer(fewer, fewer), np.diag(added) * fewer**2
 
 
 def _noise(squares: Floats, left: Floats, assumed: Ints, group: int) -> tuple[float, float]:

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.calibration.fit import Calibration
+from optim.calibration.misfit import TOO_LARGE
 from optim.experiments.figures import COLOURS, PAGE, figure, legend_above
 from robots.calibration import UNITS, Experiment
 
-TOO_LARGE = 2.0  # residuals, in standard deviations, above which model and data do not agree
 HANDY = {"[m]": ("[mm]", 1e3), "[m/s]": ("[mm/s]", 1e3), "[Pa]": ("[kPa]", 1e-3)}  # units of the pictures
 MEASURED: Any = {"fmt": "o", "ms": 3, "color": COLOURS[7], "lw": 0.8, "label": "measured", "zorder": 3}
 COLUMNS, HEIGHT = 4, 1.9  # panels in a row; height of a row [in]
@@ -49,6 +49,10 @@ def document(found: Calibration, geometry: str, weight: str = "published") -> di
 def warnings(found: Calibration) -> list[str]:
     """Reasons to distrust the numbers, one line each."""
     lines = [f"{name} ended at a bound: its error means little; widen --bounds {name}" for name in found.at_bound]
+    lines += [
+        f"the data hardly tell {name}, whose interval is what was known before; add experiments that scatter less"
+        for name in found.hardly_told
+    ]
     if found.uncertainty.noise > TOO_LARGE:
         size = f"{found.uncertainty.noise:.1f} standard deviations"
         lines.append(f"the residuals are {size}: the model misses something, or the deviations are too small")

@@ -1,0 +1,131 @@
+"""Look for properties near the minimum, over the whole range between their bounds.
+
+Contact makes the misfit rugged far from its minimum. Therefore each property is first searched in the kind of
+experiment that determines it best, one kind after the other: friction in drags of feet, the modulus in diameters, the
+inflation rate in gaits. Each of these searches samples the whole range between the bounds, then the surroundings of
+the best few samples that are apart: a misfit may have several minima, and scatter may hide the deepest.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats.qmc import LatinHypercube
+
+from optim.calibration.misfit import Linearised, Misfit
+from robots.calibration import KINDS, Drag, Properties
+from taichi_sim.base.arrays import Floats
+
+Told = Callable[[float, str], None]
+LOOK = 16  # sample points for each property; the number of robots in a vector in version 1.0
+FEW = 4  # best of them around which is looked closer
+
+
+def look_around(misfit: Misfit, told: Told) -> list[Properties]:
+    """Properties near minima, the best first: each is searched in the kind of experiment that determines it best.
+
+    Friction is searched before the properties are checked, as drags are fast and sensitivities are not.
+    """
+    told_by_drags = {experiment.informs[0] for experiment in misfit.experiments if isinstance(experiment, Drag)}
+    rubbed = tuple(name for name in misfit.names if name in told_by_drags)
+    at = _look(misfit, Drag, rubbed, 0.0, told) if rubbed else [misfit.start]
+    homes, scatter = _checked_homes(replace(misfit, start=at[0]))
+    for kind in KINDS:
+        names = tuple(name for name in misfit.names if name not in rubbed and homes[name] is kind)
+        at = _look(replace(misfit, start=at[0]), kind, names, scatter, told) if names else at
+    return at
+
+
+def _look(misfit: Misfit, kind: type, names: tuple[str, ...], scatter: Floats | float, told: Told) -> list[Properties]:
+    """Best of samples around each of the best few between the bounds, in one kind of experiment, the best first.
+
+    ``scatter`` is the variance of one replica's residuals in all experiments, shape (N,), or none.
+    """
+    of_kind = [isinstance(experiment, kind) for experiment in misfit.experiments]
+    part = replace(
+        misfit, experiments=[e for e, use in zip(misfit.experiments, of_kind, strict=True) if use], names=names
+    )
+    points = np.repeat(of_kind, [len(experiment.values) for experiment in misfit.experiments])
+    scatter = np.broadcast_to(scatter, points.shape)[points]
+    low, high = part.limits
+    samples, width = _samples(len(names), LOOK)
+    costs = part.costs(low + (high - low) * samples, scatter)
+    best = _apart(samples, costs, width)
+    closer, _ = _samples(len(names), LOOK if kind is Drag else LOOK // 2)
+    near = np.concatenate([np.clip(each + width * (closer - 0.5), 0.0, 1.0) for each in samples[best]])
+    there = part.costs(low + (high - low) * near, scatter).reshape(len(best), -1)
+    ends = [(costs[number].item(), samples[number].tolist()) for number in best]
+    for group, cost in enumerate(costs[best].tolist()):
+        least = int(np.argmin(there[group]))
+        if there[group, least] < cost:
+            ends[group] = float(there[group, least]), near[group * len(closer) + least].tolist()
+    at = [part.properties(low + (high - low) * np.array(point)) for _, point in sorted(ends)]
+    told(0.2 * (1 + KINDS.index(kind)), f"{kind.__name__.lower()}: {listed(names, at[0])}")
+    return at
+
+
+def _samples(count: int, each: int) -> tuple[Floats, float]:
+    """Points in the unit cube of properties, so many for each of these; and the width of what is around one of them."""
+    if count == 1:
+        return np.linspace(0.0, 1.0, each)[:, None], 2 / (LOOK - 1)
+    return LatinHypercube(count, rng=np.random.default_rng(0)).random(each * count), 0.25
+
+
+def _apart(samples: Floats, costs: Floats, width: float) -> list[int]:
+    """Numbers of the best few samples, none within the surroundings of a better one."""
+    kept: list[int] = []
+    for number in np.argsort(costs, kind="stable").tolist():
+        if len(kept) < FEW and all(np.abs(samples[number] - samples[other]).max() > 0.51 * width for other in kept):
+            kept.append(number)
+    return kept
+
+
+def _checked_homes(misfit: Misfit) -> tuple[dict[str, type], Floats]:
+    """Find the kind of experiment that determines each property best; refuse properties that the data do not determine.
+
+    The unit of each logarithm is the standard deviation of a uniform distribution between the bounds. Data determine
+    a combination of properties if its standard error is below one such unit. A property is determined best by
+    experiments made for it and, among these, or if there are none, by those with the largest slopes. Scatter is noise
+    of the points here. That it is noise of the slopes, too, is told after the fit, between wider differences.
+
+    Returns:
+        The kind of each property, and the variance of one replica's residuals, shape (N,).
+
+    Raises:
+        ValueError: if the data do not determine a combination of properties.
+    """
+    found = simulated(misfit, misfit.of(misfit.start))
+    scatter = np.diag(found.scatter)
+    found = found.weighted(1 / np.sqrt(1 + 2 * scatter))
+    _, sizes, ways = np.linalg.svd(found.slopes * misfit.spans, full_matrices=False)
+    if sizes[-1] < 1:
+        part = np.abs(ways[-1])
+        unclear = [name for name, p in zip(misfit.names, part, strict=True) if p > 0.5 * part.max()]
+        what = " and ".join(unclear) + (" apart" if len(unclear) > 1 else "")
+        raise ValueError(f"fit: the data cannot tell {what}; add experiments or points that do, or fit fewer")
+    edges = np.cumsum([len(experiment.values) for experiment in misfit.experiments])[:-1]
+    homes: dict[str, type] = {}
+    for name, column in zip(misfit.names, (found.sure * misfit.spans).T, strict=True):
+        told = [
+            (experiment.informs[0] == name, float(part @ part))
+            for experiment, part in zip(misfit.experiments, np.split(column, edges), strict=True)
+        ]
+        homes[name] = type(misfit.experiments[told.index(max(told))])
+    return homes, scatter
+
+
+def simulated(misfit: Misfit, point: Floats) -> Linearised:
+    """The misfit at a point, linearised.
+
+    Raises:
+        RuntimeError: if a simulation diverges there.
+    """
+    found = misfit.linearised(point)
+    if not np.isfinite(found.predictions).all():
+        raise RuntimeError("the simulation diverges where the fit begins; give other bounds")
+    return found
+
+
+def listed(names: Sequence[str], properties: Properties) -> str:
+    """Names and values of properties as one line of text."""
+    return ", ".join(f"{name} {getattr(properties, name):.4g}" for name in names)
