@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from optim.calibration.look import Told, listed, look_around, simulated
-from optim.calibration.misfit import DIFFERENCE, REPLICAS, WIDEST, Linearised, Misfit, Uncertainty
+from optim.calibration.misfit import DIFFERENCE, REPLICAS, TOO_LARGE, WIDEST, Linearised, Misfit, Uncertainty
 from optim.calibration.misfit import uncertainty as uncertainty_of
 from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Trial
 from taichi_sim.base.arrays import Floats
@@ -56,7 +56,7 @@ def calibrate(
     """Fit properties to experiments, starting from those of the laboratory's robot.
 
     All are simulated at the time step that the stiffest robot within the bounds needs, and fitted once more from there
-    at that of the robot found, if it is another.
+    at that of the robot found, if it is another. Where residuals stay too large, the next best samples are fitted, too.
 
     Raises:
         ValueError: for unknown names, too few points, or properties that the data do not determine.
@@ -66,8 +66,13 @@ def calibrate(
     before = Properties.of(laboratory.geometry, laboratory.actuation)
     told = progress or (lambda fraction, text: None)
     misfit = Misfit(experiments, laboratory, tuple(names), before, bounds, known=bounds)
-    first, *_ = look_around(misfit, told)
+    first, *others = look_around(misfit, told)
     found = _descend(replace(misfit, start=first), before, told, (0.6, 0.8))
+    for other in others:
+        if found.uncertainty.noise <= TOO_LARGE:
+            break
+        again = _descend(replace(misfit, start=other), before, told, (0.8, 0.8))
+        found = min(found, again, key=lambda each: each.unlikelihood)
     played = laboratory.as_played(found.after)
     if played.time_step == laboratory.time_step:
         return found

@@ -1,11 +1,11 @@
-"""Calibrations to gaits that are chaotic: what their errors say."""
+"""Calibrations to gaits that are chaotic: what their errors say, and where a fit ends that began in the wrong place."""
 
 import dataclasses
 
 import numpy as np
 import pytest
 
-from optim.calibration import calibrate, document
+from optim.calibration import calibrate, document, fit
 from optim.calibration.look import FEW, _apart
 from optim.calibration.misfit import Linearised, uncertainty
 from robots.calibration import Gait, Laboratory, Properties, Trial
@@ -31,6 +31,15 @@ class Wanderer(Gait):
             exact = 0.01 * np.tanh(self.at * rate / 2) * self.at
             rows.append(exact + np.cumsum(rng.normal(size=len(self.at))) * self.wander * 0.01)
         return np.array(rows)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Wave(Gait):
+    """A gait that tells a rate but for the period of a wave: the misfit has many minima."""
+
+    def predict(self, trials, laboratory):
+        rates = np.array([[trial.properties.inflation_rate] for trial in trials])
+        return 0.01 * np.sin(8 * np.log(rates) * (1 + self.at))
 
 
 def measured(gait, seed):
@@ -81,6 +90,17 @@ def test_errors_of_slopes_that_are_far_beyond_their_noise_are_those_of_exact_one
     given = np.full(count, -1)
     one, other = (uncertainty(each, given, np.ones(count), np.ones(1)) for each in (exact, noisy))
     assert other.errors == pytest.approx(one.errors, rel=1e-3)
+
+
+def test_a_fit_that_ends_far_off_begins_again_from_the_next_best(monkeypatch):
+    rates = (2.9, 5.0, 2.05)
+    starts = [dataclasses.replace(TRUE, inflation_rate=rate) for rate in rates]
+    monkeypatch.setattr(fit, "look_around", lambda *_: starts)
+    found = calibrate([measured(gait_of(Wave), 0)], BENCH, ("inflation_rate",))
+    assert found.after.inflation_rate == pytest.approx(2.0, rel=0.01) and found.uncertainty.noise < 2
+    monkeypatch.setattr(fit, "look_around", lambda *_: starts[:1])
+    alone = calibrate([measured(gait_of(Wave), 0)], BENCH, ("inflation_rate",))
+    assert alone.uncertainty.noise > 2 and abs(alone.after.inflation_rate - 2.0) > 0.1
 
 
 def test_the_best_few_samples_are_apart():
