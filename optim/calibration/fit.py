@@ -24,7 +24,7 @@ STIFFER = 1.1  # times the modulus that was found: how far the last fit may go w
 _STEPS = 8  # maximum number of evaluations of the joint fit
 _FARTHEST = 0.5  # largest change of a logarithm in one of its steps
 _SMALL = 0.2  # steps in standard errors that are not worth an evaluation
-_RANDOM = 0.4  # more of those that scatter makes: of the mean of the replicas it is a third of that of a single run
+_RANDOM = 0.6  # more of those that scatter makes: steps to the mean of the replicas are random by a third of these
 _HARDLY = 0.5**0.5  # errors, in those that the bounds leave, from which data tell less than the bounds
 _INSIDE = 1e-9  # of the bounds of a step, which may not be equal
 _NEAR_BOUND = 0.01  # distance from a bound, of the logarithm, below which a property counts as at the bound
@@ -155,7 +155,7 @@ def _stepped(
     here, seen, step = at, [(point, at)], _step(misfit, point, at)
     for count in range(1, _STEPS):
         known = _expected(misfit, at, factors)
-        if (np.abs(step) <= (_SMALL + _RANDOM * known.chaos) * known.errors).all():
+        if (np.abs(step) <= (_SMALL + _RANDOM * np.sqrt(known.chaos)) * known.errors).all():
             break
         there = np.clip(point + step, low, high)
         alone = misfit.linearised(there).weighted(factors)
