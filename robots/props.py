@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from taichi_sim.base import checks
-from taichi_sim.base.arrays import Ints
+from taichi_sim.base.arrays import Bools, Ints
 from taichi_sim.base.options import value_of
 
 DENSITY = 1000.0  # kg/m^3
@@ -100,9 +100,18 @@ class Prop:
             raise ValueError(f"size: {self.size} is not allowed with voxels of {edge:g} m; it has over {MOST_VOXELS}")
         places: Ints = np.indices(counts).reshape(3, -1).T
         if self.kind == "ball":
-            away = np.linalg.norm(places - (np.array(counts) - 1) / 2, axis=1)
-            places = places[away <= counts[0] / 2]
+            places = places[_in_ball(places)]
         return places
+
+
+def _in_ball(places: Ints) -> Bools:
+    """Which places of a cube are those of a ball as wide: whole shells, whose number is nearest to its volume."""
+    squares = ((2 * places - places.max()) ** 2).sum(axis=1)
+    shells, counts = np.unique(squares, return_counts=True)
+    volume = np.pi / 6 * len(places)
+    last = shells[np.abs(np.cumsum(counts) - volume).argmin()]
+    within: Bools = squares <= last
+    return within
 
 
 LIGHT = "light"  # begins its place in the name of a world

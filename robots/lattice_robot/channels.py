@@ -10,6 +10,8 @@ from taichi_sim.base.arrays import Bools, Floats
 if TYPE_CHECKING:
     from robots.lattice_robot.robot import LatticeRobot
 
+ALIKE = 1e-9  # of the largest value: waves that differ by less are one
+
 
 @dataclass(frozen=True, eq=False)
 class Channel:
@@ -65,11 +67,20 @@ def channels_of(robot: "LatticeRobot") -> list[Channel]:
 def places_alike(waves: Floats, rest: Floats) -> list[list[int]]:
     """Which regions of a drive follow one wave, in the order of the first of each, by their places among its regions.
 
+    Waves are one where they differ by rounding only, as those do whose phases are whole cycles apart.
+
     Args:
         waves: of the regions, shape (Q, G, 16).
         rest: what they hold before anything drives them, shape (Q, G).
     """
-    alike: dict[bytes, list[int]] = {}
-    for place in range(waves.shape[1]):
-        alike.setdefault(waves[:, place].tobytes() + rest[:, place].tobytes(), []).append(place)
-    return list(alike.values())
+    held = np.concatenate([waves, rest[..., None]], axis=2).swapaxes(0, 1).reshape(waves.shape[1], -1)
+    apart = ALIKE * np.abs(held).max(initial=0.0)
+    alike: list[list[int]] = []
+    for place, each in enumerate(held):
+        firsts = held[[others[0] for others in alike]]
+        (same,) = np.nonzero(np.abs(firsts - each).max(axis=1, initial=0.0) <= apart)
+        if len(same):
+            alike[same[0]].append(place)
+        else:
+            alike.append([place])
+    return alike

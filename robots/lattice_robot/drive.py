@@ -133,7 +133,7 @@ class Drive:
         """Fields that hold values, and those."""
         for field in FIELDS:
             held = getattr(self, field)
-            if held is not None and held != ():
+            if held is not None and not (isinstance(held, tuple) and not held):
                 yield field, held if isinstance(held, tuple) else (held,)
 
     @property

@@ -11,6 +11,7 @@ import trimesh
 from robots.hardware import PneumaticRig, RigViolation, read_channels, write_csv
 from robots.hardware.dry_run import timing_text
 from robots.lattice_robot import Drive, Free, LatticeRobot, load_robot, simulate
+from robots.lattice_robot.channels import places_alike
 from robots.lattice_robot.mesh_robot import MarkedRegion, robot_of_mesh
 from robots.lattice_robot.on_rig import played_robot
 from robots.lattice_robot.printing import overlapping_parts_of, parts_of
@@ -87,6 +88,16 @@ def test_what_cannot_be_printed_is_told(tmp_path, path, mould, message):
 
 
 # --- tables
+
+
+def test_waves_that_differ_by_rounding_share_a_channel():
+    """Phases that are whole cycles apart, and half a cycle with the amplitude's sign changed."""
+    phase, sign = np.array([0.1, 1.1, 4.1, 8.1, 0.6, 0.2]), np.array([1, 1, 1, 1, -1, 1])
+    waves = sign * np.cos(2 * np.pi * (np.arange(16)[:, None] / 16 + phase))
+    held = waves.T[None], np.zeros((1, 6))
+    assert len({wave.tobytes() for wave in waves.T}) > 2
+    assert places_alike(*held) == [[0, 1, 2, 3, 4], [5]]
+    assert places_alike(held[0], np.array([[0, 0, 0.5, 0, 0, 0]])) == [[0, 1, 3, 4], [2], [5]]
 
 
 def test_a_table_has_the_waves_of_the_channels_on_the_lines_of_bladders(tmp_path):

@@ -52,6 +52,10 @@ def test_a_ball_is_round_and_a_box_has_its_edges():
     assert Prop.parse("box:0.021,0.04,0.001,0,0").cells(0.01).max(axis=0).tolist() == [1, 3, 0]
     ball = Prop.parse("ball:0.08,0,0").cells(0.01)
     assert len(ball) == pytest.approx(np.pi / 6 * 8**3, rel=0.1) and ball.max() == 7
+    for across in (3, 4, 5, 6, 7, 9, 12):
+        cells = Prop.parse(f"ball:{0.01 * across},0,0").cells(0.01)
+        assert np.ptp(cells, axis=0).tolist() == [across - 1] * 3
+        assert len(cells) == pytest.approx(np.pi / 6 * across**3, rel=0.35 if across < 7 else 0.06)
     assert Prop.parse("ball:0.001,0,0").cells(0.01).tolist() == [[0, 0, 0]]
 
 
