@@ -11,8 +11,8 @@ is the slope of a potential by d and, where it turns, by h: so it floats as Arch
 - Added mass is half the mass of the water displaced, that of a ball (Lamb, Hydrodynamics, 1932, art. 92). What goes in
   must bring its added mass to its own speed, the slamming of von Karman (NACA TN 321, 1929); what comes out leaves it
   behind. The speed that it has is that of the step before, in the pose of then: with the arms of the new pose the
-  added mass of a body whose middle is elsewhere would turn with it without a push, and give energy. So water never
-  gives more than it took.
+  added mass of a body whose middle is elsewhere would turn with it without a push, and give energy. So water gives no
+  more than it took, but for what explicit steps give to fast spins.
 
 Drag and added mass are part of a step's linear system, the drag's speed being that before the step: so they slow a body
 whatever the time step, and never turn it round. The surface stays level: no waves, no wake, no lift across the motion.
@@ -44,6 +44,7 @@ from taichi_sim.rigid.stages import spatial
 from taichi_sim.runtime import emit, ti
 
 Reals = Sequence[Any]
+TURNS_BACK = 3  # repetitions that find the angular velocity of the step before
 LEAST = 1e-30  # (m/s)^2, keeps the speed's derivative finite
 
 
@@ -59,24 +60,22 @@ def own_motion(*values: Any) -> tuple[Any, ...]:
     drifting, time_step = values[25:]
     if drifting:
         return (*angular, *linear)
-    own = spatial.minus_times(angular, spatial.cross(place, linear), 1.0)
-    spin = _turning(at_rest, rotation, own)
-    spin = _turned_by(spin, 0.0 - time_step, _turning(at_rest, rotation, _turned_by(spin, time_step, own)))
-    return (*spin, *(x / mass for x in linear))
-
-
-@primitive
-def _turning(at_rest: Reals, rotation: Reals, momentum: Reals) -> Reals:
-    """Angular velocity of a body of this inertia at rest, rotation, and angular momentum."""
-    return spatial.turned(rotation, _solved(at_rest, [spatial.dot(rotation[i::3], momentum) for i in range(3)]))
+    spin = spatial.minus_times(angular, spatial.cross(place, linear), 1.0)
+    own = [emit(spatial.dot(rotation[i::3], spin)) for i in range(3)]
+    inverse = _inverse(at_rest)
+    turning = spatial.times_triangle(inverse, own)
+    for _ in range(TURNS_BACK):  # in the body's axes, which turn about it, it is the same before and after the turn
+        turning = spatial.times_triangle(inverse, _turned_by(turning, time_step, own))
+    return (*spatial.turned(rotation, turning), *(x / mass for x in linear))
 
 
 @primitive
 def _turned_by(spin: Reals, time: Any, v: Reals) -> Reals:
-    """A vector that turns with ``spin`` for a time, to the second order."""
+    """A vector that turns with ``spin`` for a time, to the fourth order of the angle."""
     first = spatial.cross(spin, v)
-    half = spatial.plus_times(first, spatial.cross(spin, first), emit(0.5 * time))
-    return spatial.plus_times(v, half, time)
+    second, square = spatial.cross(spin, first), emit(time * time * spatial.dot(spin, spin))
+    once, twice = emit(time * (1.0 - square / 6.0)), emit(0.5 * time * time * (1.0 - square / 12.0))
+    return spatial.plus_times(spatial.plus_times(v, first, once), second, twice)
 
 
 @primitive
@@ -144,14 +143,14 @@ def water_work(*values: Any) -> Any:
 
 
 @primitive
-def _solved(matrix: Reals, v: Reals) -> list[Any]:
-    """Solve a symmetric positive definite 3 x 3 matrix, a triangle, by cofactors of what its trace makes of order 1."""
+def _inverse(matrix: Reals) -> list[Any]:
+    """Inverse of a symmetric positive definite 3 x 3 matrix, triangles, by cofactors of what its trace makes 1."""
     scale = emit(1.0 / (matrix[0] + matrix[2] + matrix[5]))
     a, b, c, d, e, f = (emit(scale * x) for x in matrix)
     first, second, third = emit(c * f - e * e), emit(d * e - b * f), emit(b * e - c * d)
     factor = emit(scale / (a * first + b * second + d * third))
     cofactors = first, second, emit(a * f - d * d), third, emit(b * d - a * e), emit(a * c - b * b)
-    return [factor * x for x in spatial.times_triangle(cofactors, v)]
+    return [emit(factor * x) for x in cofactors]
 
 
 @primitive

@@ -145,7 +145,7 @@ def test_own_motion_is_that_of_the_momentum(scale):
 
 
 def test_own_motion_is_that_in_the_pose_of_the_step_before():
-    """To the second order of the step: the angular velocity that the body had before it turned on."""
+    """To the fourth order of the step: the angular velocity that the body had before it turned on."""
     rng = np.random.default_rng(2)
     rotation, spin = turned(rng), rng.normal(size=3)
     half = rng.normal(size=(3, 3))
@@ -157,4 +157,4 @@ def test_own_motion_is_that_in_the_pose_of_the_step_before():
         found = own_motion(1.0, *inertia[LOWER], *now.ravel(), *np.zeros(3), *momentum, *np.zeros(3), False, step)
         return np.abs(found[:3] - spin).max()
 
-    assert error(1e-3) < 2e-5 and error(1e-3) == pytest.approx(4 * error(5e-4), rel=0.05)
+    assert error(0.02) < 1e-3 and error(0.02) == pytest.approx(16 * error(0.01), rel=0.2)
