@@ -18,6 +18,7 @@ from taichi_sim.base.short_text import counted
 if TYPE_CHECKING:
     from robots.hardware.rig import PneumaticRig
     from robots.hardware.rig_table import RigTable
+    from robots.hardware.start import Start
 
 REFUSED = 2  # exit code, as of other input that is not allowed
 PICTURES = (".pdf", ".png", ".svg")
@@ -187,6 +188,8 @@ def _write_table(args: argparse.Namespace, robot: Robot, seed: int | None, made:
     settings: dict[str, Any] = {"rig": rig, "units": args.units, "on_violation": args.on_violation}
     if args.full_scale is not None:
         settings["full_scale"] = args.full_scale
+    if (start := _start_of(args)) is not None:
+        settings["start"] = start
     try:
         table = robot.table(rate=args.rate, seed=seed, **settings)
     except RigViolation as refusal:
@@ -221,6 +224,13 @@ def _rig_of(args: argparse.Namespace) -> "PneumaticRig":
     if args.rig is None and args.source.suffix.lower() == ".csv":
         return rig_of_table(read_csv(args.source))
     return PneumaticRig.load(args.rig or "dissertation")
+
+
+def _start_of(args: argparse.Namespace) -> "Start | None":
+    """Where the table begins that is the source, if that is one which follows another gait."""
+    from robots.hardware import read_csv
+
+    return read_csv(args.source).start if args.source.suffix.lower() == ".csv" else None
 
 
 def _report(args: argparse.Namespace, table: "RigTable", unsampled: float | None) -> Report:

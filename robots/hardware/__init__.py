@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from robots.hardware.rig import Channel as Channel
     from robots.hardware.rig import PneumaticRig as PneumaticRig
     from robots.hardware.rig_table import write_csv as write_csv
+    from robots.hardware.start import Start as Start
     from robots.hardware.table import GaitTable as GaitTable
     from robots.hardware.table import design_hash as design_hash
     from robots.hardware.table import read_csv as read_csv

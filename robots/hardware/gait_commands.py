@@ -12,6 +12,7 @@ from robots.hardware.headroom import RigReport, uses_of
 from robots.hardware.line_map import LineMap
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import write_csv
+from robots.hardware.start import Start
 from robots.hardware.table import TIME_STEP, GaitTable, on_lines
 from robots.hardware.timeline import Commands, RigViolation, asked, timeline, violations
 from robots.hardware.units import KPA_PER_UNIT
@@ -21,19 +22,22 @@ from robots.inflatable.schedule import BLADDERS, ROWS
 from robots.inflatable.timing import durations
 
 
-def commands_of(design: InflatableDesign, line_map: LineMap, cores: int = 1) -> Commands:
+def commands_of(design: InflatableDesign, line_map: LineMap, cores: int = 1, start: Start | None = None) -> Commands:
     """The commands of a gait.
 
     Args:
         design: with one core pressure, or one for each of several lines.
         cores: lines for them.
         line_map: from simulated to line pressures.
+        start: where its first column begins; None: bladders are empty and feet grip, in the design's shape.
     """
     schedule = design.schedule
-    shaping = (np.arange(ROWS) >= BLADDERS).astype(float)  # the feet grip
+    shaping = (np.arange(ROWS) >= BLADDERS).astype(float) if start is None else np.array(start.levels)
     levels = np.column_stack([shaping, schedule.levels, schedule.levels])
     core, times = np.empty((cores, levels.shape[1])), np.zeros((schedule.columns, 2))
     core.T[:] = design.pressure
+    if start is not None:
+        core[:, 0] = start.cores(cores)
     if schedule.core_pressure is not None:
         core[:, 1:] = np.tile(schedule.core_pressure, 2)
     if schedule.has_own_times:
@@ -56,11 +60,13 @@ def gait_table(
     rate: float | None = None,
     on_violation: str = "refuse",
     seed: int | None = None,
+    start: Start | None = None,
 ) -> GaitTable:
     """Make the table of line pressures that plays a gait of the inflatable robot on a rig, within its limits.
 
     All lines start vented. The core goes to the line pressure of the design's; a flat body (pressure 0) is drawn flat
-    by vacuum. The feet grip meanwhile, as in the simulation's initialisation.
+    by vacuum. The feet grip meanwhile, as in the simulation's initialisation. A table that is to follow another gait
+    without venting has to begin where that ends: state 0 then leads there, and state 1 takes the time from there.
 
     Args:
         design: pressure [Pa], one for each of the rig's lines for cores where they differ, orientation [degrees] and
@@ -71,6 +77,7 @@ def gait_table(
         on_violation: of the rig's limits: ``"refuse"``, or ``"clip"``: pressures stop at limits, and strokes take as
             long as the limit of rate asks.
         seed: of the search that found the design, for the header.
+        start: where the first column begins, such as ``Start.after(gait_before)``; None: as above.
 
     Raises:
         RigViolation: a ValueError, if a pressure or a rate exceeds the rig's limits and is not clipped.
@@ -78,17 +85,18 @@ def gait_table(
     """
     rig, units, clip, seed = asked(rig, units, rate, on_violation, seed)
     design = on_lines(design, rig)
-    after = design.schedule.core_pressure
-    pressures = np.append(design.pressure, [] if after is None else after)
+    told = design.schedule.core_pressure
+    pressures = np.append(design.pressure, [] if told is None else told)
+    pressures = np.append(pressures, [] if start is None else start.pressure)
     line_map = rig.line_map.without_unused_ramp(pressures)
-    commands = commands_of(design, line_map, rig.cores)
+    commands = commands_of(design, line_map, rig.cores, start)
     found = violations(commands, timeline(commands, rig).states, rig)
     if found and not clip:
         raise RigViolation(found)
     if found:
         low, high = rig.pressure_limits
         line_map = line_map.within(low[rig.cores :], high[rig.cores :])
-        commands = commands_of(design, line_map, rig.cores).within(low, high)
+        commands = commands_of(design, line_map, rig.cores, start).within(low, high)
     line = timeline(commands, rig, rate, keep_slew=clip)
     if found:  # rounding of rows on the way to a limit
         line = replace(line, pressures=np.clip(line.pressures, low, high))
@@ -104,6 +112,7 @@ def gait_table(
         rate,
         tuple(map(str, found)),
         line.states,
+        start,
     )
 
 
@@ -116,13 +125,14 @@ def export_csv(
     rate: float | None = None,
     on_violation: str = "refuse",
     seed: int | None = None,
+    start: Start | None = None,
 ) -> GaitTable:
     """Write the gait table of a design as CSV, replacing the file in one step.
 
     Args:
         design: pressure [Pa], orientation [degrees] and schedule.
         path: of the CSV file.
-        rig, units, rate, on_violation, seed: see :func:`robots.hardware.gait_table`.
+        rig, units, rate, on_violation, seed, start: see :func:`robots.hardware.gait_table`.
 
     Returns:
         The table that was written.
@@ -130,7 +140,7 @@ def export_csv(
     Raises:
         ValueError: if the rig's limits refuse the gait or the file cannot be written.
     """
-    table = gait_table(design, rig, units, rate=rate, on_violation=on_violation, seed=seed)
+    table = gait_table(design, rig, units, rate=rate, on_violation=on_violation, seed=seed, start=start)
     write_csv(table, path)
     return table
 

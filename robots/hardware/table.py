@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from robots.hardware.line_map import LEVEL_DECIMALS, PRESSURE_DECIMALS, LineMap
 from robots.hardware.rig import PneumaticRig
 from robots.hardware.rig_table import RigTable, State, rate_of, rate_text, read_content, read_table, seed_of, seed_text
+from robots.hardware.start import Start
 from robots.hardware.units import KPA_PER_UNIT
 from robots.inflatable.actuation import ACTUATION
 from robots.inflatable.body import PUBLISHED
@@ -52,6 +53,8 @@ class GaitTable(RigTable):
         rate: rows per second; None for rows at corners.
         clipped: pressures that were clipped, a line of text each.
         timing: timing of the states; empty in a table that was read.
+        start: where the first column begins, as another gait has left the lines; None: bladders are empty and feet
+            grip, in the design's shape.
     """
 
     times: Floats
@@ -65,6 +68,7 @@ class GaitTable(RigTable):
     rate: float | None = None
     clipped: tuple[str, ...] = ()
     timing: tuple[State, ...] = ()
+    start: Start | None = None
 
     @property
     def columns(self) -> int:
@@ -94,6 +98,7 @@ class GaitTable(RigTable):
             ("repeats", str(design.schedule.repeats)),
             *([("materials", json.dumps(design.materials.given))] if design.materials is not None else []),
             *([("bladders", told_layout(design.bladders))] if design.bladders is not None else []),
+            *([("start", self.start.to_text())] if self.start is not None else []),
             ("loops", str(self.loops)),
             ("rig", self.rig),
             ("rate_hz", rate_text(self.rate)),
@@ -132,6 +137,8 @@ class GaitTable(RigTable):
         told_core, levels = self.simulated(lines[:-1])  # the last state vents
         core = np.atleast_2d(told_core)
         given = self.design.schedule
+        if self.start is not None:  # where the gait before ends is no part of this one
+            core[:, 0] = core[:, 1] if given.core_pressure is None else self.design.pressure
         if given.skip_idle:
             levels = np.round(levels)
         if np.ptp(core, axis=1).any() and given.core_pressure is None:
@@ -264,6 +271,7 @@ def _read(lines: Sequence[str]) -> GaitTable:
         fits = header["robot_hash"] == design_hash(design) and header["loops"] == str(schedule.repeats - 1)
         line_map = LineMap.from_text(header["map"])
         seed, rate, rig = seed_of(header["seed"]), rate_of(header["rate_hz"]), header["rig"]
+        start = Start.from_text(header["start"]) if "start" in header else None
     except KeyError as missing:
         raise ValueError(f"{missing.args[0]} is missing in the header") from None
     except ValueError as error:
@@ -275,4 +283,5 @@ def _read(lines: Sequence[str]) -> GaitTable:
     for told in (len(pressure), len(core) if core is not None and core.ndim == 2 else 1):
         if told not in (1, lines):
             raise ValueError(f"header is damaged (its design has {told} cores, the table {lines} lines for cores)")
-    return GaitTable(times, states, pressures, content.units, design, line_map, seed, rig, rate, content.clipped)
+    table = GaitTable(times, states, pressures, content.units, design, line_map, seed, rig, rate, content.clipped)
+    return replace(table, start=start)
