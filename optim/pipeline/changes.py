@@ -13,20 +13,17 @@ import numpy as np
 
 from optim.experiments.allowed import Allowed, check_arrays
 from optim.experiments.results import Progress, cached
-from optim.pipeline.plans import core_of
 from optim.pipeline.task import PipelineTask, slug
 from optim.pipeline.trials import KeptSimulations, State, part_name
 from robots.inflatable.design import InflatableDesign
 from robots.inflatable.journeys import JourneyResult, Leg
-from robots.inflatable.transition import TransitionJudgement, change_of_shape, deepest_contact, shape_error, turned_by
+from robots.inflatable.transition import TransitionJudgement, deepest_contact, shape_error, turned_by
 from robots.robot import part_of
 from robots.world import Terrain
 from taichi_sim.base.arrays import Arrays, Floats
 
 MOST_STEPS = 10**9  # time steps of a leg, far more than any takes
 RECORD_EVERY = 4000  # time steps between the poses that are looked at for contact
-# Whether the bladders empty while the core changes, and whether the feet grip.
-WAYS = ((False, 1.0), (True, 1.0), (False, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +39,7 @@ class Change:
 
 
 def find_change(before: State, after: State, trials: KeptSimulations, progress: Progress = None) -> Change:
-    """The first way from a gait to another that goes well; else the one with the fewest faults.
+    """The first way from a gait to another that the rig can play and that goes well; else that with the fewest faults.
 
     The shape changes where the robot comes from, or where it goes to. Into water and out of it, it changes there, and
     the gait before is not simulated: the robot is put there in its shape.
@@ -52,23 +49,13 @@ def find_change(before: State, after: State, trials: KeptSimulations, progress: 
     grounds = [after.terrain] if apart else list(dict.fromkeys(state.terrain for state in both))
     names, places = tuple(state.gait for state in both), [state.name for state in both]
     tried = list[Change]()
-    ways = list(product(grounds, WAYS))
-    for number, (ground, (together, grip)) in enumerate(ways):
-        design = change_of_shape(
-            core_of(before.design),
-            core_of(after.design),
-            after.design.orientation,
-            grip=grip,
-            together=together,
-            times=task.core_times,
-            **task.robot,
-        )
+    ways = list(product(grounds, task.ways_between(before.design, after.design).items()))
+    for number, (ground, (way, design)) in enumerate(ways):
         legs = [Leg(before.design, before.terrain), Leg(design, ground), Leg(after.design, after.terrain)]
-        key = f"change {names} {places} {slug(ground)} {together} {grip}"
+        key = f"change {names} {places} {slug(ground)} {way.together} {way.grip}"
         play = partial(_play, legs[1:] if apart else legs, trials, part_of(progress, number, len(ways)))
         found = cached(trials.folder, part_name(key), play, partial(_check_played, task.runs))
-        way = f"{'while' if together else 'after'} the bladders empty, feet {'grip' if grip else 'slide'}"
-        tried.append(_judged(ground, design, way, found, task))
+        tried.append(_judged(ground, design, str(way), found, task))
         if not tried[-1].faults:
             break
     return min(tried, key=lambda change: (len(change.faults), -np.nan_to_num(change.next_speed, nan=-np.inf)))

@@ -1,7 +1,8 @@
 """The pipeline: from a task to a package. What is simulated is kept, so the same command goes on where it was."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from optim.pipeline.machine import change_name
 from optim.pipeline.package import Package
 from optim.pipeline.plans import Plan, best_of_one_gait, best_of_one_shape, core_of, rank_plans
 from optim.pipeline.task import FOUND, PipelineTask, slug
-from optim.pipeline.trials import KeptSimulations, State, check_working, speeds_of
+from optim.pipeline.trials import KeptSimulations, NoWorkingGait, State, check_working, speeds_of
 from optim.runs import open_run, run_search
 from optim.runs.config import GROUND_FILES
 from optim.runs.generation import Generation
@@ -72,7 +73,7 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
 
     Raises:
         ValueError: for a folder of something else.
-        NoWorkingGait: for a terrain without a gait that works.
+        NoWorkingGait: for a terrain without a gait that works, or where the rig can go between none of those that do.
     """
     check_folder(folder, (SEARCHES, SIMULATED, PACKAGE))
     trials = KeptSimulations(task, ResultsFolder(folder / SIMULATED, KIND, settings_of(task)), threads)
@@ -80,7 +81,9 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
     speeds = speeds_of(candidates, trials, part_of(progress, 10, 20, 4))
     check_working(speeds, task)
     means = {name: each.mean(axis=1).tolist() for name, each in speeds.items()}
-    plans = rank_plans(candidates, means, task.stretch, task.limits.least_speed, task.core_times)
+    plans = _playable(
+        rank_plans(candidates, means, task.stretch, task.limits.least_speed, task.core_times), candidates, task
+    )
     planned = [
         [
             State(terrain, name, candidates[name], speeds[name][place].tolist())
@@ -99,6 +102,16 @@ def run_pipeline(task: PipelineTask, folder: Path, progress: Progress = None, th
     }
     others = best_of_one_gait(plans), best_of_one_shape(plans, candidates)
     return Package(task, candidates, speeds, plan, *others, states, changes, crossings, rejected)
+
+
+def _playable(plans: Sequence[Plan], candidates: Mapping[str, InflatableDesign], task: PipelineTask) -> list[Plan]:
+    """The plans between whose gaits the rig can go; raises NoWorkingGait if there is none."""
+    between = cache(lambda first, second: task.refusal_between(candidates[first], candidates[second]))
+    found = [plan for plan in plans if not any(between(*pair) for pair in permutations(dict.fromkeys(plan.gaits), 2))]
+    if not found:
+        pair, why = next((pair, why) for pair in permutations(plans[0].gaits, 2) if (why := between(*pair)))
+        raise NoWorkingGait(f"the rig can go from no gait that works to the next; from {' to '.join(pair)}: {why}")
+    return found
 
 
 def settings_of(task: PipelineTask) -> dict[str, Any]:

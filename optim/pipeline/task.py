@@ -2,9 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
+from optim.pipeline.handover import WAYS, Way, handover, shape_change
+from optim.pipeline.plans import core_of
 from optim.problems.inflatable.problem import GaitProblem
 from optim.search import METHODS, build_method, default_settings
 from robots.calibration import Properties, load_calibration, robot_of, weight_of_calibration
@@ -108,6 +111,9 @@ class PipelineTask:
                 raise ValueError(f"gaits: {name} has {kilopascals(design.pressure)}, which no table says; give one")
             if refusal := self.refusal(design):
                 raise ValueError(f"gaits: {name}: {refusal}")
+        for (first, before), (second, after) in permutations(self.gaits.items(), 2) if len(self.terrains) > 1 else ():
+            if refusal := self.refusal_between(before, after):
+                raise ValueError(f"gaits: from {first} to {second}: {refusal}")
 
     @property
     def robot(self) -> dict[str, Any]:
@@ -121,6 +127,26 @@ class PipelineTask:
             gait_table(design, self.rig)
         except RigViolation as error:
             return str(error)
+        return ""
+
+    def ways_between(self, before: InflatableDesign, after: InflatableDesign) -> dict[Way, InflatableDesign]:
+        """Changes of shape that the rig can play from the end of a gait to the beginning of another."""
+        found = {way: shape_change(before, after, way, self.core_times, self.robot) for way in WAYS}
+        return {way: change for way, change in found.items() if not self._refused(before, change, after)}
+
+    def refusal_between(self, before: InflatableDesign, after: InflatableDesign) -> str:
+        """Why the rig cannot go from a gait to another without venting its lines; nothing if it can."""
+        if core_of(before) == core_of(after):
+            return self._refused(before, None, after)
+        if self.ways_between(before, after):
+            return ""
+        return self._refused(before, shape_change(before, after, WAYS[0], self.core_times, self.robot), after)
+
+    def _refused(self, before: InflatableDesign, change: InflatableDesign | None, after: InflatableDesign) -> str:
+        try:
+            handover(before, change, after, self.rig)
+        except RigViolation as error:
+            return f"{error.violations[0]}; give a rig that takes more time, or other gaits"
         return ""
 
     def problem(self, terrain: Terrain, **where: Any) -> GaitProblem:

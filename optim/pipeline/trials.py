@@ -23,7 +23,7 @@ from taichi_sim.base.short_text import decimal
 
 
 class NoWorkingGait(RuntimeError):
-    """A terrain has no gait that works."""
+    """A terrain has no gait that works, or a rig cannot go from one that does to the next."""
 
 
 def part_name(key: str) -> str:

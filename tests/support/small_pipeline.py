@@ -3,8 +3,8 @@
 import numpy as np
 from graded import TINY, settling
 
-from optim.pipeline import changes
 from optim.pipeline import run as pipeline_run
+from optim.pipeline import task as pipeline_task
 from optim.pipeline.plans import Plan
 from optim.pipeline.task import read_task
 from robots.inflatable import NAMED_GEOMETRIES, transition
@@ -66,6 +66,6 @@ def decided(monkeypatch):
     monkeypatch.setitem(NAMED_GEOMETRIES, "small", TINY)
     monkeypatch.setattr(pipeline_run, "rank_plans", lambda *_: [Plan(("round", "flat"), 0.1)])
     monkeypatch.setattr(pipeline_run, "check_working", lambda *_: None)
-    monkeypatch.setattr(changes, "WAYS", changes.WAYS[:1])
+    monkeypatch.setattr(pipeline_task, "WAYS", pipeline_task.WAYS[:1])
     monkeypatch.setattr(transition, "SETTLING_TIME", 0.05)
     monkeypatch.setattr(transition, "full_stroke_steps", lambda actuation: 400)
