@@ -63,9 +63,11 @@ def _make(args: argparse.Namespace) -> Report:
 
 def _replay(args: argparse.Namespace) -> Report:
     from optim.pipeline.machine import replay_package
+    from optim.pipeline.tables import check_changes
     from robots.hardware import PneumaticRig
 
     rig = None if args.rig is None else PneumaticRig.load(args.rig)
+    joined = check_changes(args.replay, rig)
     with shown_progress("replay", 1.0, args.quiet) as update:
         found = replay_package(args.replay, update, args.threads, rig)
     lines = []
@@ -77,5 +79,10 @@ def _replay(args: argparse.Namespace) -> Report:
         ]
         if rig is not None and one.on_rig is not None:
             lines.append(f"  on the rig {rig.name}, in its time: {decimal(one.on_rig)} BL/s")
-    document = {"package": str(args.replay), "states": [{**asdict(one), "holds": one.holds} for one in found]}
-    return Report(document, "\n".join(lines), 0 if all(one.holds for one in found) else FAILED)
+    holds = all(one.holds for one in found) and not any(each.faults for each in joined)
+    document = {
+        "package": str(args.replay),
+        "states": [{**asdict(one), "holds": one.holds} for one in found],
+        "changes": [asdict(each) for each in joined],
+    }
+    return Report(document, "\n".join([*lines, *map(str, joined)]), 0 if holds else FAILED)

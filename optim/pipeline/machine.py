@@ -30,18 +30,25 @@ FORMAT = "morpholab-state-machine-1"
 MACHINE = "machine.json"
 RULES = (
     "Begin in the initial state: play the prefix of its table, then its main again and again.",
-    "When the terrain becomes that of another state, finish the main, go on to where 'on' says, and play the prefix of "
-    "the change's table without its state 0, which shapes the body; then the prefix of the next state's table without "
-    "its state 0, and its main again and again.",
-    "A change without a table needs none: the shape stays.",
+    "When the terrain becomes that of another state, finish what is played, prefix or main, and go on to where 'on' "
+    "says; play the prefix of the change's 'table' without its state 0, then the prefix of its 'entry' without its "
+    "state 0, then the main of the next state's table again and again.",
+    "A change without a table needs none, as the shape stays: its 'entry' follows at once.",
+    "State 0 of a change's tables leads vented lines to where the table before leaves them: they are there already.",
     "To stop, finish the main and play the suffix.",
 )
 
 
 def machine_document(
-    states: Sequence[State], changes: Mapping[tuple[str, str], Change | None], task: PipelineTask
+    states: Sequence[State],
+    changes: Mapping[tuple[str, str], Change | None],
+    entries: Mapping[tuple[str, str], str],
+    task: PipelineTask,
 ) -> dict[str, Any]:
-    """The state machine as JSON; the first state is the initial one, and changes are None where the shape stays."""
+    """The state machine as JSON; the first state is the initial one, and changes are None where the shape stays.
+
+    Entries are names of the tables whose prefixes lead into the next state's gait.
+    """
     simulated = {
         "geometry": task.geometry,
         "precision": task.precision,
@@ -66,7 +73,7 @@ def machine_document(
             }
             for state in states
         ],
-        "changes": [_change(pair, change) for pair, change in changes.items()],
+        "changes": [_change(pair, change, f"tables/{entries[pair]}.csv") for pair, change in changes.items()],
         "rules": list(RULES),
     }
 
@@ -76,8 +83,8 @@ def change_name(pair: tuple[str, str]) -> str:
     return f"{pair[0]}-to-{pair[1]}"
 
 
-def _change(pair: tuple[str, str], change: Change | None) -> dict[str, Any]:
-    own: dict[str, Any] = {"from": pair[0], "to": pair[1], "on": None, "gait": None, "table": None}
+def _change(pair: tuple[str, str], change: Change | None, entry: str) -> dict[str, Any]:
+    own: dict[str, Any] = {"from": pair[0], "to": pair[1], "on": None, "gait": None, "table": None, "entry": entry}
     if change is None:
         return own
     return own | {
@@ -112,6 +119,8 @@ def read_machine(folder: Path) -> dict[str, Any]:
         properties_of(simulated)
         for state in document["states"]:
             _check_state(state)
+        for change in document["changes"]:
+            _check_change(change, [state["name"] for state in document["states"]])
     except KeyError as missing:
         raise ValueError(f"package: {path} is damaged: {missing} is missing") from None
     except (ValueError, TypeError, AttributeError) as error:
@@ -131,13 +140,33 @@ def weight_of(simulated: Mapping[str, Any]) -> str:
 
 def _check_state(state: Mapping[str, Any]) -> None:
     """Check that the table of a state lies in the package and that its values are allowed."""
-    table = Path(state["table"])
-    if table.is_absolute() or ".." in table.parts:
-        raise ValueError(f"table: {state['table']!r} is not allowed; it must be in the package")
+    _check_table("table", state["table"])
     Terrain(**state["terrain"])
     number("speed_bl_per_s", state["speed_bl_per_s"])
     if not isinstance(state["name"], str):
         raise ValueError(f"name: {state['name']!r} is not allowed; it must be a text")
+
+
+def _check_change(change: Mapping[str, Any], names: Sequence[str]) -> None:
+    """Check that a change leads from a state to another and that its tables lie in the package."""
+    for end in ("from", "to"):
+        choice(end, change[end], names)
+    if change["table"] is not None:
+        _check_table("table", change["table"])
+    if "entry" in change:
+        _check_table("entry", change["entry"])
+
+
+def _check_table(field: str, given: str) -> None:
+    table = Path(given)
+    if table.is_absolute() or ".." in table.parts:
+        raise ValueError(f"{field}: {given!r} is not allowed; it must be in the package")
+
+
+def entry_of(machine: Mapping[str, Any], change: Mapping[str, Any]) -> str:
+    """The table whose prefix leads into a gait after a change; that of its state in packages of earlier versions."""
+    own: dict[str, str] = {state["name"]: state["table"] for state in machine["states"]}
+    return str(change.get("entry", own[change["to"]]))
 
 
 TOLERANCE = 0.05

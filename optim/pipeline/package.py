@@ -14,6 +14,7 @@ from optim.experiments.results import write_json
 from optim.pipeline.changes import Change, Crossing
 from optim.pipeline.machine import MACHINE, RULES, change_name, machine_document
 from optim.pipeline.plans import Plan, core_of
+from optim.pipeline.tables import RIG, package_tables
 from optim.pipeline.task import PipelineTask
 from optim.pipeline.trials import State
 from optim.problems.inflatable.settings import RIG_FILE
@@ -32,7 +33,7 @@ from optim.report.markup import (
     tiles,
 )
 from robots.calibration import save_properties
-from robots.hardware import export_csv
+from robots.hardware import write_csv
 from robots.inflatable.design import InflatableDesign, save_design
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.files import write_text
@@ -98,21 +99,29 @@ def _mean_and_deviation(speeds: Floats) -> list[float | None]:
 
 
 def write_package(package: Package, folder: Path) -> list[str]:
-    """Write the package in place of an earlier one, and list its files; raises ValueError if the rig refuses a gait."""
+    """Write the package in place of an earlier one, and list its files; raises ValueError if the rig refuses a table.
+
+    Then nothing is written.
+    """
     from robots.inflatable.view.motion import journey_motion
     from robots.inflatable.view.picture import save_motion_picture
     from robots.view.player import MOST_MOTIONS
     from robots.view.player import page as player
 
+    task, written = package.task, [RIG]
+    shapes = {pair: change.design if change else None for pair, change in package.changes.items()}
+    tables = package_tables(package.states, shapes, task)
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
-    task, written = package.task, []
     designs = {state.name: state.design for state in package.states}
-    designs |= {change_name(pair): change.design for pair, change in package.changes.items() if change}
+    designs |= {change_name(pair): design for pair, design in shapes.items() if design}
     for name, design in designs.items():
-        written += [f"gaits/{name}.json", f"tables/{name}.csv"]
-        save_design(design, folder / f"gaits/{name}.json")
-        export_csv(design, folder / f"tables/{name}.csv", task.rig, seed=task.seed)
+        written.append(f"gaits/{name}.json")
+        save_design(design, folder / written[-1])
+    for name, made in tables.files.items():
+        written.append(f"tables/{name}.csv")
+        write_csv(made, folder / written[-1])
+    task.rig.save(folder / RIG)
     for state in package.states:
         written.append(f"pictures/{state.name}.png")
         save_motion_picture(state.design, state.terrain, folder / written[-1], **task.robot)
@@ -126,14 +135,14 @@ def write_package(package: Package, folder: Path) -> list[str]:
     if task.calibration is not None:
         save_properties(task.calibration, task.geometry, folder / RIG_FILE, task.weight)
         written.append(RIG_FILE)
-    write_json(folder / MACHINE, machine_document(package.states, package.changes, task))
+    write_json(folder / MACHINE, machine_document(package.states, package.changes, tables.entries, task))
     write_json(folder / NUMBERS, package.numbers())
-    write_text(folder / REPORT, report_page(package, folder))
+    write_text(folder / REPORT, report_page(package, folder, tables.entries))
     return [*written, MACHINE, NUMBERS, REPORT]
 
 
-def report_page(package: Package, folder: Path) -> str:
-    """The page as text; pictures are read from the folder of the package."""
+def report_page(package: Package, folder: Path, entries: Mapping[tuple[str, str], str]) -> str:
+    """The page as text; pictures are read from the folder of the package, entries are names of tables."""
     names = " and ".join(terrain.name for terrain in package.task.terrains)
     lead = [
         paragraph("Which gait the robot uses on which terrain, and how it gets from one shape to another.", "lead"),
@@ -145,7 +154,7 @@ def report_page(package: Package, folder: Path) -> str:
         Section("Gaits", [_picture(state, folder) for state in package.states]),
         Section("Changes of shape", _changes(package)),
         *([Section("A change of terrain mid-way", _crossings(package))] if package.crossings else []),
-        Section("Playing it", _playing(package)),
+        Section("Playing it", _playing(package, entries)),
     ]
     return page(f"From task to machine: {names}", lead, sections, FOOT)
 
@@ -217,8 +226,10 @@ def _crossings(package: Package) -> list[Html]:
     return [table("In one simulation", header, rows), note, Html(f'<p><a href="{PLAYER}">Play the journeys.</a></p>')]
 
 
-def _playing(package: Package) -> list[Html]:
+def _playing(package: Package, entries: Mapping[tuple[str, str], str]) -> list[Html]:
     """The section on how a controller plays the files."""
     files = [(state.terrain.name, f"tables/{state.name}.csv") for state in package.states]
-    files += [(" to ".join(pair), f"tables/{change_name(pair)}.csv") for pair, c in package.changes.items() if c]
+    for pair, change in package.changes.items():
+        played = [change_name(pair)] * (change is not None) + [entries[pair]]
+        files.append((" to ".join(pair), ", then ".join(f"tables/{name}.csv" for name in played)))
     return [facts("Tables of line pressures", files), *map(paragraph, RULES), code("machine.json says the same")]

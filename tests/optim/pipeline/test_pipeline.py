@@ -98,7 +98,8 @@ def test_a_package_from_end_to_end(task, tmp_path, morpholab, monkeypatch):
     page = (package / "report.html").read_text()
     assert "Changes of shape" in page and "hill-5" in page
     code, text, _ = morpholab(f"pipeline --replay {package} --quiet --json --threads 1")
-    states = json.loads(text)["states"]
+    states, joined = (json.loads(text)[name] for name in ("states", "changes"))
+    assert [(each["rig"], each["faults"]) for each in joined] == [("quick", [])] * 2
     assert code == 0 and all(state["replayed"] == pytest.approx(state["designed"], rel=1e-3) for state in states)
     assert all(state["course"]["stretch"] > 1.1 and 0.0 < state["course"]["mean"] < 0.3 for state in states)
     assert {state["on_rig"] for state in states} == {None}
