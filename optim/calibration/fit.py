@@ -8,13 +8,14 @@ friction acts. Where gaits are chaotic, sums of squares and slopes are random: a
 is not taken, and one counts as worse only beyond the scatter of the sums.
 """
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from optim.calibration.look import Told, listed, look_around, simulated
+from optim.calibration.look import Diverged, Told, listed, look_around, simulated
 from optim.calibration.misfit import DIFFERENCE, REPLICAS, TOO_LARGE, WIDEST, Linearised, Misfit, Uncertainty
 from optim.calibration.misfit import uncertainty as uncertainty_of
 from robots.calibration import BOUNDS, NAMES, Experiment, Laboratory, Properties, Trial
@@ -60,7 +61,7 @@ def calibrate(
 
     Raises:
         ValueError: for unknown names, too few points, or properties that the data do not determine.
-        RuntimeError: if the robot diverges at the start of the joint fit.
+        Diverged: if the robot diverges at the start of the joint fit.
     """
     check_names(experiments, names)
     before = Properties.of(laboratory.geometry, laboratory.actuation)
@@ -71,8 +72,9 @@ def calibrate(
     for other in others:
         if found.uncertainty.noise <= TOO_LARGE:
             break
-        again = _descend(replace(misfit, start=other), before, told, (0.8, 0.8))
-        found = min(found, again, key=lambda each: each.unlikelihood)
+        with contextlib.suppress(Diverged):  # the fit that there is stays
+            again = _descend(replace(misfit, start=other), before, told, (0.8, 0.8))
+            found = min(found, again, key=lambda each: each.unlikelihood)
     played = laboratory.as_played(found.after)
     if played.time_step == laboratory.time_step:
         return found
@@ -129,7 +131,7 @@ def _descend(misfit: Misfit, before: Properties, told: Told, share: tuple[float,
     low, high = misfit.limits
     known = _uncertainty(misfit, found, factors)
     bound, hardly = np.minimum(end - low, high - end) < _NEAR_BOUND, known.errors > _HARDLY * misfit.spans
-    around = end[:, None] + np.outer(known.reach, [-1.0, 1.0])
+    around = np.clip(end[:, None] + np.outer(known.reach, [-1.0, 1.0]), *misfit.before.T[..., None])
     return Calibration(
         before,
         misfit.properties(end),

@@ -21,6 +21,10 @@ LOOK = 16  # sample points for each property; the number of robots in a vector i
 FEW = 4  # best of them around which is looked closer
 
 
+class Diverged(RuntimeError):
+    """A simulation diverges where a fit begins."""
+
+
 def look_around(misfit: Misfit, told: Told) -> list[Properties]:
     """Properties near minima, the best first: each is searched in the kind of experiment that determines it best.
 
@@ -31,7 +35,7 @@ def look_around(misfit: Misfit, told: Told) -> list[Properties]:
     at = _look(misfit, Drag, rubbed, 0.0, told) if rubbed else [misfit.start]
     homes, scatter = _checked_homes(replace(misfit, start=at[0]))
     for kind in KINDS:
-        names = tuple(name for name in misfit.names if name not in rubbed and homes[name] is kind)
+        names = tuple(name for name in misfit.names if name not in rubbed and issubclass(homes[name], kind))
         at = _look(replace(misfit, start=at[0]), kind, names, scatter, told) if names else at
     return at
 
@@ -72,9 +76,11 @@ def _samples(count: int, each: int) -> tuple[Floats, float]:
 
 
 def _apart(samples: Floats, costs: Floats, width: float) -> list[int]:
-    """Numbers of the best few samples, none within the surroundings of a better one."""
+    """Numbers of the best few samples, none within the surroundings of a better one, and of those that diverge none."""
     kept: list[int] = []
     for number in np.argsort(costs, kind="stable").tolist():
+        if kept and not np.isfinite(costs[number]):
+            break
         if len(kept) < FEW and all(np.abs(samples[number] - samples[other]).max() > 0.51 * width for other in kept):
             kept.append(number)
     return kept
@@ -118,11 +124,11 @@ def simulated(misfit: Misfit, point: Floats) -> Linearised:
     """The misfit at a point, linearised.
 
     Raises:
-        RuntimeError: if a simulation diverges there.
+        Diverged: if a simulation diverges there.
     """
     found = misfit.linearised(point)
     if not np.isfinite(found.predictions).all():
-        raise RuntimeError("the simulation diverges where the fit begins; give other bounds")
+        raise Diverged("the simulation diverges where the fit begins; give other bounds")
     return found
 
 

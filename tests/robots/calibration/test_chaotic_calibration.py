@@ -8,7 +8,7 @@ import pytest
 from optim.calibration import calibrate, document, fit
 from optim.calibration.look import FEW, _apart
 from optim.calibration.misfit import Linearised, uncertainty
-from robots.calibration import Gait, Laboratory, Properties, Trial
+from robots.calibration import BOUNDS, Gait, Laboratory, Properties, Trial
 from robots.inflatable import INCHING, SMALL
 
 BENCH = Laboratory(SMALL, stiffest=SMALL.youngs_modulus, threads=1)
@@ -42,6 +42,15 @@ class Wave(Gait):
         return 0.01 * np.sin(8 * np.log(rates) * (1 + self.at))
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cliff(Gait):
+    """A gait that diverges at rates above 3.2 /s."""
+
+    def predict(self, trials, laboratory):
+        rates = np.array([[trial.properties.inflation_rate] for trial in trials])
+        return np.where(rates > 3.2, np.nan, 0.01 * np.tanh(self.at * rates / 2) * self.at)
+
+
 def measured(gait, seed):
     exact = gait.predict([Trial(TRUE, 1000 + seed)], BENCH)[0]
     noisy = exact + NOISE * np.random.default_rng(seed).standard_normal(len(exact))
@@ -61,7 +70,7 @@ def test_intervals_hold_the_truth_where_a_gait_is_chaotic(wander):
         (low, high), noise = found.intervals[0], found.uncertainty.noise
         held += low < TRUE.inflation_rate < high
         assert noise < 3
-    assert held >= 0.88 * draws
+    assert held >= 0.8 * draws  # a fit that begins near ends within noise of the best point: 0.88 at 0.02
 
 
 def test_what_a_gait_does_not_tell_is_warned_of():
@@ -103,6 +112,31 @@ def test_a_fit_that_ends_far_off_begins_again_from_the_next_best(monkeypatch):
     assert alone.uncertainty.noise > 2 and abs(alone.after.inflation_rate - 2.0) > 0.1
 
 
+def test_a_fit_stays_where_the_next_best_diverges(monkeypatch):
+    """Samples that diverge are no starts; and a start from which the fit diverges is left out."""
+    odd = dataclasses.replace(measured(gait_of(Cliff), 0), deviations=np.full(len(TIMES), 0.05 * NOISE))
+    bounds = BOUNDS | {"inflation_rate": (1.5, 20.0)}
+    found = calibrate([odd], BENCH, ("inflation_rate",), bounds)
+    assert found.uncertainty.noise > 2 and found.after.inflation_rate == pytest.approx(2.0, rel=0.05)
+    starts = [dataclasses.replace(TRUE, inflation_rate=rate) for rate in (2.1, 4.0)]
+    monkeypatch.setattr(fit, "look_around", lambda *_: starts)
+    again = calibrate([odd], BENCH, ("inflation_rate",), bounds)
+    assert again.after.inflation_rate == pytest.approx(found.after.inflation_rate, rel=1e-3)
+    monkeypatch.setattr(fit, "look_around", lambda *_: starts[1:])
+    with pytest.raises(RuntimeError, match="the simulation diverges where the fit begins"):
+        calibrate([odd], BENCH, ("inflation_rate",), bounds)
+
+
+def test_intervals_lie_within_the_bounds():
+    bounds = BOUNDS | {"inflation_rate": (0.7, 2.02)}
+    (low, high), *_ = calibrate(
+        [measured(gait_of(Wanderer, wander=0.02), 0)], BENCH, ("inflation_rate",), bounds
+    ).intervals
+    assert 0.7 <= low < high <= 2.02 * (1 + 1e-12)
+
+
 def test_the_best_few_samples_are_apart():
     samples, costs = np.linspace(0, 1, 16)[:, None], np.arange(16.0)
     assert _apart(samples, costs, 2 / 15) == [0, 2, 4, 6] and FEW == 4
+    assert _apart(samples, np.where(costs > 3, np.inf, costs), 2 / 15) == [0, 2]
+    assert _apart(samples, np.full(16, np.inf), 2 / 15) == [0]
