@@ -39,6 +39,7 @@ COMMAND = Command(
 def run(args: argparse.Namespace) -> Report:
     """Group, compare, draw."""
     from optim.runs import comparison
+    from optim.runs.comparable import check_comparable
     from optim.runs.config import score_in
     from optim.runs.history import begun, read_histories, runs_below
     from optim.runs.robust import held_out
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> Report:
     if not (args.runs or labels):
         raise ValueError("runs: none are given; name folders of runs, or groups by --label NAME=PATTERN")
     histories, damaged = read_histories(runs_below((*labels, *args.runs)), begun)
-    comparison.check_comparable(histories)
+    check_comparable(histories)
     try:
         curves = _named(comparison.curves(histories, args.by, labels), args.names)
     except ValueError as error:

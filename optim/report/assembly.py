@@ -24,7 +24,8 @@ from optim.report.markup import (
 )
 from optim.report.markup import page as page_of
 from optim.report.one_run import OneRun, files_of
-from optim.runs.comparison import Axis, check_comparable
+from optim.runs.comparable import check_comparable
+from optim.runs.comparison import Axis
 from optim.runs.history import read_histories, runs_below
 from optim.studies.catalogue import REPORTS
 from optim.wording import spoken_size

@@ -1,7 +1,8 @@
 """Compare runs: those that differ only in their seed make one group, and groups are compared by statistics.
 
 The unit of statistics is the run; where every group is a single run of independent climbers, it is the climber. The
-members of a population are not independent samples, so a single run of one has neither bands nor effect sizes.
+members of a population are not independent samples, nor are climbers that learn from each other, so a single run of
+such has neither bands nor effect sizes.
 """
 
 import itertools
@@ -15,42 +16,13 @@ from typing import Any, Literal
 import numpy as np
 
 from optim.measures.statistics import Effect, effect, holm, known_interval, rank_test, student_band, superiority
-from optim.problem import DESIGN, GAIT
-from optim.runs.config import GROUND_FILES, identity, usual_settings
+from optim.problem import DESIGN
+from optim.runs.config import climbs_independently, identity, usual_settings
 from optim.runs.history import History, begun
 from optim.search.method import LARGEST
-from robots.robot import KINDS
 from taichi_sim.base.arrays import Floats
 
 Axis = Literal["evaluations", "generations", "seconds"]
-# Settings of a problem on which scores depend; the others may differ between runs that are compared.
-JUDGED = (
-    "kind",
-    "terrains",
-    "terrain",
-    "worlds",
-    "objective",
-    "measure",
-    "summed",
-    "objectives",
-    "steps",
-    "warm_up",
-    "stages",
-    "ladder",
-    "ahead",
-    "hard",
-    "uncertain",
-    "risk",
-    "effort",
-    "geometry",
-    "weight",
-    "properties",
-    "repeats",
-    "actuation",
-    "task",
-    "sha256",
-    "objective_names",
-)
 # A first generation that takes that many times as long as others, and that much longer [s], has compiled kernels.
 MANY_TIMES, FEW_SECONDS = 3.0, 1.0
 
@@ -170,47 +142,6 @@ def _number_at(history: History, name: str, axis: Axis, x: float) -> float | Non
     return history.generations[reached].numbers.get(name) if reached >= 0 else None
 
 
-def check_comparable(histories: Sequence[History]) -> None:
-    """Raise ValueError unless the scores of all runs have the same meaning; warn of trials that differ."""
-    first = histories[0]
-    for other in histories[1:]:
-        problems = [{"kind": GAIT, **history.config["problem"]} for history in (first, other)]
-        files = [history.config.get(GROUND_FILES) for history in (first, other)]
-        if all(files):  # earlier versions did not record them
-            problems = [{**each, GROUND_FILES: told} for each, told in zip(problems, files, strict=True)]
-        for name in (*JUDGED, GROUND_FILES):
-            values = [json.dumps(problem.get(name)) for problem in problems]
-            if values[0] != values[1]:
-                raise ValueError(
-                    f"run: {first.path} and {other.path} are judged differently ({name} {values[0]} and {values[1]}); "
-                    "give runs whose scores mean the same"
-                )
-    _warn_of_trials(histories)
-
-
-def _warn_of_trials(histories: Sequence[History]) -> None:
-    """Warn once of all settings of the trials that differ between runs, such as a duration."""
-    problems = [history.config["problem"] for history in histories]
-    if any(not isinstance(problem.get("robot"), str) for problem in problems):
-        return
-    records = [json.loads(problem["robot"]) for problem in problems]
-    found = []
-    for name in KINDS.find(problems[0]["kind"]).trial_fields:
-        values = [_part_of(record, name) for record in records]
-        if any(value != values[0] for value in values):
-            told = dict.fromkeys("usual" if value is None else f"{value}" for value in values)
-            found.append(f"{name.rpartition('.')[2].replace('_', ' ')} ({', '.join(told)})")
-    if found:
-        warnings.warn(f"the runs differ in {', '.join(found)}: their scores may not mean the same", stacklevel=2)
-
-
-def _part_of(record: Any, name: str) -> Any:
-    """Value of a field of a description; dots in the name lead to fields of parts; None where there is none."""
-    for part in name.split("."):
-        record = record.get(part) if isinstance(record, Mapping) else None
-    return record
-
-
 def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] | None = None) -> list[Curve]:
     """Make one curve for each group of runs that differ in their seed only.
 
@@ -240,7 +171,7 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
         if label is not None and named.count(label) > 1:
             raise ValueError(f"label: runs of {label!r} differ in {_difference(label, groups)}; only seeds may differ")
     single = all(len(group) == 1 for group in members)
-    climbers = single and all(group[0].generations[-1].scores is not None for group in members)
+    climbers = single and all(_has_independent_climbers(group[0]) for group in members)
     told = [label or usual for label, usual in zip(named, _labels(members), strict=True)]
     found = [_curve(label, group, axis, climbers) for label, group in zip(told, members, strict=True)]
     if axis == "seconds":
@@ -336,6 +267,11 @@ def _check_independent(group: Sequence[History]) -> None:
         other = first.setdefault(identity({**history.config, "problem": problem}), history.path)
         if other != history.path:
             raise ValueError(f"run: {history.path} is the same search as {other}, seed included; leave one of them out")
+
+
+def _has_independent_climbers(history: History) -> bool:
+    """Whether the scores of a run are those of climbers that are samples of their own."""
+    return history.generations[-1].scores is not None and climbs_independently(history.config["method"])
 
 
 def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> Curve:

@@ -13,7 +13,7 @@ import tomli_w
 
 from optim.problem import GAIT, ROBOT, VEHICLE, WALKER, Objective, Problem, objectives_of, score_of
 from optim.problems.earlier import is_described_by
-from optim.search import METHODS, default_settings
+from optim.search import METHODS, default_settings, has_independent_climbers
 from taichi_sim.base import files
 from taichi_sim.base.checks import shown, whole_number
 from taichi_sim.base.parsing import parse_json, parse_toml
@@ -217,3 +217,8 @@ def keep_ground_files(problem: Problem, folder: Path) -> None:
 def usual_settings(method: Mapping[str, Any]) -> dict[str, Any]:
     """Default settings of a run's method, by name; none if the method is not installed."""
     return default_settings(str(method["name"])) if str(method.get("name")) in METHODS else {}
+
+
+def climbs_independently(method: Mapping[str, Any]) -> bool:
+    """Whether climbers of a run's method are independent samples; not known, so False, if it is not installed."""
+    return str(method.get("name")) in METHODS and has_independent_climbers(str(method["name"]))

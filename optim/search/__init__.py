@@ -53,6 +53,7 @@ __all__ = [
     "check_objectives",
     "check_settings",
     "default_settings",
+    "has_independent_climbers",
     "takes_several",
 ]
 
@@ -106,6 +107,11 @@ def check_objectives(name: MethodName, objectives: Sequence[str]) -> None:
 def takes_several(name: MethodName) -> bool:
     """Whether a method takes several objectives and searches for their front; other methods take a single one."""
     return bool(getattr(_class_of(name), "several_objectives", False))
+
+
+def has_independent_climbers(name: MethodName) -> bool:
+    """Whether what a method keeps are the best points of climbers that have nothing of each other, so are samples."""
+    return bool(getattr(_class_of(name), "independent_climbers", False))
 
 
 def _parameters(name: MethodName) -> Mapping[str, Any]:

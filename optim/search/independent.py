@@ -1,4 +1,4 @@
-"""The base class of methods that run independent searches side by side."""
+"""The base class of methods that run several searches side by side."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -18,13 +18,15 @@ class IndependentSearches(Search):
     """Base class of methods that run C independent searches, each evaluating one point per generation.
 
     A new point replaces a search's best if it is strictly better. NaN never does; a best point that failed is
-    replaced by any that did not.
+    replaced by any that did not. A method whose searches share anything says so: ``independent_climbers = False``.
 
     Attributes:
         climbers: number C of searches.
         seed: seed of all random numbers.
         start: values by name with which every search starts; the other variables start at random.
     """
+
+    independent_climbers = True
 
     arrays: ClassVar[tuple[str, ...]] = ("points", "scores")
 

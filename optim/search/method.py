@@ -82,6 +82,7 @@ class Method(Protocol):
     through_mixtures: bool = False  # whether it asks for what lies between true points, as a relaxation has it
     along_true_gradients: bool = False  # whether it asks for gradients of true points only
     takes_gradients: bool = False  # whether it asks for gradients at all
+    independent_climbers: bool = False  # whether its climbers share nothing, so that each is a sample for statistics
 
     @property
     def several_objectives(self) -> bool:

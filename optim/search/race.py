@@ -48,6 +48,7 @@ class GradientRace(IndependentSearches):
     """
 
     takes_gradients = True
+    independent_climbers = False  # they give up by rank, and return about the best of all
 
     arrays: ClassVar[tuple[str, ...]] = (
         *("here", "anchor", "step", "scale", "record", "racing", "move", "round", "judging"),

@@ -46,6 +46,7 @@ class StochasticAscent(IndependentSearches):
 
     along_true_gradients = True
     takes_gradients = True
+    independent_climbers = False  # all move in the same minibatches
 
     arrays: ClassVar[tuple[str, ...]] = ("here", "average", "move", "batch", "phase")
 

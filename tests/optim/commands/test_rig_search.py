@@ -12,7 +12,7 @@ from run_products import products
 from optim.problems.inflatable.outcomes import effort
 from optim.problems.inflatable.problem import GaitProblem
 from optim.report.robot_run import RobotSubject
-from optim.runs.comparison import JUDGED
+from optim.runs.comparable import JUDGED
 from robots.calibration import BOUNDS, Properties, load_calibration, robot_of, save_properties, weight_of_calibration
 from robots.inflatable import ACTUATION, INCHING, PUBLISHED, SMALL, InflatableActuation, simulation
 from robots.inflatable.design import InflatableDesign

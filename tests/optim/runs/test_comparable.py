@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from optim.runs.comparison import check_comparable
+from optim.runs.comparable import check_comparable
 
 
 def run(name: str, kind: str = "articulated", worlds: str = "flat", **robot):

@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from optim.problem import Evaluation
-from optim.search import METHODS, HillClimb, RandomSearch, build_method, default_settings
-from optim.search.independent import IndependentSearches
+from optim.search import METHODS, HillClimb, RandomSearch, build_method, default_settings, has_independent_climbers
 from optim.space import Space, Variable
 
 SPACE = Space(
@@ -22,7 +21,7 @@ RELAXABLE = Space((*SPACE.variables[:2], Variable("n", 0, 1, "binary")))
 SPACES = dict.fromkeys(("gradient", "race", "stochastic"), RELAXABLE)  # of the others SPACE
 BEST = np.array([1.0, 30.0, 1.0])
 SCALE = np.array([10.0, 90.0, 8.0])
-INDEPENDENT = [n for n, m in METHODS.items() if issubclass(m, IndependentSearches) and n not in ("race", "stochastic")]
+INDEPENDENT = [n for n in METHODS if has_independent_climbers(n)]
 methods = pytest.mark.parametrize("name", METHODS)
 independent = pytest.mark.parametrize("name", INDEPENDENT)
 

@@ -1,0 +1,38 @@
+"""Which units comparisons count: runs, or climbers where each is a sample of its own."""
+
+from pathlib import Path
+
+import pytest
+
+from optim.runs.comparison import curves, differences, shared_end
+from optim.runs.generation import Generation
+from optim.runs.history import History
+
+SCORES = {"a": [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], "b": [[1.1, 1.2, 1.3], [1.4, 1.5, 1.6]]}
+
+
+def history(name, method, scores=None, **settings):
+    """A run of some climbers that cost 10 evaluations each a generation."""
+    scores, rest = scores or SCORES[name], (None, None, None)
+    generations = [
+        Generation(n, 10 * len(row) * (n + 1), 0, max(row), *rest[:2], row, *rest[:2], {})
+        for n, row in enumerate(scores)
+    ]
+    config = {"problem": {}, "method": {"name": method, "tag": name, **settings}, "generations": len(scores) - 1}
+    return History(Path(name), config, tuple(generations), (1.0,) * len(scores), None, False)
+
+
+@pytest.mark.parametrize(
+    ("method", "unit"),
+    [("hill-climb", "climbers"), ("generating-set", "climbers"), ("race", "runs"), ("stochastic", "runs")],
+)
+def test_climbers_are_units_where_each_is_a_sample_of_its_own(method, unit):
+    """Those of a race return about the best of all, and those of stochastic ascent move in the same minibatches."""
+    found = curves([history(name, method) for name in "ab"], "generations")
+    assert [curve.unit for curve in found] == [unit, unit]
+    assert bool(differences(found, shared_end(found, "generations"))) is (unit == "climbers")
+
+
+def test_of_methods_that_are_not_installed_the_run_is_the_unit():
+    mixed = curves([history("a", "hill-climb"), history("b", "of a package")], "generations")
+    assert [curve.unit for curve in mixed] == ["runs", "runs"]
