@@ -126,6 +126,11 @@ def mean_with_interval(values: Floats, form: str) -> str:
     return f"{values.mean():{form}}{interval}"
 
 
+def between(low: float | None, high: float | None, form: str = ".2f") -> str:
+    """Format the ends of an interval; "unbounded" if it has none."""
+    return "unbounded" if low is None or high is None else f"{low:{form}} to {high:{form}}"
+
+
 def cell(value: float | None, form: str = ".4f", missing: str = MISSING) -> str:
     """Format a number of a table; ``missing`` for None."""
     return missing if value is None else format(value, form)

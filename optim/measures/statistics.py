@@ -2,7 +2,8 @@
 
 Sources of the others: Vargha & Delaney, J. Educational and Behavioral Statistics 25(2), 2000 (A12); Cohen, Statistical
 Power Analysis, 2nd ed. 1988 (d); Holm, Scandinavian J. of Statistics 6, 1979; Fisher, Metron 1, 1921 (interval of a
-correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks).
+correlation); Fieller, Hartley & Pearson, Biometrika 44, 1957 (of ranks); Fieller, J. Royal Stat. Soc. B 16, 1954 (of a
+ratio).
 """
 
 from collections.abc import Sequence
@@ -173,25 +174,38 @@ def difference_of_means(a: ArrayLike, b: ArrayLike, paired: bool = False) -> Dif
     return Difference(mean, float(found.low), float(found.high), known.p)
 
 
-def ratio_of_means(a: ArrayLike, b: ArrayLike, level: float = 0.95) -> tuple[float, float, float]:
-    """Mean of sample a divided by that of sample b, with both ends of its bootstrap confidence interval.
+def ratio_of_means(a: ArrayLike, b: ArrayLike, level: float = 0.95) -> tuple[float, float | None, float | None]:
+    """Mean of sample a divided by that of sample b, with both ends of its confidence interval by Fieller's theorem.
 
-    Source: Efron & Tibshirani, An introduction to the bootstrap, 1993, ch. 13 (percentiles, 10,000 resamples).
+    Both ends are None where no interval holds the ratio: where the mean of b may be 0. Variances may differ: degrees of
+    freedom are Satterthwaite's, at the ratio found (Hasler, Vonk & Hothorn, Statistics in Medicine 27, 2008).
 
     Raises:
         ValueError: for fewer than two values, or a mean of b that is not positive.
     """
     a, b = _sample("a", a), _sample("b", b)
-    if not b.mean() > 0:
-        raise ValueError(f"b: a mean of {b.mean():g} is not allowed; it must be positive")
+    above, below = float(a.mean()), float(b.mean())
+    if not below > 0:
+        raise ValueError(f"b: a mean of {below:g} is not allowed; it must be positive")
+    ratio, varies = above / below, (float(a.var(ddof=1)) / len(a), float(b.var(ddof=1)) / len(b))
+    parts = varies[0], ratio**2 * varies[1]  # of the variance of above - ratio * below
+    freedom = float(len(b) - 1)  # where only b varies
+    if sum(parts) > 0:
+        freedom = sum(parts) ** 2 / (parts[0] ** 2 / (len(a) - 1) + parts[1] ** 2 / (len(b) - 1))
+    return (ratio, *_fieller((above, below), varies, freedom, level))
 
-    def ratio(first: Floats, second: Floats, axis: int = -1) -> Floats:
-        means = second.mean(axis=axis)
-        return np.asarray(first.mean(axis=axis) / np.where(means > 0, means, np.nan))
 
-    settings = {"confidence_level": level, "method": "percentile", "n_resamples": 10_000, "rng": 0}
-    found = _scipy().bootstrap((a, b), ratio, **settings).confidence_interval
-    return float(ratio(a, b)), float(found.low), float(found.high)
+def _fieller(
+    means: tuple[float, float], variances: tuple[float, float], freedom: float, level: float
+) -> tuple[float | None, float | None]:
+    """Ratios r for which means[0] - r * means[1] may be 0, given variances of the means; None if these have no ends."""
+    (above, below), square = means, float(_scipy().t.isf((1 - level) / 2, freedom)) ** 2
+    leading = below**2 - square * variances[1]
+    if not leading > 0:
+        return None, None
+    middle, last = above * below, above**2 - square * variances[0]
+    half = max(0.0, middle**2 - leading * last) ** 0.5
+    return (middle - half) / leading, (middle + half) / leading
 
 
 def mean_interval(sample: ArrayLike, level: float = 0.95) -> tuple[float, float]:

@@ -22,7 +22,7 @@ from optim.experiments.jobs import run_parallel
 from optim.experiments.judged_runs import warm_up
 from optim.experiments.results import Progress, check_folder, write_json
 from optim.experiments.study import Count, Settings, Study, some_of
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where, write_records
+from optim.experiments.tables import Record, between, cell, column, distinct, markdown, page, where, write_records
 from optim.measures.statistics import known_mean, ratio_of_means
 from optim.problems.robot import RobotProblem
 from optim.runs.history import read_history
@@ -258,7 +258,6 @@ def _overview(advantages: Sequence[Mapping[str, Any]]) -> list[str]:
         problem = PROBLEMS[found["problem"]]
         best = [found["searches"][found[name]] for name in ("best_with_gradients", "best_without")]
         seeds, speeds = ([each[name] for each in best] for name in ("seeds", "mean"))
-        low, high = found["interval"]
         lines.append(
             (
                 problem.place,
@@ -266,7 +265,7 @@ def _overview(advantages: Sequence[Mapping[str, Any]]) -> list[str]:
                 f"{found['seconds']:g}",
                 *(f"{each['label']} {speed:.3f}" for each, speed in zip(best, speeds, strict=True)),
                 ", ".join(map(str, seeds)),
-                f"**{found['ratio']:.2f}** ({low:.2f} to {high:.2f})",
+                f"**{found['ratio']:.2f}** ({between(*found['interval'])})",
             )
         )
     header = ("where", "variables", "CPU time [s]", "best with gradients", "best without", "n", "times as fast")
@@ -280,7 +279,7 @@ def _draw(advantages: Sequence[Mapping[str, Any]], path: Path) -> None:
         for water, label, colour in ((False, "on ground", COLOURS[0]), (True, "in water", COLOURS[1])):
             shown = [each for each in advantages if _size(each)[:2] == (False, water)]
             variables, ratios = [_size(each)[2] for each in shown], np.array([each["ratio"] for each in shown])
-            intervals = np.reshape([each["interval"] for each in shown], (-1, 2)).T
+            intervals = np.reshape(np.array([each["interval"] for each in shown], float), (-1, 2)).T
             axes.errorbar(variables, ratios, np.abs(intervals - ratios), fmt="o-", color=colour, label=label, capsize=3)
         logarithmic(axes, "x")
         logarithmic(axes, "y")
@@ -304,11 +303,11 @@ def _table(found: Mapping[str, Any]) -> list[str | list[str]]:
     told = f"{sides} cells {how}, {problem.variables} variables, {found['seconds']:g} s of CPU time a run:"
     parts: list[str | list[str]] = [told, markdown(header, "lrrrrr", lines)]
     if "ratio" in found:
-        low, high = found["interval"]
         best = [found["searches"][found[name]] for name in ("best_with_gradients", "best_without")]
+        seeds = " and ".join(str(each["seeds"]) for each in best)
         parts.append(
             f"{' over '.join(each['label'] for each in best)}: {found['ratio']:.2f} times, "
-            f"95 % interval {low:.2f} to {high:.2f}, of {' and '.join(str(each['seeds']) for each in best)} seeds."
+            f"95 % interval {between(*found['interval'])}, of {seeds} seeds."
         )
     return parts
 

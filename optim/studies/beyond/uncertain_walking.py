@@ -18,7 +18,7 @@ from optim.experiments.equal_cost import Arm, Contest, Entry, of_kind
 from optim.experiments.judged_runs import JudgedRuns, Run, best_of_search, save_best
 from optim.experiments.results import Progress, write_json
 from optim.experiments.study import Count, Settings, Several, Study, some_of
-from optim.experiments.tables import Record, cell, column, distinct, markdown, page, where
+from optim.experiments.tables import Record, between, cell, column, distinct, markdown, page, where
 from optim.measures.statistics import known_mean, ratio_of_means
 from optim.problems.robot import RobotProblem
 from robots.freeform.grid import Grid
@@ -188,8 +188,8 @@ def _table(robot: str, told: Mapping[str, Any]) -> list[str | list[str]]:
     if one := told.get("advantage"):
         label, other = (ARMS[one[key]].label for key in ("of", "over"))
         parts.append(
-            f"{label} over {other}: {one['ratio']:.2f} times the speed, 95 % interval {one['low']:.2f} to "
-            f"{one['high']:.2f}."
+            f"{label} over {other}: {one['ratio']:.2f} times the speed, 95 % interval "
+            f"{between(one['low'], one['high'])}."
         )
     return parts
 
