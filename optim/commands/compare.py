@@ -120,6 +120,19 @@ def _named(curves: "list[Curve]", names: str | None) -> "list[Curve]":
     return [dataclasses.replace(curve, label=name) for curve, name in zip(curves, given, strict=True)]
 
 
+def _difference(one: "Difference", unsuccessful: bool) -> str:
+    """The line of a pair of groups; ``unsuccessful``: whether some have no success."""
+    found, means = one.effect, "too few with success for a difference of means"
+    ends = [decimal(each, "+") for each in (found.difference, found.low, found.high) if each is not None]
+    if ends:
+        means = f"{ends[0]} [{ends[1]}, {ends[2]}]{' of those with success' if unsuccessful else ''}"
+    d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
+    return (
+        f"  {one.second} minus {one.first}: {means}, A12 {found.superiority:.2f}{d}, p {one.adjusted_p:.2g} "
+        "(Mann-Whitney, Holm)"
+    )
+
+
 def _lines(score: str, document: dict[str, Any], differences: "list[Difference]") -> list[str]:
     at, by = document["at"], document["by"]
     end = f"{at:.3g} {by}" if by == "seconds" and at < 10 else counted(round(at), by[:-1])
@@ -136,14 +149,7 @@ def _lines(score: str, document: dict[str, Any], differences: "list[Difference]"
         lines.append(f"  {group['label']} ({number}): {mean}{interval}, best {best}")
     without = {group["label"] for group in document["groups"] if group["without_success"]}
     for difference in differences:
-        found = difference.effect
-        by, low, high = (decimal(each, "+") for each in (found.difference, found.low, found.high))
-        successful = " of those with success" if without & {difference.first, difference.second} else ""
-        d = "" if found.cohens_d is None else f", Cohen's d {found.cohens_d:.2f}"
-        lines.append(
-            f"  {difference.second} minus {difference.first}: {by} [{low}, {high}]{successful}, "
-            f"A12 {found.superiority:.2f}{d}, p {difference.adjusted_p:.2g} (Mann-Whitney, Holm)"
-        )
+        lines.append(_difference(difference, bool(without & {difference.first, difference.second})))
     if not differences and len(document["groups"]) > 1:
         lines.append("  no effect sizes: that takes at least two runs a group, with other seeds")
     if document["maps"]:

@@ -88,5 +88,8 @@ def _differences(differences: Sequence[Difference], unsuccessful: bool) -> Html:
     header = ("Difference", "Of means", "95 % from", "to", "A12", "Cohen's d", "p (Mann-Whitney, Holm)")
     caption = "Effect sizes"
     if unsuccessful:
-        caption += "; differences and Cohen's d of those with success, A12 and p of all, those without below all others"
+        caption += (
+            "; differences and Cohen's d of those with success, where two of each group have any; A12 and p of all, "
+            "those without below all others"
+        )
     return table(caption, header, rows)

@@ -9,13 +9,13 @@ import itertools
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from optim.measures.statistics import Effect, effect, holm, known_interval, rank_test, student_band, superiority
+from optim.measures.statistics import effect, holm, known_interval, rank_test, student_band, superiority
 from optim.problem import DESIGN
 from optim.runs.config import climbs_independently, identity, usual_settings
 from optim.runs.history import History, begun
@@ -91,12 +91,33 @@ class Standing:
 
 
 @dataclass(frozen=True)
+class GroupEffect:
+    """How two groups differ, second minus first: means of those with success, ranks of all.
+
+    Attributes:
+        difference: difference of the means; this and its interval are None unless both groups have two successes.
+        low: lower end of its 95 % interval.
+        high: upper end.
+        superiority: A12, the probability that one of the second exceeds one of the first, ties counted half.
+        cohens_d: the difference in pooled standard deviations; None where nothing varies, or there is no difference.
+        p: p of the two-sided Mann-Whitney test.
+    """
+
+    difference: float | None
+    low: float | None
+    high: float | None
+    superiority: float
+    cohens_d: float | None
+    p: float
+
+
+@dataclass(frozen=True)
 class Difference:
     """Difference between two groups, second minus first: effect sizes, and p adjusted for all pairs (Holm)."""
 
     first: str
     second: str
-    effect: Effect
+    effect: GroupEffect
     adjusted_p: float
 
 
@@ -193,25 +214,28 @@ def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
 
 
 def differences(compared: Sequence[Curve], x: float) -> list[Difference]:
-    """Compare groups at x, each pair in which both groups have at least two units with success.
+    """Compare groups at x, each pair in which both groups have at least two units.
 
-    Means are of units with success; A12 and p are of all, those without any success below all others.
+    Means are of units with success, where both groups have two; A12 and p are of all, those without any success below
+    all others.
     """
     pairs = [
         (a.label, b.label, _effect(a.all_at(x), b.all_at(x)))
         for a, b in itertools.combinations(compared, 2)
-        if min(len(a.at(x)), len(b.at(x))) >= 2
+        if min(len(a.all_at(x)), len(b.all_at(x))) >= 2
     ]
     adjusted = holm([found.p for *_, found in pairs])
     return [Difference(*pair, p) for pair, p in zip(pairs, adjusted, strict=True)]
 
 
-def _effect(a: Floats, b: Floats) -> Effect:
-    found = effect(a[~np.isnan(a)], b[~np.isnan(b)], interval="student")
-    if not np.isnan([*a, *b]).any():
-        return found
+def _effect(a: Floats, b: Floats) -> GroupEffect:
+    known = a[~np.isnan(a)], b[~np.isnan(b)]
     a, b = (np.where(np.isnan(each), -np.finfo(float).max, each) for each in (a, b))
-    return replace(found, superiority=superiority(a, b), p=rank_test(a, b))
+    ranked = superiority(a, b), rank_test(a, b)
+    if min(map(len, known)) < 2:
+        return GroupEffect(None, None, None, ranked[0], None, ranked[1])
+    found = effect(*known, interval="student")
+    return GroupEffect(found.difference, found.low, found.high, ranked[0], found.cohens_d, ranked[1])
 
 
 def standing(curve: Curve, x: float) -> Standing:

@@ -12,6 +12,7 @@ import pytest
 from run_products import Kite, log, searched
 from scipy.stats import mannwhitneyu
 
+from optim.commands.compare import _difference
 from optim.measures.statistics import superiority
 from optim.runs.comparison import Curve, differences
 from optim.runs.folder_lock import locked
@@ -245,3 +246,18 @@ def test_runs_without_any_success_rank_below_all_others():
     assert found.effect.p == pytest.approx(mannwhitneyu(ranks, always[:, 0], method="asymptotic").pvalue)
     (same,) = differences([replace(groups[0], scores=seldom[7:]), groups[1]], 1.0)
     assert same.effect.superiority == 0.0 and same.effect.difference == found.effect.difference
+
+
+@pytest.mark.parametrize("successes", [0, 1])
+def test_groups_with_less_than_two_successes_are_ranked(successes):
+    """Means of one, or of none, have no interval, but ten of ten are more than one of ten."""
+    often = np.linspace(0.45, 0.55, 10)
+    seldom = np.where(np.arange(10) < successes, 0.5001, np.nan)
+    groups = [Curve(name, (name,), "runs", np.array([1.0]), v[:, None]) for name, v in (("a", seldom), ("b", often))]
+    (found,) = differences(groups, 1.0)
+    assert found.effect.superiority == pytest.approx(1.0 - 0.05 * successes)
+    expected = mannwhitneyu(np.nan_to_num(seldom, nan=-1.0), often, method="asymptotic").pvalue
+    assert found.effect.p == found.adjusted_p == pytest.approx(expected) and expected < 1e-3
+    assert found.effect.difference is None and found.effect.low is None and found.effect.cohens_d is None
+    line = _difference(found, unsuccessful=True)
+    assert line.startswith("  b minus a: too few with success for a difference of means, A12 ")
