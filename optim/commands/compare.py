@@ -136,6 +136,8 @@ def _difference(one: "Difference", unsuccessful: bool) -> str:
 def _lines(score: str, document: dict[str, Any], differences: "list[Difference]") -> list[str]:
     at, by = document["at"], document["by"]
     end = f"{at:.3g} {by}" if by == "seconds" and at < 10 else counted(round(at), by[:-1])
+    if by == "evaluations" and document["groups"][0]["unit"] == "climbers":
+        end += " of each climber"
     lines = [f"best {score} after {end}: mean, its 95 % interval, best"]
     for group in document["groups"]:
         number = counted(group["count"], group["unit"][:-1])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from optim.experiments.figures import COLOURS
-from optim.runs.comparison import Curve
+from optim.runs.comparison import Axis, Curve, spoken_axis
 from optim.runs.generation import Generation
 from taichi_sim.base.arrays import Floats
 from taichi_sim.base.short_text import printable
@@ -84,7 +84,7 @@ def draw_band(
     axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0, step="post" if steps else None)
 
 
-def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
+def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: Axis) -> None:
     """Draw the mean best score of each group with its 95 % band, and every unit as a thin line.
 
     Curves and their axis are those of ``optim.runs.comparison``.
@@ -99,7 +99,7 @@ def draw_curves(axes: "Axes", curves: Sequence[Curve], axis: str) -> None:
     if scores.size and (room := np.ptp(scores)) > 0:
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, scores.min() - room), min(high, scores.max() + room))
-    axes.set_xlabel({"seconds": "time [s]"}.get(axis, axis))
+    axes.set_xlabel("time [s]" if axis == "seconds" else spoken_axis(curves, axis))
 
 
 def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget: int, **line: Any) -> None:
@@ -110,7 +110,7 @@ def draw_share_solved(axes: "Axes", evaluations: ArrayLike, trials: int, budget:
     axes.set(xlabel="evaluations", xlim=(0, budget), ylim=(0, 1.02))
 
 
-def save_curves(curves: Sequence[Curve], axis: str, path: Path, score: str = "score") -> None:
+def save_curves(curves: Sequence[Curve], axis: Axis, path: Path, score: str = "score") -> None:
     """Write the picture of :func:`draw_curves`; the suffix of the path chooses the format, ``score`` names the axis."""
     from matplotlib.figure import Figure
 

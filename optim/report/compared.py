@@ -20,17 +20,17 @@ def comparison_sections(runs: Sequence[OneRun], axis: Axis) -> tuple[list[Sectio
     end = comparison.shared_end(curves, axis)
     standings = [comparison.standing(curve, end) for curve in curves]
     differences = comparison.differences(curves, end)
-    score = runs[0].subject.score
+    score, counted_by = runs[0].subject.score, comparison.spoken_axis(curves, axis)
 
     def draw(axes: Any) -> None:
         draw_curves(axes, curves, axis)
         axes.set_ylabel(Objective(f"best {score.name} so far", score.unit).label)
 
-    alt = f"Best {score.name} of {counted(len(curves), 'group')} over {axis}, mean and 95 % band"
+    alt = f"Best {score.name} of {counted(len(curves), 'group')} over {counted_by}, mean and 95 % band"
     caption = "Best so far: mean of each group, its 95 % band, and every unit as a thin line."
     compared = [
         charted(draw, alt, caption, size=(5.0, 3.0), kind="medium"),
-        _standings(standings, Objective(f"Best scores at {end:g} {axis}", score.unit).label),
+        _standings(standings, Objective(f"Best scores at {end:g} {counted_by}", score.unit).label),
         _differences(differences, any(one.without_success for one in standings)),
     ]
     robust = held_out({curve.label: curve.folders for curve in curves})

@@ -35,7 +35,7 @@ class Curve:
         label: name of the group.
         folders: run folders of the group.
         unit: ``"runs"`` or ``"climbers"``.
-        x: evaluations, generations or seconds, increasing, shape (P,).
+        x: evaluations (of each climber, where these are the units), generations or seconds, increasing, shape (P,).
         scores: best score so far of each unit, shape (U, P); NaN until its first successful evaluation.
     """
 
@@ -204,6 +204,12 @@ def curves(histories: Sequence[History], axis: Axis, labels: Mapping[Path, str] 
     return found
 
 
+def spoken_axis(compared: Sequence[Curve], axis: Axis) -> str:
+    """What is counted along the axis: where climbers are the units, the evaluations of each."""
+    own = axis == "evaluations" and all(curve.unit == "climbers" for curve in compared)
+    return "evaluations of each climber" if own else axis
+
+
 def shared_end(compared: Sequence[Curve], axis: Axis) -> float:
     """Last place on the axis that every curve has reached.
 
@@ -303,7 +309,8 @@ def _curve(label: str, group: Sequence[History], axis: Axis, climbers: bool) -> 
     places = [_places(history, axis) for history in group]
     if climbers:
         scores = np.array([generation.scores for generation in group[0].generations], float).T
-        return Curve(label, folders, "climbers", places[0], scores)
+        x = places[0] / len(scores) if axis == "evaluations" else places[0]
+        return Curve(label, folders, "climbers", x, scores)
     # The curve of a group ends where its shortest run does.
     begin, end = _overlap(dict(zip(folders, places, strict=True)), axis)
     x = np.unique(np.concatenate(places))

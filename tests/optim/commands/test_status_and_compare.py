@@ -115,7 +115,8 @@ def test_single_runs_of_climbers_are_compared_by_climber(morpholab, tmp_path):
         "hill-climb, climbers 4, pressure 3000",
     ]
     scores = [log(tmp_path / "a")[i]["scores"] for i in range(5)]
-    assert document["at"] == 20 and document["groups"][0]["mean"] == pytest.approx(np.mean(scores[3]))
+    assert document["at"] == 5 and document["groups"][0]["mean"] == pytest.approx(np.mean(scores[4]))
+    assert morpholab("compare a b")[1].startswith("best speed [BL/s] after 5 evaluations of each climber: mean, its ")
 
 
 @pytest.mark.long
@@ -143,10 +144,10 @@ def test_what_cannot_be_compared_is_one_line(morpholab, tmp_path, line, message)
 
 def test_searches_that_never_come_to_the_same_place_are_not_compared(morpholab):
     design(morpholab, "few", generations=0)
-    design(morpholab, "many", generations=1, more="--climbers 9")
+    design(morpholab, "many", "genetic", generations=1, more="--population 10")
     code, _, error = morpholab("compare few many")
     assert code == 2 and error == (
-        "morpholab compare: error: by: few ended at 5 evaluations, before many had a first score, at 9; compare by "
+        "morpholab compare: error: by: few ended at 5 evaluations, before many had a first score, at 10; compare by "
         "generations, or continue what is short\n"
     )
     assert morpholab("compare few many --by generations")[0] == 0

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from optim.runs.comparison import curves, differences, shared_end
+from optim.runs.comparison import curves, differences, shared_end, spoken_axis, standing
 from optim.runs.generation import Generation
 from optim.runs.history import History
 
@@ -36,3 +36,15 @@ def test_climbers_are_units_where_each_is_a_sample_of_its_own(method, unit):
 def test_of_methods_that_are_not_installed_the_run_is_the_unit():
     mixed = curves([history("a", "hill-climb"), history("b", "of a package")], "generations")
     assert [curve.unit for curve in mixed] == ["runs", "runs"]
+
+
+def test_a_climber_is_charged_its_own_evaluations():
+    """A run of four climbers is no slower than one of two that has done as much with each."""
+    few, many = history("a", "hill-climb"), history("b", "hill-climb", [[0.1] * 4, [0.5] * 4])
+    found = curves([few, many], "evaluations")
+    assert [curve.x.tolist() for curve in found] == [[10.0, 20.0], [10.0, 20.0]]
+    assert standing(found[1], shared_end(found, "evaluations")).mean == 0.5
+    assert spoken_axis(found, "evaluations") == "evaluations of each climber"
+    whole = curves([few, history("b", "race")], "evaluations")
+    assert whole[0].x.tolist() == [30.0, 60.0] and spoken_axis(whole, "evaluations") == "evaluations"
+    assert curves([few, many], "generations")[1].x.tolist() == [0.0, 1.0]
