@@ -137,6 +137,14 @@ def controllers_of(space: Space, settings: Measuring) -> list[Floats]:
     return np.split(space.validate(every), range(16 * AT_ONCE, len(every), 16 * AT_ONCE))
 
 
+def felt_by(points: Floats, settings: Measuring) -> Floats:
+    """The first ``FELT_BY`` of the points; of a grid, where these are side by side, that many drawn by the seed."""
+    if not settings.grid or len(points) <= FELT_BY:
+        return points[:FELT_BY]
+    random = np.random.default_rng((settings.seed, 0, 3))
+    return points[np.sort(random.choice(len(points), FELT_BY, replace=False))]
+
+
 def measure_body(
     robot: Robot,
     environments: Environments,
@@ -166,9 +174,10 @@ def measure_body(
     climbed = [
         _climb(Climb(space, tries, settings, run), folder, part_of(progress, len(parts) + run, steps)) for run in runs
     ]
-    everywhere = np.concatenate(parts)[succeeded.all(axis=1)][:FELT_BY]
+    everywhere = felt_by(np.concatenate(parts)[succeeded.all(axis=1)], settings)
     distances = partial(check_arrays, {"distance": Allowed(("N",), 0.0)})
-    felt = cached(folder, "felt", partial(tries.felt, everywhere), distances)["distance"]
+    name = "felt_of_grid" if settings.grid else "felt"  # before, the file of a grid was of its corner
+    felt = cached(folder, name, partial(tries.felt, everywhere), distances)["distance"]
     interval = (float(felt.mean()), *mean_interval(felt), len(felt)) if len(felt) > 1 else None
     return BodyMetrics(succeeded, sampled_metrics(succeeded), SeveralRuns.of(climbed) if climbed else None, interval)
 

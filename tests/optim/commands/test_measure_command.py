@@ -8,6 +8,7 @@ from scipy import stats
 
 from optim import cli
 from optim.commands.measure import COMMAND
+from optim.experiments.body_metrics import Measuring, felt_by
 from optim.measures import learnability, resistance
 from robots.braitenberg import VehicleBody, sweep
 
@@ -30,6 +31,17 @@ def test_a_grid_of_weights_is_a_sweep(capsys, tmp_path):
         assert found["learnability"]["value"] == learnability(overlap)
         assert found["resistance"]["value"] == resistance(overlap)
         assert found["learnability"]["of"] == 441 and len(found["each"]) == 4
+
+
+def test_homeostasis_of_a_grid_is_not_that_of_its_corner():
+    """The first that succeed lie side by side; controllers that are drawn are in no order, and stay the first."""
+    points = np.stack(np.meshgrid(np.arange(40.0), np.arange(40.0), indexing="ij"), axis=-1).reshape(-1, 2)
+    drawn = felt_by(points, Measuring(grid=40, seed=1))
+    assert len(np.unique(drawn, axis=0)) == 20 and (np.ptp(drawn, axis=0) > 25).all()
+    assert np.array_equal(drawn, felt_by(points, Measuring(grid=40, seed=1)))
+    assert not np.array_equal(drawn, felt_by(points, Measuring(grid=40, seed=2)))
+    assert np.array_equal(felt_by(points, Measuring()), points[:20])
+    assert np.array_equal(felt_by(points[:20], Measuring(grid=40)), points[:20])
 
 
 def test_the_published_grid_gives_the_published_numbers(capsys, tmp_path):
@@ -108,7 +120,7 @@ def test_more_runs_go_on(capsys, tmp_path):
 
 def test_the_first_run_has_the_random_numbers_of_the_only_one():
     """Folders of before go on: these are seed, generation and purpose, and of further runs their number."""
-    from optim.experiments.body_metrics import Climb, Environments, Measuring, Tries
+    from optim.experiments.body_metrics import Climb, Environments, Tries
     from optim.space import Space
     from robots.braitenberg.robot import VehicleRobot
     from robots.tasks import Success
@@ -217,7 +229,7 @@ def test_what_none_succeeds_in_has_no_number(capsys, tmp_path):
 
 def test_controllers_of_a_seed_are_always_the_same(tmp_path):
     """Whatever their number: the first are those of fewer."""
-    from optim.experiments.body_metrics import Measuring, controllers_of
+    from optim.experiments.body_metrics import controllers_of
     from optim.space import Space
     from robots.braitenberg.robot import VehicleRobot
 
